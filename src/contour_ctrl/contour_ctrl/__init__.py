@@ -1,0 +1,1 @@
+"""Contour control: reference, contour error, cross-coupled CMAC, iterative learning."""

@@ -1,0 +1,1 @@
+"""fg-Bernstein curves computed to high relative accuracy."""

@@ -1,0 +1,1 @@
+"""Recording, replaying, reading, checking and repairing mcap sessions."""

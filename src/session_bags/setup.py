@@ -1,0 +1,28 @@
+from setuptools import find_packages, setup
+
+package_name = 'session_bags'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(),
+    package_data={package_name: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+    ],
+    install_requires=['setuptools'],
+    zip_safe=False,
+    maintainer='The maintainers',
+    maintainer_email='maintainers@users.noreply.h-seed-275f4c40.example',
+    description='Recording, replaying, reading, checking and repairing mcap sessions.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'session_recorder = session_bags.recorder_node:main',
+            'session_player = session_bags.player_node:main',
+            'check = session_bags.check:main',
+            'repair = session_bags.repair:main',
+        ],
+    },
+)

@@ -1,0 +1,1 @@
+"""Brings the graph up and runs a whole session."""

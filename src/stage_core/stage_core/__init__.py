@@ -1,0 +1,1 @@
+"""Words that all packages share: quantities, frames, clocks, parameters, twin files, sessions."""

@@ -1,0 +1,1 @@
+"""The digital twin: plant, controller, effects, and emulators of the wire protocols."""

@@ -1,0 +1,1 @@
+"""Bridge from a laser tracker stream to /tracker/point."""
