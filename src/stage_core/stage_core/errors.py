@@ -1,0 +1,30 @@
+"""The one error that a user sees, and how a command line shows it."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable
+from typing import ParamSpec
+
+Arguments = ParamSpec('Arguments')
+
+EXIT_BAD_INPUT = 2
+
+
+class StageError(Exception):
+    """Something that the user can mend; the message names the thing and the remedy."""
+
+
+def command_line(main: Callable[Arguments, int | None]) -> Callable[Arguments, int]:
+    """Turn a :class:`StageError` of a command into one line on stderr and exit status 2."""
+
+    @functools.wraps(main)
+    def wrapped(*args: Arguments.args, **kwargs: Arguments.kwargs) -> int:
+        try:
+            return main(*args, **kwargs) or 0
+        except StageError as error:
+            print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
+            return EXIT_BAD_INPUT
+
+    return wrapped

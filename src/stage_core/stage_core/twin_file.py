@@ -1,0 +1,256 @@
+"""The twin file (section 5 of the contract): a machine's nominal parameters and its effects."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Union
+
+import yaml
+
+from stage_core.errors import StageError
+from stage_core.quantities import AXES
+
+KINDS = ('servo', 'stepper', 'measured_force')
+
+
+@dataclass(frozen=True)
+class ServoAxis:
+    """One axis of the nominal servo twin; units as in the contract."""
+
+    mass: float  # kg
+    viscous: float  # N·s/m
+    encoder_resolution: float = 1.0e-6  # m
+    lead: float = 0.010  # m
+    position_gain: float = 40.0  # 1/s
+    velocity_feedforward: float = 0.0
+    velocity_gain: float = 3600.0  # N·s/m
+    integral_gain: float = 90000.0  # N/m
+    velocity_filter: float = 1200.0  # rad/s
+    force_limit: float = 600.0  # N
+    delay: float = 0.0  # s
+
+
+@dataclass(frozen=True)
+class StepperAxis:
+    """One axis of a stepper stage: open loop, position in motor steps."""
+
+    microstep: float = 0.047625e-6  # m
+    lead: float = 0.0006096  # m
+    max_speed: float = 0.104  # m/s
+    acceleration: float = 0.5  # m/s²
+
+
+@dataclass(frozen=True)
+class ForceAxis:
+    """One axis of a rig whose controller is unknown: its recorded force is the input."""
+
+    mass: float  # kg
+    viscous: float = 0.0  # N·s/m
+    effort_unit: float = 1.0  # N per unit of recorded effort
+    encoder_resolution: float = 1.0e-6  # m
+    lead: float = 0.010  # m
+
+
+Axis = Union[ServoAxis, StepperAxis, ForceAxis]
+AXIS_TYPES: dict[str, type[Axis]] = {
+    'servo': ServoAxis,
+    'stepper': StepperAxis,
+    'measured_force': ForceAxis,
+}
+
+#: Must be above zero: the plant or the controller divides by them.
+POSITIVE = frozenset(
+    {'mass', 'encoder_resolution', 'lead', 'velocity_filter', 'force_limit'}
+    | {'microstep', 'max_speed', 'acceleration', 'effort_unit'}
+)
+
+
+@dataclass(frozen=True)
+class TrackerSpec:
+    """The tracker: points per second [Hz] and noise, standard deviation per coordinate [m]."""
+
+    rate: float = 100.0
+    noise: float = 1.0e-6
+
+
+@dataclass(frozen=True)
+class TwinFile:
+    """Content of a twin file; `effects` maps ``backlash.x`` to its parameters."""
+
+    kind: str
+    axes: dict[str, Axis]
+    control_period: float = 0.001  # s
+    tracker: TrackerSpec | None = None
+    temperature_reference: float = 20.0  # °C
+    effects: dict[str, dict[str, float]] = field(default_factory=dict)
+    extra: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def nominal_servo(cls) -> TwinFile:
+        """The nominal servo twin of the contract; y scales x's loop gains with its mass."""
+        ratio = 8.0 / 18.0
+        return cls(
+            kind='servo',
+            axes={
+                'x': ServoAxis(mass=18.0, viscous=40.0),
+                'y': ServoAxis(
+                    mass=8.0,
+                    viscous=30.0,
+                    velocity_gain=3600.0 * ratio,
+                    integral_gain=90000.0 * ratio,
+                ),
+            },
+            tracker=TrackerSpec(),
+        )
+
+    @classmethod
+    def load(cls, path: str | Path) -> TwinFile:
+        """Read a twin file.
+
+        Raises
+        ------
+        StageError
+            If it is absent, no YAML, or breaks the contract; the message names the key.
+        """
+        try:
+            content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+        except OSError as error:
+            raise StageError(f'cannot read twin file {path}: {error.strerror}') from error
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            reason = ' '.join(str(error).split())[:120]
+            raise StageError(f'twin file {path} is not valid YAML: {reason}') from error
+        if not isinstance(content, dict):
+            raise StageError(f'twin file {path} holds no mapping: see section 5 of the contract')
+        return cls.from_dict(content, str(path))
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any], source: str = 'twin') -> TwinFile:
+        """Check and take over the content of a twin file (see :meth:`load`)."""
+        content = dict(copy.deepcopy(dict(content)))
+        kind = content.pop('kind', None)
+        if kind not in KINDS:
+            raise StageError(f'{source}: kind must be one of {", ".join(KINDS)}, got {kind!r}')
+        axes_content = content.pop('axes', None)
+        if not isinstance(axes_content, dict) or not axes_content:
+            raise StageError(f'{source}: axes must map x and y to their parameters')
+        unknown = sorted(set(map(str, axes_content)) - set(AXES))
+        if unknown:
+            raise StageError(f'{source}: axes.{unknown[0]} is not an axis: use x and y')
+        axes = {
+            name: _axis(AXIS_TYPES[kind], axes_content[name], f'{source}: axes.{name}')
+            for name in AXES
+            if name in axes_content
+        }
+        tracker_content = content.pop('tracker', None)
+        tracker = None
+        if tracker_content is not None:
+            if not isinstance(tracker_content, dict):
+                raise StageError(f'{source}: tracker must hold rate and noise')
+            tracker = TrackerSpec(
+                rate=_number(tracker_content.get('rate', 100.0), f'{source}: tracker.rate', True),
+                noise=_number(tracker_content.get('noise', 1e-6), f'{source}: tracker.noise'),
+            )
+        return cls(
+            kind=kind,
+            axes=axes,
+            control_period=_number(
+                content.pop('control_period', 0.001), f'{source}: control_period', True
+            ),
+            tracker=tracker,
+            temperature_reference=_number(
+                content.pop('temperature_reference', 20.0), f'{source}: temperature_reference'
+            ),
+            effects=_effects(content.pop('effects', None), source),
+            extra=content,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Content as plain mappings, ready for YAML or a bag's custom data."""
+        content: dict[str, Any] = {
+            'kind': self.kind,
+            'control_period': self.control_period,
+            'axes': {name: asdict(axis) for name, axis in self.axes.items()},
+        }
+        if self.tracker is not None:
+            content['tracker'] = asdict(self.tracker)
+        content['temperature_reference'] = self.temperature_reference
+        if self.effects:
+            content['effects'] = copy.deepcopy(self.effects)
+        content.update(copy.deepcopy(self.extra))
+        return content
+
+    def to_yaml(self) -> str:
+        """Content as YAML text."""
+        return str(yaml.safe_dump(self.to_dict(), sort_keys=False))
+
+    def save(self, path: str | Path) -> None:
+        """Write the twin file."""
+        Path(path).write_text(self.to_yaml(), encoding='utf-8')
+
+    def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> TwinFile:
+        """The same machine with these effects added; one of the same name is replaced."""
+        merged = copy.deepcopy(self.effects)
+        merged.update({name: dict(values) for name, values in effects.items()})
+        return replace(self, effects=merged)
+
+    def servo(self, axis: str) -> ServoAxis:
+        """Parameters of a servo axis.
+
+        Raises
+        ------
+        StageError
+            If the twin is of another kind or lacks the axis.
+        """
+        found = self.axes.get(axis)
+        if not isinstance(found, ServoAxis):
+            raise StageError(f'the twin has no servo axis {axis}: give a twin file of kind servo')
+        return found
+
+
+def _axis(kind: type[Axis], content: Any, where: str) -> Axis:
+    if not isinstance(content, dict):
+        raise StageError(f'{where} must hold the parameters of the axis')
+    known = {f.name: f for f in fields(kind)}
+    values: dict[str, float] = {}
+    for name, value in content.items():
+        if name in known:
+            values[name] = _number(value, f'{where}.{name}', name in POSITIVE)
+    required = [n for n in ('mass', 'viscous') if n in known and kind is ServoAxis]
+    if kind is ForceAxis:
+        required = ['mass']
+    for name in required:
+        if name not in values:
+            raise StageError(f'{where}.{name} is missing: add it, see section 5 of the contract')
+    return kind(**values)
+
+
+def _effects(content: Any, source: str) -> dict[str, dict[str, float]]:
+    if content is None:
+        return {}
+    if not isinstance(content, dict):
+        raise StageError(f'{source}: effects must map names to parameters')
+    effects: dict[str, dict[str, float]] = {}
+    for name, values in content.items():
+        if not isinstance(values, dict):
+            raise StageError(f'{source}: effects.{name} must hold the parameters of the effect')
+        effects[str(name)] = {
+            str(k): _number(v, f'{source}: effects.{name}.{k}') for k, v in values.items()
+        }
+    return effects
+
+
+def _number(value: Any, where: str, positive: bool = False) -> float:
+    # YAML 1.1 reads 1e-6 (no dot) as text; users write it all the same.
+    try:
+        number = float(value) if not isinstance(value, bool) else math.nan
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise StageError(f'{where} must be a finite number, got {value!r}')
+    if positive and number <= 0.0:
+        raise StageError(f'{where} must be above zero, got {value!r}')
+    return number
