@@ -15,7 +15,7 @@ setup(
     zip_safe=False,
     maintainer='The maintainers',
     maintainer_email='maintainers@users.noreply.h-seed-275f4c40.example',
-    description='Driver of the XY stage: Zaber ASCII over a serial port, or a servo drive link with the inner loop at 1 kHz.',
+    description='Driver of the XY stage: Zaber ASCII, or a servo drive link at 1 kHz.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [

@@ -1,1 +1,1 @@
-"""Driver of the XY stage: Zaber ASCII over a serial port, or a servo drive link with the inner loop at 1 kHz."""
+"""Driver of the XY stage: Zaber ASCII over a serial port, or a servo drive link at 1 kHz."""
