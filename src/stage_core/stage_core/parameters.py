@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Union
+from typing import Any
 
-Value = Union[bool, int, float, str, list[str], list[float]]
+Value = bool | int | float | str | list[str] | list[float]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Union
+from typing import Any
 
 import yaml
 
@@ -55,7 +55,7 @@ class ForceAxis:
     lead: float = 0.010  # m
 
 
-Axis = Union[ServoAxis, StepperAxis, ForceAxis]
+Axis = ServoAxis | StepperAxis | ForceAxis
 AXIS_TYPES: dict[str, type[Axis]] = {
     'servo': ServoAxis,
     'stepper': StepperAxis,

@@ -1,1 +1,4 @@
-"""The rclpy base of every node: parameters with ranges, diagnostics, quality of service, start and stop."""
+"""The rclpy base of every node.
+
+Parameters with ranges, diagnostics, quality of service, start and stop.
+"""

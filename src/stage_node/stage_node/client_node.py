@@ -1,0 +1,172 @@
+"""A client of the graph for scripts and tests: calls services, waits for messages."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import QoSProfile
+from std_srvs.srv import SetBool, Trigger
+
+from stage_core.errors import StageError
+from stage_node.node import STATE_QOS, local_graph, make_executor, spin
+
+
+class GraphClient:
+    """A node spun in a thread of its own, with calls that block the caller and time out."""
+
+    def __init__(self, name: str = 'graph_client', use_sim_time: bool = False) -> None:
+        local_graph()
+        self._owns_context = not rclpy.ok()
+        if self._owns_context:
+            rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+        overrides = [RosParameter('use_sim_time', value=use_sim_time)]
+        self.node = Node(name, parameter_overrides=overrides)
+        self._executor = make_executor()
+        self._executor.add_node(self.node)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(
+            target=spin, args=(self._executor, self._ended), name=name, daemon=True
+        )
+        self._thread.start()
+        self._latest: dict[str, Any] = {}
+        self._arrival: dict[str, float] = {}
+        self._changed = threading.Condition()
+        self._subscriptions: dict[str, Any] = {}
+
+    def close(self) -> None:
+        """Stop the thread and leave the graph."""
+        self._ended.set()
+        self._thread.join(timeout=5.0)
+        self._executor.remove_node(self.node)
+        self.node.destroy_node()
+        if self._owns_context and rclpy.ok():
+            rclpy.shutdown()
+
+    def __enter__(self) -> GraphClient:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def watch(
+        self,
+        message_type: type,
+        topic: str,
+        qos: QoSProfile = STATE_QOS,
+        callback: Callable[[Any], None] | None = None,
+    ) -> None:
+        """Subscribe to a topic; the newest message is kept, `callback` sees each."""
+
+        def arrived(message: Any) -> None:
+            with self._changed:
+                self._latest[topic] = message
+                self._arrival[topic] = time.monotonic()
+                self._changed.notify_all()
+            if callback is not None:
+                callback(message)
+
+        self._subscriptions[topic] = self.node.create_subscription(
+            message_type, topic, arrived, qos
+        )
+
+    def latest(self, topic: str) -> Any | None:
+        """The newest message of a watched topic, or None."""
+        return self._latest.get(topic)
+
+    def wait_for(
+        self, condition: Callable[[], bool], timeout: float, what: str, poll: float = 0.05
+    ) -> None:
+        """Wait until `condition()` holds.
+
+        Raises
+        ------
+        StageError
+            After `timeout` [s] of wall time; the message says what was awaited.
+        """
+        deadline = time.monotonic() + timeout
+        with self._changed:
+            while not condition():
+                left = deadline - time.monotonic()
+                if left <= 0.0:
+                    raise StageError(f'{what} did not happen within {timeout:.0f} s')
+                self._changed.wait(min(left, poll))
+
+    def wait_until_quiet(self, topic: str, quiet: float, timeout: float) -> None:
+        """Wait until a watched topic has been silent for `quiet` [s] of wall time.
+
+        In lockstep virtual time stands still when nobody drives the stage; then everything that
+        was measured has arrived.
+        """
+        begin = time.monotonic()
+        self.wait_for(
+            lambda: time.monotonic() - max(self._arrival.get(topic, begin), begin) >= quiet,
+            timeout,
+            f'silence on {topic}',
+        )
+
+    def call(self, service_type: type, name: str, request: Any, timeout: float) -> Any:
+        """Call a service and return its response.
+
+        Raises
+        ------
+        StageError
+            If the service is absent or does not answer in time.
+        """
+        client = self.node.create_client(service_type, name)
+        try:
+            if not client.wait_for_service(timeout_sec=min(timeout, 30.0)):
+                raise StageError(f'service {name} is absent: is its node running?')
+            future = client.call_async(request)
+            done = threading.Event()
+            future.add_done_callback(lambda _: done.set())
+            if not done.wait(timeout):
+                raise StageError(f'service {name} did not answer within {timeout:.0f} s')
+            return future.result()
+        finally:
+            self.node.destroy_client(client)
+
+    def trigger(self, name: str, timeout: float = 30.0) -> str:
+        """Call a Trigger service; its message.
+
+        Raises
+        ------
+        StageError
+            If it answers without success, with its reason.
+        """
+        response = self.call(Trigger, name, Trigger.Request(), timeout)
+        if not response.success:
+            raise StageError(f'{name} failed: {response.message}')
+        return str(response.message)
+
+    def set_bool(self, name: str, value: bool, timeout: float = 30.0) -> str:
+        """Call a SetBool service; its message (see :meth:`trigger`)."""
+        response = self.call(SetBool, name, SetBool.Request(data=value), timeout)
+        if not response.success:
+            raise StageError(f'{name} failed: {response.message}')
+        return str(response.message)
+
+    def set_parameters(self, node: str, timeout: float = 10.0, **values: Any) -> None:
+        """Set parameters of another node (``__`` in a name stands for a dot).
+
+        Raises
+        ------
+        StageError
+            If the node refuses a value, with its reason.
+        """
+        request = SetParameters.Request(
+            parameters=[
+                RosParameter(name.replace('__', '.'), value=value).to_parameter_msg()
+                for name, value in values.items()
+            ]
+        )
+        response = self.call(SetParameters, f'{node}/set_parameters', request, timeout)
+        for result in response.results:
+            if not result.successful:
+                raise StageError(f'{node} refused a parameter: {result.reason}')

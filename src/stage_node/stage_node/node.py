@@ -1,0 +1,268 @@
+"""The base of every node: declared parameters, diagnostics, quality of service, start and stop."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from stage_core import topics
+from stage_core.clocks import join_stamp, split_stamp
+from stage_core.errors import EXIT_BAD_INPUT, StageError
+from stage_core.parameters import Parameter, Value, check
+
+#: Measurements are recorded for science: reliable, with a second of depth (contract section 3).
+STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+SETPOINT_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED_QOS = QoSProfile(
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+
+OK, WARN, ERROR, STALE = b'\x00', b'\x01', b'\x02', b'\x03'
+
+#: A diagnostic task returns (level, message, values).
+DiagnosticTask = Callable[[], tuple[bytes, str, dict[str, Any]]]
+
+#: Parameters that ROS itself declares.
+_ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
+
+
+class Diagnostics:
+    """Publishes one status per task on /diagnostics, once a second of wall time."""
+
+    def __init__(self, node: Node, hardware_id: str) -> None:
+        self.hardware_id = hardware_id
+        self._node = node
+        self._tasks: dict[str, DiagnosticTask] = {}
+        self._publisher = node.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
+        # A steady clock: replayed or stalled time must not silence the diagnostics.
+        clock = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
+        self._timer = node.create_timer(1.0, self.publish, clock=clock)
+
+    def task(self, name: str, function: DiagnosticTask) -> None:
+        """Add a task; its status is named ``node: name``."""
+        self._tasks[name] = function
+
+    def publish(self) -> None:
+        """Publish the status of every task now."""
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        for name, function in self._tasks.items():
+            level, text, values = function()
+            message.status.append(
+                DiagnosticStatus(
+                    level=level,
+                    name=f'{self._node.get_name()}: {name}',
+                    message=text,
+                    hardware_id=self.hardware_id,
+                    values=[KeyValue(key=str(k), value=str(v)) for k, v in values.items()],
+                )
+            )
+        self._publisher.publish(message)
+
+
+class StageNode(Node):
+    """A node whose parameters are declared from :class:`stage_core.parameters.Parameter`.
+
+    Raises
+    ------
+    StageError
+        For an unknown parameter or a value outside its range; the message names both.
+    """
+
+    def __init__(self, name: str, parameters: Sequence[Parameter], **options: Any) -> None:
+        super().__init__(name, **options)
+        self._specifications = {p.name: p for p in parameters}
+        self._started = False
+        self._refuse_unknown()
+        for parameter in parameters:
+            self._declare(parameter)
+        self.add_on_set_parameters_callback(self._on_set_parameters)
+        self._started = True
+        self.diagnostics = Diagnostics(self, hardware_id=name)
+
+    def value(self, name: str) -> Any:
+        """Current value of a declared parameter."""
+        return self.get_parameter(name).value
+
+    def shutdown(self) -> None:
+        """Bring hardware to rest and close files; called once at the end, whatever ended it."""
+
+    def parameters_changed(self, changed: dict[str, Value]) -> str | None:
+        """Hook for a change at run time: the reason to refuse it, or None to take it."""
+        return None
+
+    def _refuse_unknown(self) -> None:
+        known = set(self._specifications) | set(_ROS_PARAMETERS)
+        for name in self._parameter_overrides:
+            if name not in known and not name.startswith('qos_overrides'):
+                raise StageError(
+                    f'{self.get_name()} has no parameter {name}: it has '
+                    f'{", ".join(sorted(self._specifications))}'
+                )
+
+    def _declare(self, parameter: Parameter) -> None:
+        override = self._parameter_overrides.get(parameter.name)
+        value: Any = parameter.default if override is None else override.value
+        if override is not None:
+            wrong = check(parameter, value)
+            if wrong:
+                raise StageError(f'parameter of {self.get_name()}: {wrong}')
+            if isinstance(parameter.default, float):
+                # ``-p feed:=1`` is an integer to ROS; the range says float.
+                value = float(value)
+                self._parameter_overrides[parameter.name] = RosParameter(
+                    parameter.name, RosParameter.Type.DOUBLE, value
+                )
+        self.declare_parameter(parameter.name, value, descriptor(parameter))
+
+    def _on_set_parameters(self, changes: list[RosParameter]) -> SetParametersResult:
+        changed: dict[str, Value] = {}
+        for change in changes:
+            specification = self._specifications.get(change.name)
+            if specification is None:
+                continue
+            wrong = check(specification, change.value)
+            if wrong:
+                return SetParametersResult(successful=False, reason=wrong)
+            changed[change.name] = change.value
+        reason = self.parameters_changed(changed) if changed and self._started else None
+        return SetParametersResult(successful=reason is None, reason=reason or '')
+
+
+def descriptor(parameter: Parameter) -> ParameterDescriptor:
+    """ROS descriptor of a parameter, with its range where it has one."""
+    result = ParameterDescriptor(
+        name=parameter.name, description=parameter.text, read_only=parameter.read_only
+    )
+    if parameter.choices:
+        result.additional_constraints = 'one of ' + ', '.join(parameter.choices)
+    low, high = parameter.minimum, parameter.maximum
+    if low is None and high is None or isinstance(parameter.default, (str, bool, list)):
+        return result
+    if isinstance(parameter.default, float):
+        result.floating_point_range = [
+            FloatingPointRange(
+                from_value=-1e308 if low is None else float(low),
+                to_value=1e308 if high is None else float(high),
+                step=0.0,
+            )
+        ]
+    else:
+        result.integer_range = [
+            IntegerRange(
+                from_value=-(2**62) if low is None else int(low),
+                to_value=2**62 if high is None else int(high),
+                step=1,
+            )
+        ]
+    return result
+
+
+def stamp_of(header: Any) -> int:
+    """Stamp of a message header [ns]."""
+    return join_stamp(header.stamp.sec, header.stamp.nanosec)
+
+
+def set_stamp(header: Any, stamp: int) -> None:
+    """Write a stamp [ns] into a message header."""
+    header.stamp.sec, header.stamp.nanosec = split_stamp(stamp)
+
+
+def joint_state(
+    stamp: int,
+    axes: Sequence[str],
+    position: Sequence[float] | None = None,
+    velocity: Sequence[float] | None = None,
+    effort: Sequence[float] | None = None,
+) -> JointState:
+    """A JointState of the axes at `stamp` [ns]; what is not given stays empty."""
+    message = JointState(name=list(axes))
+    set_stamp(message.header, stamp)
+    message.header.frame_id = topics.STAGE_FRAME
+    if position is not None:
+        message.position = [float(v) for v in position]
+    if velocity is not None:
+        message.velocity = [float(v) for v in velocity]
+    if effort is not None:
+        message.effort = [float(v) for v in effort]
+    return message
+
+
+def local_graph() -> None:
+    """Keep the graph on this machine unless the user asked for more (before rclpy.init)."""
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+
+
+def make_executor() -> Executor:
+    """The executor of every node: a quarter of the CPU of the wait-set ones at 1 kHz."""
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def spin(executor: Executor, ended: threading.Event) -> None:
+    """Spin until `ended` is set or rclpy shuts down.
+
+    A loop of ``spin_once``: ``EventsExecutor.spin()`` of rclpy 7.1 fires no callback.
+    """
+    while not ended.is_set() and rclpy.ok():
+        executor.spin_once(timeout_sec=0.1)
+
+
+def run(factory: Callable[[], StageNode], arguments: Sequence[str] | None = None) -> int:
+    """Run one node until SIGINT or SIGTERM; the exit status of the process.
+
+    A :class:`StageError` while the node starts is one line on stderr and exit status 2.
+    """
+    local_graph()
+    ended = threading.Event()
+    rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    node: StageNode | None = None
+    executor: Executor | None = None
+    try:
+        try:
+            node = factory()
+        except (StageError, rclpy.exceptions.InvalidParameterTypeException) as error:
+            print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
+            return EXIT_BAD_INPUT
+        executor = make_executor()
+        executor.add_node(node)
+        spin(executor, ended)
+        return 0
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0
+    finally:
+        if node is not None:
+            node.shutdown()
+            # The last messages (a stop, a fault) must leave before the participant does.
+            time.sleep(0.05)
+            if executor is not None:
+                executor.remove_node(node)
+            node.destroy_node()
+        if rclpy.ok():
+            rclpy.shutdown()

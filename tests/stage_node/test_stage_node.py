@@ -1,0 +1,93 @@
+"""The base of the nodes, in a process of its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from stage_core.errors import StageError
+
+NODE = """
+import sys
+from std_srvs.srv import Trigger
+from stage_core.parameters import Parameter
+from stage_node.node import OK, StageNode, run
+
+class Tester(StageNode):
+    def __init__(self):
+        super().__init__('tester', [Parameter('feed', 1.0, 'feed', 'm/s', 0.0, 2.0)])
+        self.create_service(Trigger, '~/feed', self.feed)
+        self.diagnostics.task('feed', lambda: (OK, 'fine', {'feed': self.value('feed')}))
+
+    def feed(self, request, response):
+        response.success, response.message = True, str(self.value('feed'))
+        return response
+
+    def shutdown(self):
+        print('at rest', flush=True)
+
+sys.exit(run(Tester))
+"""
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Path:
+    path = tmp_path / 'tester.py'
+    path.write_text(NODE)
+    return path
+
+
+@pytest.fixture
+def tester(script: Path, ros_env: dict[str, str]) -> Iterator[subprocess.Popen]:
+    process = subprocess.Popen(
+        [sys.executable, str(script), '--ros-args', '-p', 'feed:=1'],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=ros_env,
+    )
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_parameters_diagnostics_and_end(tester: subprocess.Popen) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    from stage_node.client_node import GraphClient
+
+    with GraphClient('judge') as client:
+        client.watch(DiagnosticArray, '/diagnostics')
+        assert client.trigger('/tester/feed', 30.0) == '1.0'
+        client.set_parameters('/tester', feed=1.5)
+        assert client.trigger('/tester/feed', 30.0) == '1.5'
+        with pytest.raises(StageError, match='feed'):
+            client.set_parameters('/tester', feed=3.0)
+        with pytest.raises(StageError, match='absent'):
+            client.trigger('/nobody/home', 0.5)
+        client.wait_for(lambda: client.latest('/diagnostics') is not None, 30.0, 'diagnostics')
+        assert client.latest('/diagnostics').status[0].name == 'tester: feed'
+    tester.terminate()
+    output, _ = tester.communicate(timeout=30)
+    assert tester.returncode == 0
+    assert 'at rest' in output
+
+
+@pytest.mark.parametrize(
+    ('override', 'words'), [('feed:=5.0', '0.0 ... 2.0'), ('fed:=1.0', 'no parameter fed')]
+)
+def test_bad_parameter_is_one_line(
+    script: Path, ros_env: dict[str, str], override: str, words: str
+) -> None:
+    done = subprocess.run(
+        [sys.executable, str(script), '--ros-args', '-p', override],
+        capture_output=True,
+        text=True,
+        env=ros_env,
+        timeout=60,
+    )
+    assert done.returncode == 2
+    assert done.stderr.count('\n') == 1 and words in done.stderr
