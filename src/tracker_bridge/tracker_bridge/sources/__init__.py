@@ -1,0 +1,1 @@
+"""Where points come from: a tracker, SpatialAnalyzer, or a recorded session."""

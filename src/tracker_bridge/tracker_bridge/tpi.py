@@ -1,0 +1,438 @@
+"""Packets of the Leica emScon TPI (binary TCP): encode, decode and split a byte stream.
+
+Layout: little-endian, C structures packed to 4 bytes; ``long``, enumerations and booleans take
+4 bytes, ``double`` 8 bytes. Every packet starts with its total size and its type. Quantities are
+in the units that were last set with SetUnits (metres until then); this module does not convert,
+its reader does, once.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from stage_core.errors import StageError
+
+HEADER = struct.Struct('<ii')
+MAXIMUM_SIZE = 65536
+DEFAULT_PORT = 700
+
+
+class TpiError(StageError):
+    """Bytes that are no TPI packet: the stream is lost and must be opened again."""
+
+
+class PacketType(IntEnum):
+    """Second word of every packet."""
+
+    COMMAND = 0
+    ERROR = 1
+    SINGLE_MEASUREMENT = 2
+    MULTI_MEASUREMENT = 3
+    STATIONARY_PROBE = 4
+    CONTINUOUS_PROBE = 5
+    NIVEL = 6
+    REFLECTOR_POSITION = 7
+    STATUS_CHANGE = 8
+    SINGLE_MEASUREMENT_2 = 9
+    MULTI_MEASUREMENT_2 = 10
+    PROBE_POSITION = 11
+
+
+class Command(IntEnum):
+    """Commands that the public client uses."""
+
+    GET_SYSTEM_STATUS = 1
+    SET_UNITS = 5
+    INITIALIZE = 7
+    SET_STATION_ORIENTATION = 12
+    SET_TRANSFORMATION = 14
+    SET_MEASUREMENT_MODE = 24
+    SET_COORDINATE_SYSTEM_TYPE = 26
+    SET_CONTINUOUS_TIME_MODE_PARAMS = 30
+    SET_REFLECTOR = 40
+    GET_REFLECTORS = 42
+    SET_SYSTEM_SETTINGS = 47
+    START_MEASUREMENT = 49
+    STOP_MEASUREMENT = 52
+    GO_BIRD_BATH = 54
+    FIND_REFLECTOR = 63
+    UNKNOWN = 64
+
+
+class ResultStatus(IntEnum):
+    """Answers and measurement packets carry one of these (or a newer number from 10000)."""
+
+    OK = 0
+    BUSY = 1
+    NOT_IMPLEMENTED = 2
+    WRONG_PARAMETER = 3
+    NO_TRACKER_PROCESSOR = 26
+    NO_LAST_POINT = 28
+    USAGE_CONFLICT = 35
+    NOT_INITIALISED = 39
+
+
+class PointStatus(IntEnum):
+    """Status of one point of a multi-measurement packet."""
+
+    OK = 0
+    SPEED_WARNING = 1
+    SPEED_EXCEEDED = 2
+    PRISM_ERROR = 3
+    TRIGGER_TIME_VIOLATION = 4
+
+
+class Event(IntEnum):
+    """Events of a status-change packet that the bridge acts on or reports."""
+
+    UNITS_CHANGED = 6
+    REFLECTOR_CHANGED = 7
+    COORDINATE_SYSTEM_CHANGED = 12
+    TRANSFORMATION_CHANGED = 16
+    MEASUREMENT_NOT_READY = 25
+    MEASUREMENT_BUSY = 26
+    MEASUREMENT_READY = 27
+    COUNT_REACHED = 28
+    FACE_1 = 30
+    FACE_2 = 31
+    SERVER_CLOSING = 998
+
+
+class LengthUnit(IntEnum):
+    """First word of SetUnits."""
+
+    METRE = 0
+    MILLIMETRE = 1
+    MICROMETRE = 2
+    FOOT = 3
+    YARD = 4
+    INCH = 5
+
+
+METRES_PER_UNIT = {
+    LengthUnit.METRE: 1.0,
+    LengthUnit.MILLIMETRE: 1e-3,
+    LengthUnit.MICROMETRE: 1e-6,
+    LengthUnit.FOOT: 0.3048,
+    LengthUnit.YARD: 0.9144,
+    LengthUnit.INCH: 0.0254,
+}
+
+CARTESIAN_RIGHT_HANDED = 0
+CONTINUOUS_TIME_MODE = 1
+
+# One record of a multi-measurement packet and of its successor with covariances. Offsets are
+# explicit because the doubles are aligned to 4 bytes only.
+POINT = np.dtype(
+    {
+        'names': ['status', 'seconds', 'microseconds', 'values'],
+        'formats': ['<i4', '<i4', '<i4', ('<f8', 3)],
+        'offsets': [0, 4, 8, 12],
+        'itemsize': 36,
+    }
+)
+POINT_2 = np.dtype(
+    {
+        'names': [*(POINT.names or ()), 'standard_deviations', 'total', 'covariances'],
+        'formats': ['<i4', '<i4', '<i4', ('<f8', 3), ('<f8', 3), '<f8', ('<f8', 3)],
+        'offsets': [0, 4, 8, 12, 36, 60, 68],
+        'itemsize': 92,
+    }
+)
+
+
+@dataclass(frozen=True)
+class CommandPacket:
+    """A command to the tracker with its 32-bit arguments."""
+
+    command: int
+    arguments: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The tracker's answer to a command; ``payload`` holds what follows the status."""
+
+    command: int
+    status: int
+    payload: bytes = b''
+
+
+@dataclass(frozen=True)
+class ErrorPacket:
+    """An unsolicited error."""
+
+    command: int
+    status: int
+
+
+@dataclass(frozen=True)
+class StatusChange:
+    """An unsolicited event of the tracker (see `Event`)."""
+
+    event: int
+
+
+@dataclass(frozen=True)
+class SingleMeasurement:
+    """One stationary point, with its standard deviations, in the units set."""
+
+    status: int
+    mode: int
+    tries: int
+    values: tuple[float, float, float]
+    standard_deviations: tuple[float, float, float]
+    total_deviation: float
+    temperature: float
+    pressure: float
+    humidity: float
+
+
+@dataclass(frozen=True)
+class ReflectorPosition:
+    """Position of the reflector while nothing is measured, at most 10 per second."""
+
+    status: int
+    values: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class MultiMeasurement:
+    """Points of a continuous measurement: structured array of dtype `POINT` or `POINT_2`."""
+
+    status: int
+    mode: int
+    tries: int
+    temperature: float
+    pressure: float
+    humidity: float
+    points: np.ndarray
+
+    def times_ns(self) -> np.ndarray:
+        """Return the controller's time of every point, (n,) int64 [ns]."""
+        seconds = self.points['seconds'].astype(np.int64)
+        return seconds * 1_000_000_000 + self.points['microseconds'].astype(np.int64) * 1000
+
+
+@dataclass(frozen=True)
+class OtherPacket:
+    """A valid packet of a type that carries nothing for this bridge."""
+
+    type: int
+    payload: bytes
+
+
+ServerPacket = (
+    Answer
+    | ErrorPacket
+    | StatusChange
+    | SingleMeasurement
+    | ReflectorPosition
+    | MultiMeasurement
+    | OtherPacket
+)
+
+
+def _packet(kind: int, body: bytes) -> bytes:
+    return HEADER.pack(HEADER.size + len(body), kind) + body
+
+
+def encode_command(command: int, *arguments: int) -> bytes:
+    """Encode a command with 32-bit integer arguments."""
+    body = struct.pack(f'<{1 + len(arguments)}i', command, *arguments)
+    return _packet(PacketType.COMMAND, body)
+
+
+def set_units(
+    length: int, angle: int = 0, temperature: int = 0, pressure: int = 0, humidity: int = 0
+) -> bytes:
+    """Encode SetUnits (angle 0 = rad, temperature 0 = degC, pressure 0 = mbar)."""
+    return encode_command(Command.SET_UNITS, length, angle, temperature, pressure, humidity)
+
+
+def encode_answer(command: int, status: int = 0, payload: bytes = b'') -> bytes:
+    """Encode the answer to a command."""
+    return _packet(PacketType.COMMAND, struct.pack('<ii', command, status) + payload)
+
+
+def encode_error(command: int, status: int) -> bytes:
+    """Encode an unsolicited error."""
+    return _packet(PacketType.ERROR, struct.pack('<ii', command, status))
+
+
+def encode_status_change(event: int) -> bytes:
+    """Encode an event."""
+    return _packet(PacketType.STATUS_CHANGE, struct.pack('<i', event))
+
+
+def encode_reflector_position(status: int, values: tuple[float, float, float]) -> bytes:
+    """Encode a reflector position in the units set."""
+    return _packet(PacketType.REFLECTOR_POSITION, struct.pack('<i3d', status, *values))
+
+
+def encode_single(measurement: SingleMeasurement) -> bytes:
+    """Encode a stationary point; pointing errors and a-priori deviations are written as zero."""
+    body = struct.pack(
+        '<iii17d',
+        measurement.status,
+        measurement.mode,
+        measurement.tries,
+        *measurement.values,
+        *measurement.standard_deviations,
+        measurement.total_deviation,
+        *([0.0] * 7),
+        measurement.temperature,
+        measurement.pressure,
+        measurement.humidity,
+    )
+    return _packet(PacketType.SINGLE_MEASUREMENT, body)
+
+
+def encode_multi(measurement: MultiMeasurement) -> bytes:
+    """Encode the points of a continuous measurement, dtype `POINT` or `POINT_2`."""
+    kind = PacketType.MULTI_MEASUREMENT
+    if measurement.points.dtype == POINT_2:
+        kind = PacketType.MULTI_MEASUREMENT_2
+    head = struct.pack(
+        '<iiii3d',
+        measurement.status,
+        len(measurement.points),
+        measurement.mode,
+        measurement.tries,
+        measurement.temperature,
+        measurement.pressure,
+        measurement.humidity,
+    )
+    return _packet(kind, head + measurement.points.tobytes())
+
+
+def encode_reflectors(identifier: int, kind: int, surface_offset: float, name: str) -> bytes:
+    """Encode the 100-byte answer to GetReflectors for a tracker with one reflector."""
+    text = name[:32].encode('utf-16-le').ljust(64, b'\0')[:64]
+    payload = struct.pack('<iiid', 1, identifier, kind, surface_offset) + text
+    return encode_answer(Command.GET_REFLECTORS, ResultStatus.OK, payload)
+
+
+def decode_reflectors(answer: Answer) -> tuple[int, int, float, str]:
+    """Return (id, type, surface offset, name) of a GetReflectors answer."""
+    if len(answer.payload) < 84:
+        raise TpiError('GetReflectors answer is too short: check that this port speaks TPI')
+    _, identifier, kind, offset = struct.unpack_from('<iiid', answer.payload)
+    name = answer.payload[20:84].decode('utf-16-le', errors='replace').split('\0')[0]
+    return identifier, kind, offset, name
+
+
+def _multi(body: bytes, record: np.dtype) -> MultiMeasurement:
+    status, count, mode, tries, temperature, pressure, humidity = struct.unpack_from(
+        '<iiii3d', body
+    )
+    if count < 0 or len(body) != 40 + record.itemsize * count:
+        raise TpiError(
+            f'measurement packet of {len(body) + 8} bytes announces {count} points: '
+            'the stream is damaged, connect again'
+        )
+    points = np.frombuffer(body, dtype=record, offset=40).copy()
+    return MultiMeasurement(status, mode, tries, temperature, pressure, humidity, points)
+
+
+def _single(body: bytes, values_at: int, environment_at: int) -> SingleMeasurement:
+    status, mode, tries = struct.unpack_from('<iii', body)
+    numbers = struct.unpack_from('<7d', body, values_at)
+    temperature, pressure, humidity = struct.unpack_from('<3d', body, environment_at)
+    return SingleMeasurement(
+        status,
+        mode,
+        tries,
+        numbers[:3],
+        numbers[3:6],
+        numbers[6],
+        temperature,
+        pressure,
+        humidity,
+    )
+
+
+def decode(packet: bytes) -> ServerPacket:
+    """Decode one whole packet that a tracker sent; raises `TpiError` when it is none."""
+    if len(packet) < HEADER.size:
+        raise TpiError(f'packet of {len(packet)} bytes: connect again')
+    size, kind = HEADER.unpack_from(packet)
+    body = packet[HEADER.size :]
+    try:
+        if size != len(packet):
+            raise TpiError(f'packet of {len(packet)} bytes announces {size}: connect again')
+        if kind == PacketType.MULTI_MEASUREMENT:
+            return _multi(body, POINT)
+        if kind == PacketType.MULTI_MEASUREMENT_2:
+            return _multi(body, POINT_2)
+        if kind == PacketType.COMMAND:
+            command, status = struct.unpack_from('<ii', body)
+            return Answer(command, status, body[8:])
+        if kind == PacketType.ERROR:
+            return ErrorPacket(*struct.unpack_from('<ii', body))
+        if kind == PacketType.STATUS_CHANGE:
+            return StatusChange(*struct.unpack_from('<i', body))
+        if kind == PacketType.SINGLE_MEASUREMENT:
+            return _single(body, 12, 124)
+        if kind == PacketType.SINGLE_MEASUREMENT_2:
+            return _single(body, 12, 172)
+        if kind == PacketType.REFLECTOR_POSITION:
+            status, *values = struct.unpack_from('<i3d', body)
+            return ReflectorPosition(status, (values[0], values[1], values[2]))
+    except struct.error as error:
+        raise TpiError(
+            f'packet of type {kind} with {size} bytes is too short: connect again'
+        ) from error
+    return OtherPacket(kind, body)
+
+
+def decode_command(packet: bytes) -> CommandPacket:
+    """Decode one whole packet that a client sent; raises `TpiError` when it is no command."""
+    if len(packet) < 12 or len(packet) % 4:
+        raise TpiError(f'command of {len(packet)} bytes: a command has 12 or more, in words')
+    size, kind, command, *arguments = struct.unpack(f'<{len(packet) // 4}i', packet)
+    if size != len(packet) or kind != PacketType.COMMAND:
+        raise TpiError(f'packet of type {kind} from a client: only commands are understood')
+    return CommandPacket(command, tuple(arguments))
+
+
+class StreamSplitter:
+    """Cut a TCP byte stream into whole packets, holding at most one incomplete packet.
+
+    A size or type that no packet can have means that the position in the stream is lost (TPI has
+    no mark to find it again): `feed` raises `TpiError` and the connection must be opened again.
+    """
+
+    def __init__(self, maximum_size: int = MAXIMUM_SIZE) -> None:
+        self._buffer = bytearray()
+        self._maximum_size = maximum_size
+
+    def __len__(self) -> int:
+        """Return the number of bytes of the incomplete packet held."""
+        return len(self._buffer)
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """Add received bytes; yield every packet that is now whole."""
+        self._buffer += data
+        position = 0
+        try:
+            while len(self._buffer) - position >= HEADER.size:
+                size, kind = HEADER.unpack_from(self._buffer, position)
+                if not HEADER.size < size <= self._maximum_size or not 0 <= kind <= 11:
+                    position = len(self._buffer)
+                    raise TpiError(
+                        f'no TPI packet (size {size}, type {kind}): check that the port is the '
+                        "tracker's TPI port, then connect again"
+                    )
+                if len(self._buffer) - position < size:
+                    return
+                packet = bytes(self._buffer[position : position + size])
+                position += size
+                yield packet
+        finally:
+            del self._buffer[:position]
