@@ -1,0 +1,184 @@
+"""``metadata.yaml`` of a rosbag2 directory, version 9."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from stage_core.errors import StageError
+
+VERSION = 9
+FILE_NAME = 'metadata.yaml'
+_OUTER_KEY = 'rosbag2_bagfile_information'
+
+
+@dataclass
+class TopicRecord:
+    """One topic of a bag."""
+
+    name: str
+    type_name: str
+    type_hash: str
+    qos: list[dict[str, Any]]
+    count: int = 0
+
+
+@dataclass
+class FileRecord:
+    """One storage file of a bag; times of arrival [ns]."""
+
+    path: str
+    start: int = 0
+    end: int = 0
+    count: int = 0
+
+
+@dataclass
+class BagMetadata:
+    """What ``metadata.yaml`` says."""
+
+    storage: str = 'mcap'
+    compression_mode: str = ''
+    files: list[FileRecord] = field(default_factory=list)
+    topics: list[TopicRecord] = field(default_factory=list)
+    custom_data: dict[str, str] = field(default_factory=dict)
+
+    def content(self) -> dict[str, Any]:
+        """The inner mapping with every key that rosbag2 reads unconditionally."""
+        filled = [f for f in self.files if f.count]
+        start = min((f.start for f in filled), default=0)
+        end = max((f.end for f in filled), default=0)
+        return {
+            'version': VERSION,
+            'storage_identifier': self.storage,
+            'duration': {'nanoseconds': end - start},
+            'starting_time': {'nanoseconds_since_epoch': start},
+            'message_count': sum(f.count for f in self.files),
+            'topics_with_message_count': [
+                {
+                    'topic_metadata': {
+                        'name': topic.name,
+                        'type': topic.type_name,
+                        'serialization_format': 'cdr',
+                        'offered_qos_profiles': topic.qos,
+                        'type_description_hash': topic.type_hash,
+                    },
+                    'message_count': topic.count,
+                }
+                for topic in self.topics
+            ],
+            'compression_format': '',
+            'compression_mode': self.compression_mode,
+            'relative_file_paths': [f.path for f in self.files],
+            'files': [
+                {
+                    'path': f.path,
+                    'starting_time': {'nanoseconds_since_epoch': f.start},
+                    'duration': {'nanoseconds': f.end - f.start},
+                    'message_count': f.count,
+                }
+                for f in self.files
+            ],
+            'custom_data': self.custom_data or None,
+            'ros_distro': 'jazzy',
+        }
+
+    def inner_text(self) -> str:
+        """YAML of the inner mapping, as the ``rosbag2`` record inside an mcap file holds it."""
+        return dump(self.content())
+
+    def save(self, directory: Path) -> None:
+        """Write ``metadata.yaml``; a reader sees the old file or the new one, never a part."""
+        temporary = directory / (FILE_NAME + '.tmp')
+        temporary.write_text(dump({_OUTER_KEY: self.content()}), encoding='utf-8')
+        os.replace(temporary, directory / FILE_NAME)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes every value out: rosbag2's parser knows no YAML anchors."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def dump(content: Any) -> str:
+    """YAML in block style with the order of keys kept."""
+    return yaml.dump(content, Dumper=_Dumper, sort_keys=False, default_flow_style=False)
+
+
+def load(directory: Path) -> BagMetadata | None:
+    """Read ``metadata.yaml`` of any version; None where there is none.
+
+    Raises
+    ------
+    StageError
+        If the file is not the YAML of a bag.
+    """
+    path = directory / FILE_NAME
+    if not path.is_file():
+        return None
+    try:
+        inner = yaml.safe_load(path.read_text(encoding='utf-8'))[_OUTER_KEY]
+        return _parse(inner)
+    except (yaml.YAMLError, UnicodeDecodeError, OSError, KeyError, TypeError, ValueError) as error:
+        raise StageError(
+            f'{path} is not the description of a bag: run `ros2 run session_bags repair '
+            f'{directory}` to write it anew'
+        ) from error
+
+
+def parse_inner(text: str) -> BagMetadata | None:
+    """Metadata from the ``rosbag2`` record of an mcap file; None where it cannot be read."""
+    try:
+        return _parse(yaml.safe_load(text))
+    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+        return None
+
+
+def _parse(inner: Mapping[str, Any]) -> BagMetadata:
+    files: Sequence[Mapping[str, Any]] = inner.get('files') or ()
+    by_path = {str(f['path']): f for f in files}
+    records = []
+    for path in inner.get('relative_file_paths') or ():
+        entry = by_path.get(str(path))
+        if entry is None:
+            records.append(FileRecord(str(path)))
+            continue
+        start = int(entry['starting_time']['nanoseconds_since_epoch'])
+        end = start + int(entry['duration']['nanoseconds'])
+        records.append(FileRecord(str(path), start, end, int(entry['message_count'])))
+    topics = []
+    for entry in inner.get('topics_with_message_count') or ():
+        topic = entry['topic_metadata']
+        topics.append(
+            TopicRecord(
+                name=str(topic['name']),
+                type_name=str(topic['type']),
+                type_hash=str(topic.get('type_description_hash', '')),
+                qos=parse_qos(topic.get('offered_qos_profiles')),
+                count=int(entry['message_count']),
+            )
+        )
+    custom = inner.get('custom_data') or {}
+    return BagMetadata(
+        storage=str(inner['storage_identifier']),
+        compression_mode=str(inner.get('compression_mode') or '').lower(),
+        files=records,
+        topics=topics,
+        custom_data={str(k): str(v) for k, v in dict(custom).items()},
+    )
+
+
+def parse_qos(profiles: Any) -> list[dict[str, Any]]:
+    """Quality of service as a list of mappings; versions before 9 hold it as YAML text."""
+    if isinstance(profiles, str):
+        try:
+            profiles = yaml.safe_load(profiles)
+        except yaml.YAMLError:
+            return []
+    return [dict(p) for p in profiles or () if isinstance(p, Mapping)]
