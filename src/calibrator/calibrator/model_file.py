@@ -1,0 +1,184 @@
+"""Versioned model files: JSON with a checksum, replaced atomically, refused when in doubt."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calibrator.models import model_from_dict
+from calibrator.models.base import Array, CalibrationModel
+from stage_core.errors import StageError
+
+FORMAT = 'stage-calibration-model'
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class StoredModel:
+    """A model with where it came from.
+
+    Attributes
+    ----------
+    model
+        The fitted model.
+    machine
+        Name of the stage that it was trained for; empty where it does not matter.
+    version
+        Counts the trainings on this machine, from 1.
+    training
+        Names and sha256 of the training bags.
+    metrics
+        Errors before and after on held-out data [m].
+    seed
+        Seed of everything random in the training.
+    """
+
+    model: CalibrationModel
+    machine: str = ''
+    version: int = 1
+    training: dict[str, str] = field(default_factory=dict)
+    metrics: dict[str, Any] = field(default_factory=dict)
+    seed: int = 0
+
+    def predict(self, command: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """Table points of commands, (n, axes) [m]."""
+        return self.model.predict(command, direction)
+
+    def invert(self, target: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """Commands that reach table points, (n, axes) [m]."""
+        return self.model.invert(target, direction)
+
+
+def save(stored: StoredModel, path: str | Path) -> None:
+    """Write a model; a reader sees the old file or the new one, never a part of either.
+
+    Raises
+    ------
+    StageError
+        If the folder cannot be written or the model holds a number that JSON cannot.
+    """
+    target = Path(path)
+    content = {
+        'machine': stored.machine,
+        'version': stored.version,
+        'training': stored.training,
+        'metrics': stored.metrics,
+        'seed': stored.seed,
+        'model': stored.model.to_dict(),
+    }
+    try:
+        body = _canonical(content)
+    except ValueError as error:
+        raise StageError(
+            f'the {stored.model.method} model holds a number that is not finite: train it again'
+        ) from error
+    text = json.dumps(
+        {
+            'format': FORMAT,
+            'format_version': FORMAT_VERSION,
+            'sha256': hashlib.sha256(body.encode()).hexdigest(),
+            'content': json.loads(body),
+        }
+    )
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=f'.{target.name}.', dir=target.parent)
+        try:
+            with os.fdopen(handle, 'w', encoding='utf-8') as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.replace(temporary, target)
+        except OSError:
+            os.unlink(temporary)
+            raise
+    except OSError as error:
+        raise StageError(
+            f'{target} cannot be written ({error.strerror}): choose another folder'
+        ) from error
+
+
+def load(path: str | Path, machine: str = '') -> StoredModel:
+    """Read a model file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    machine
+        Name of the stage at hand; a model of another one is refused. Empty accepts any.
+
+    Raises
+    ------
+    StageError
+        If the file is absent, truncated, altered, of another format version or machine.
+    """
+    source = Path(path)
+    try:
+        text = source.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        raise StageError(f'the model file {source} cannot be read: {error}') from error
+    try:
+        document = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise StageError(
+            f'the model file {source} is truncated or no JSON (line {error.lineno}): '
+            'train the model again'
+        ) from error
+    if not isinstance(document, dict) or document.get('format') != FORMAT:
+        raise StageError(f'{source} is no calibration model: choose a file that retraining wrote')
+    if document.get('format_version') != FORMAT_VERSION:
+        raise StageError(
+            f'{source} has format version {document.get("format_version")}, this software reads '
+            f'{FORMAT_VERSION}: train the model again from its bag'
+        )
+    content = document.get('content')
+    if not isinstance(content, dict):
+        raise StageError(f'{source} holds no model: train it again')
+    if hashlib.sha256(_canonical(content).encode()).hexdigest() != document.get('sha256'):
+        raise StageError(
+            f'{source} was altered after it was written (checksum differs): train the model again'
+        )
+    if machine and content['machine'] and content['machine'] != machine:
+        raise StageError(
+            f'{source} was trained on machine {content["machine"]}, this one is {machine}: '
+            'train a model for this machine'
+        )
+    return StoredModel(
+        model_from_dict(content['model']),
+        content['machine'],
+        int(content['version']),
+        content['training'],
+        content['metrics'],
+        int(content['seed']),
+    )
+
+
+def bag_hash(path: str | Path) -> str:
+    """The sha256 over the .mcap files of a bag (a directory or one file), in name order."""
+    source = Path(path)
+    files = sorted(source.rglob('*.mcap')) if source.is_dir() else [source]
+    digest = hashlib.sha256()
+    for file in files:
+        with file.open('rb') as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def _canonical(content: dict[str, Any]) -> str:
+    return json.dumps(content, sort_keys=True, allow_nan=False, separators=(',', ':'), default=_np)
+
+
+def _np(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f'{type(value).__name__} cannot be written as JSON')
