@@ -1,0 +1,36 @@
+"""Flexibility of the structure."""
+
+from stage_twin.effects.definition import Effect, EffectParameter
+
+STRUCTURAL_RESONANCE = Effect(
+    'structural_resonance',
+    'servo',
+    True,
+    (
+        EffectParameter(
+            'frequency',
+            'Hz',
+            0.0,
+            400.0,
+            60.0,
+            'natural frequency of the carried mass with the motor held; 0 is off',
+        ),
+        EffectParameter('damping', '', 0.0, 1.0, 0.03, 'damping ratio of that mode'),
+        EffectParameter(
+            'mass_ratio', '', 0.0, 0.9, 0.3, 'share of the moving mass behind the spring'
+        ),
+        EffectParameter(
+            'table_share',
+            '',
+            0.0,
+            1.0,
+            0.0,
+            "share of the spring's deflection that the table makes; 0: the table is the motor",
+            fitted=False,
+        ),
+    ),
+    'Two masses: a share of the moving mass hangs on a spring and a damper behind the motor. '
+    'Altintas et al., "Machine tool feed drives", CIRP Annals 60 (2011), flexible drive model.',
+)
+
+STRUCTURE_EFFECTS = (STRUCTURAL_RESONANCE,)

@@ -1,0 +1,187 @@
+"""The plant tick by tick, as the emulators of the wire protocols drive it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+from stage_twin import kernel, layout
+from stage_twin.geometry import table_point
+from stage_twin.packing import pack
+from stage_twin.tracker import sample_path, to_tracker_frame, true_time
+
+#: Ticks of table positions kept for the tracker's latency, above what the latency needs.
+SPARE_HISTORY = 8
+
+
+class ServoPlant:
+    """The servo plant of a twin file; the same kernel as :func:`stage_twin.simulate.simulate`.
+
+    Call :meth:`warm_up` once before real time counts: it compiles what the ticks use. The
+    arrays that methods return are the plant's own: copy what is kept.
+
+    Raises
+    ------
+    StageError
+        If the twin is not a servo or measured-force twin, or is wrong.
+    """
+
+    def __init__(self, twin: TwinFile, seed: int = 0) -> None:
+        if twin.kind == 'stepper':
+            raise StageError('a servo plant needs a twin file of kind servo, this one is stepper')
+        self.twin = twin
+        self._arrays = pack(twin)
+        self._period = self._arrays.period
+        width = len(self._arrays.names)
+        self._random = np.random.default_rng(seed)
+        self._state = np.zeros((width, layout.STATE_WIDTH))
+        self._forces = np.zeros((width, self._arrays.delay_ticks + 2))
+        self._external = np.zeros(width)
+        self._encoder = np.zeros(width)
+        self._table = np.zeros(width)
+        self._temperatures = np.zeros(width)
+        latency = abs(float(self._arrays.common[layout.TRACKER_LATENCY]))
+        self._history = np.zeros((int(latency / self._period) + SPARE_HISTORY, width))
+        self._tick = 0
+        self._time = 0.0
+        self.reset(np.zeros(width))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return self._arrays.names
+
+    @property
+    def time(self) -> float:
+        """Time since the last reset [s]."""
+        return self._time
+
+    def reset(self, position: Sequence[float] | np.ndarray) -> None:
+        """Put the stage at rest at motor position `position` (n_axes,) [m], time at zero."""
+        start = np.asarray(position, dtype=float)
+        kernel.start_plant(self._arrays.axes, start, self._state)
+        self._forces[:] = 0.0
+        self._tick = 0
+        self._time = 0.0
+        self._history[:] = self.table()
+
+    def warm_up(self) -> None:
+        """Compile everything that a tick calls, leaving the plant as it was."""
+        state, forces, history = self._state.copy(), self._forces.copy(), self._history.copy()
+        tick, time = self._tick, self._time
+        self.step(np.zeros(len(self.names)))
+        self.encoder()
+        self.tracker_point(0.0, noise=False)
+        self._state[:], self._forces[:], self._history[:] = state, forces, history
+        self._tick, self._time = tick, time
+
+    def step(
+        self,
+        force: Sequence[float] | np.ndarray,
+        dt: float | None = None,
+        external: Sequence[float] | np.ndarray | None = None,
+    ) -> None:
+        """Hold `force` (n_axes,) [N] for one tick.
+
+        Parameters
+        ----------
+        dt : float, optional
+            Length of the tick [s]; the file's control period by default. The force acts
+            after the twin's delay, which counts in ticks of this length.
+        external : (n_axes,), optional
+            Force on the moving masses from outside [N].
+        """
+        arrays = self._arrays
+        if dt is not None and dt != self._period:
+            self._change_period(dt)
+        for axis in range(len(force)):
+            self._forces[axis, self._tick % self._forces.shape[1]] = force[axis]
+            self._external[axis] = 0.0 if external is None else external[axis]
+        kernel.advance(
+            arrays.axes,
+            arrays.transitions,
+            arrays.schedule,
+            self._state,
+            self._forces,
+            self._tick,
+            self._external,
+        )
+        self._tick += 1
+        self._time += self._period
+        self._history[self._tick % self._history.shape[0]] = self.table()
+
+    def encoder(self) -> np.ndarray:
+        """Encoder readings q (n_axes,) [m]."""
+        for axis in range(len(self.names)):
+            self._encoder[axis] = kernel.encoder(
+                self._arrays.axes[axis], self._state[axis, layout.POSITION]
+            )
+        return self._encoder
+
+    def motor_position(self) -> np.ndarray:
+        """Motor positions (n_axes,) [m], without the encoder's steps."""
+        return self._state[:, layout.POSITION]
+
+    def motor_velocity(self) -> np.ndarray:
+        """Motor velocities (n_axes,) [m/s]."""
+        return self._state[:, layout.VELOCITY]
+
+    def temperatures(self) -> np.ndarray:
+        """Screw temperatures (n_axes,) [degC]."""
+        np.add(
+            self._state[:, layout.RISE], self.twin.temperature_reference, out=self._temperatures
+        )
+        return self._temperatures
+
+    def table(self) -> np.ndarray:
+        """Table position (n_axes,) [m] at the screws' present temperatures."""
+        state, rows = self._state, self._arrays.axes
+        motor = (
+            state[:, layout.POSITION]
+            + rows[:, layout.RESONANCE_TABLE] * (state[:, layout.DEFLECTION])
+        )
+        table_point(
+            rows,
+            self._arrays.common,
+            motor,
+            state[:, layout.PLAY],
+            state[:, layout.RISE],
+            self._table,
+        )
+        return self._table
+
+    def tracker_point(self, time: float, noise: bool = True) -> tuple[float, np.ndarray]:
+        """What the tracker measures at `time` [s], within the last ticks.
+
+        Returns
+        -------
+        Stamp of the tracker's clock [s] and the point (3,) [m] in its frame, with latency,
+        misalignment and noise.
+        """
+        stamp = time * (1.0 + float(self._arrays.common[layout.TRACKER_DRIFT]))
+        depth = self._history.shape[0]
+        kept = min(depth, self._tick + 1)
+        oldest = self._tick - kept + 1
+        path = self._history[np.arange(oldest, self._tick + 1) % depth]
+        wanted = true_time(self._arrays.common, np.array([stamp])) - (
+            self._time - (kept - 1) * self._period
+        )
+        point = to_tracker_frame(self._arrays.common, sample_path(path, self._period, wanted))[0]
+        if noise and self.twin.tracker is not None:
+            point += self.twin.tracker.noise * self._random.standard_normal(3)
+        return stamp, point
+
+    def _change_period(self, dt: float) -> None:
+        arrays = self._arrays
+        kernel.discretise(arrays.axes, dt, arrays.transitions, arrays.schedule)
+        self._period = dt
+        depth = arrays.delay_ticks + 2
+        if depth > self._forces.shape[1]:
+            # The ring is laid out by tick: keep the newest commands at their places.
+            grown = np.zeros((len(self.names), depth))
+            for tick in range(max(0, self._tick - self._forces.shape[1]), self._tick):
+                grown[:, tick % depth] = self._forces[:, tick % self._forces.shape[1]]
+            self._forces = grown

@@ -1,0 +1,163 @@
+"""Simulation of a whole session with a servo twin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+from stage_twin import layout
+from stage_twin.geometry import table_path
+from stage_twin.packing import KernelArrays, pack
+from stage_twin.session_kernel import run_session
+from stage_twin.tracker import sample_path, to_tracker_frame, true_time
+
+
+@dataclass(frozen=True)
+class SimulationResult:
+    """What a session of n ticks and m tracker points holds; SI units, axes as in the file.
+
+    Attributes
+    ----------
+    times : (n,)
+        t_k = k * control_period.
+    encoder, velocity, velocity_command, force : (n, n_axes)
+        q_k, vf_k, vc_k and F_k of the contract.
+    table : (n, n_axes)
+        Table position.
+    temperatures : (n, n_axes)
+        Screw temperatures [degC].
+    tracker_stamps : (m,), tracker_points : (m, 3)
+        Tracker's stamps, in seconds of its clock from the session's start, and its points.
+    """
+
+    times: np.ndarray
+    encoder: np.ndarray
+    velocity: np.ndarray
+    velocity_command: np.ndarray
+    force: np.ndarray
+    table: np.ndarray
+    temperatures: np.ndarray
+    tracker_stamps: np.ndarray
+    tracker_points: np.ndarray
+
+
+def simulate(
+    twin: TwinFile,
+    reference: np.ndarray,
+    reference_velocity: np.ndarray,
+    *,
+    compensation: np.ndarray | None = None,
+    measured_force: np.ndarray | None = None,
+    external_force: np.ndarray | None = None,
+    temperatures: np.ndarray | None = None,
+    seed: int = 0,
+    tracker_times: np.ndarray | None = None,
+    noise: bool = True,
+) -> SimulationResult:
+    """Simulate a session of a servo twin from rest at the first reference position.
+
+    Parameters
+    ----------
+    reference, reference_velocity : (n, n_axes)
+        r_k [m] and its derivative [m/s].
+    compensation : (n, n_axes), optional
+        Added to the velocity command vc_k [m/s].
+    measured_force : (n, n_axes), optional
+        Force commands [N] that take the place of the controller's (open loop).
+    external_force : (n, n_axes), optional
+        Force on the moving masses from outside, such as contact [N].
+    temperatures : (n, n_axes), optional
+        Screw temperatures [degC]; without them the thermal effect's own model gives them.
+    seed : int
+        Of the tracker's noise.
+    tracker_times : (m,), optional
+        Stamps [s] of the tracker's clock at which points are wanted; without them the
+        tracker of the file measures at its rate.
+    noise : bool
+        Whether the tracker's noise is added.
+
+    Raises
+    ------
+    StageError
+        If an array's shape does not fit, or the twin is not a servo twin or wrong.
+    """
+    if twin.kind != 'servo':
+        raise StageError(f'a session can be simulated with a servo twin, this one is {twin.kind}')
+    arrays = pack(twin)
+    reference = _columns('reference', reference, None, arrays)
+    count = reference.shape[0]
+    reference_velocity = _columns('reference_velocity', reference_velocity, count, arrays)
+    zeros = np.zeros_like(reference)
+    channels = np.zeros((6, *reference.shape))
+    force = np.zeros((len(arrays.names), count))
+    if measured_force is not None:
+        force[:] = _columns('measured_force', measured_force, count, arrays).T
+    run_session(
+        arrays.axes,
+        arrays.transitions,
+        arrays.schedule,
+        arrays.period,
+        reference[0].copy(),
+        reference,
+        reference_velocity,
+        zeros if compensation is None else _columns('compensation', compensation, count, arrays),
+        force,
+        measured_force is not None,
+        zeros
+        if external_force is None
+        else _columns('external_force', external_force, count, arrays),
+        channels,
+    )
+    rise = channels[5]
+    if temperatures is not None:
+        rise = _columns('temperatures', temperatures, count, arrays) - twin.temperature_reference
+    table = np.zeros_like(reference)
+    table_path(arrays.axes, arrays.common, channels[3], channels[4], rise, table)
+    stamps, points = _track(twin, arrays, table, tracker_times, seed, noise)
+    return SimulationResult(
+        times=np.arange(count) * arrays.period,
+        encoder=channels[0],
+        velocity=channels[1],
+        velocity_command=channels[2],
+        force=np.ascontiguousarray(force.T),
+        table=table,
+        temperatures=rise + twin.temperature_reference,
+        tracker_stamps=stamps,
+        tracker_points=points,
+    )
+
+
+def _columns(name: str, values: np.ndarray, count: int | None, arrays: KernelArrays) -> np.ndarray:
+    values = np.ascontiguousarray(values, dtype=float)
+    width = len(arrays.names)
+    fits = values.ndim == 2 and values.shape[1] == width and values.shape[0] > 0
+    if not fits or (count is not None and values.shape[0] != count):
+        rows = 'n' if count is None else str(count)
+        raise StageError(f'{name} has shape {values.shape}: give ({rows}, {width})')
+    if not np.isfinite(values).all():
+        raise StageError(f'{name} holds values that are not finite: remove them first')
+    return values
+
+
+def _track(
+    twin: TwinFile,
+    arrays: KernelArrays,
+    table: np.ndarray,
+    stamps: np.ndarray | None,
+    seed: int,
+    noise: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    if stamps is None:
+        rate = twin.tracker.rate if twin.tracker is not None else 0.0
+        duration = (table.shape[0] - 1) * arrays.period
+        count = int(np.floor(duration * rate * (1.0 + 1e-12))) + 1 if rate > 0.0 else 0
+        stamps = np.arange(count) / (rate or 1.0) * (1.0 + arrays.common[layout.TRACKER_DRIFT])
+    stamps = np.asarray(stamps, dtype=float)
+    seen = sample_path(table, arrays.period, true_time(arrays.common, stamps))
+    points = to_tracker_frame(arrays.common, seen)
+    if noise and twin.tracker is not None:
+        points += twin.tracker.noise * np.random.default_rng(seed).standard_normal(points.shape)
+    return stamps, points

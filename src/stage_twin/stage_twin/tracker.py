@@ -1,0 +1,56 @@
+"""The sensor link: what the tracker reports of the table's path."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stage_twin import layout as at
+
+
+def sample_path(path: np.ndarray, period: float, times: np.ndarray) -> np.ndarray:
+    """Table position between ticks, by cubic interpolation through four ticks.
+
+    Parameters
+    ----------
+    path : (n, n_axes)
+        Table position [m] at t = k * period.
+    times : (m,)
+        Instants [s]; outside the session the path stands still at its ends.
+
+    Returns
+    -------
+    (m, n_axes) [m]
+    """
+    last = path.shape[0] - 1
+    place = np.clip(np.asarray(times, dtype=float) / period, 0.0, last)
+    # Instants on a tick, up to rounding of the division, are taken as they are.
+    nearest = np.rint(place)
+    place = np.where(np.abs(place - nearest) < 1e-7, nearest, place)
+    lower = np.minimum(np.floor(place).astype(np.int64), max(last - 1, 0))
+    u = (place - lower)[:, None]
+    before = path[np.maximum(lower - 1, 0)]
+    first = path[lower]
+    second = path[np.minimum(lower + 1, last)]
+    after = path[np.minimum(lower + 2, last)]
+    return (
+        first
+        + 0.5 * u * (second - before)
+        + u**2 * (before - 2.5 * first + 2.0 * second - 0.5 * after)
+        + u**3 * (0.5 * (after - before) + 1.5 * (first - second))
+    )
+
+
+def true_time(common: np.ndarray, stamps: np.ndarray) -> np.ndarray:
+    """Session time [s] at which the table was where a point of these stamps shows it."""
+    return stamps / (1.0 + common[at.TRACKER_DRIFT]) - common[at.TRACKER_LATENCY]
+
+
+def to_tracker_frame(common: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Measured = R(+angle) p + offset, in the plane; (m, n_axes) to (m, 3) [m]."""
+    plane = np.zeros((points.shape[0], 3))
+    plane[:, : points.shape[1]] = points
+    cosine, sine = np.cos(common[at.TRACKER_ANGLE]), np.sin(common[at.TRACKER_ANGLE])
+    x, y = plane[:, 0].copy(), plane[:, 1].copy()
+    plane[:, 0] = cosine * x - sine * y + common[at.TRACKER_OFFSET_X]
+    plane[:, 1] = sine * x + cosine * y + common[at.TRACKER_OFFSET_Y]
+    return plane
