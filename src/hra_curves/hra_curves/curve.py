@@ -1,0 +1,95 @@
+"""Curves in an fg-Bernstein basis: evaluation and derivatives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from stage_core.errors import StageError
+
+from hra_curves import kernels
+from hra_curves.bases import Basis
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HraCurve:
+    """Curve sum_j C(n,j) f**j g**(n-j) P_j in the plane (or any dimension).
+
+    Parameters
+    ----------
+    basis : pair (f, g).
+    control_points : (n+1, d), metres.
+    domain : parameters of the first and last point as the user counts them (an angle, say),
+        mapped linearly onto the domain of the basis; None takes that of the basis.
+
+    Raises
+    ------
+    StageError
+        Control points that are not finite or not a table; an empty domain.
+    """
+
+    basis: Basis
+    control_points: Array
+    domain: tuple[float, float] = field(default=(math.nan, math.nan))
+
+    def __post_init__(self) -> None:
+        control = np.ascontiguousarray(self.control_points, dtype=float)
+        if control.ndim != 2 or control.shape[0] < 1 or not np.isfinite(control).all():
+            raise StageError(
+                f'control points of shape {control.shape}: give finite numbers, one row a point'
+            )
+        object.__setattr__(self, 'control_points', control)
+        first, last = self.domain
+        if math.isnan(first) and math.isnan(last):
+            object.__setattr__(self, 'domain', self.basis.domain)
+        elif not (math.isfinite(first) and math.isfinite(last) and first < last):
+            raise StageError(f'the domain {self.domain} is empty: give first < last')
+
+    @property
+    def degree(self) -> int:
+        """Degree n; there are n + 1 control points."""
+        return self.control_points.shape[0] - 1
+
+    def _basis_parameter(self, u: Array) -> Array:
+        first, last = self.domain
+        lower, upper = self.basis.domain
+        slack = 1e-12 * (last - first)
+        if not np.isfinite(u).all() or (u < first - slack).any() or (u > last + slack).any():
+            raise StageError(
+                f'a curve parameter lies outside [{first}, {last}]: clip it to the domain'
+            )
+        if self.domain == self.basis.domain:
+            mapped = u
+        else:
+            mapped = lower + (u - first) * ((upper - lower) / (last - first))
+        return np.clip(mapped, lower, upper)
+
+    def taylor(self, u: ArrayLike, order: int) -> Array:
+        """Curve and its derivatives up to ``order``, shape (order+1,) + shape of u + (d,)."""
+        if order < 0:
+            raise StageError(f'derivative order {order} is negative: give 0 or more')
+        values = np.asarray(u, dtype=float)
+        flat = np.atleast_1d(values).ravel()
+        f, g = self.basis.taylor(self._basis_parameter(flat), order)
+        dimension = self.control_points.shape[1]
+        series = np.empty((flat.size, order + 1, dimension))
+        kernels.evaluate_series(
+            self.control_points, np.ascontiguousarray(f), np.ascontiguousarray(g), series
+        )
+        lower, upper = self.basis.domain
+        slope = (upper - lower) / (self.domain[1] - self.domain[0])
+        scales = np.array([math.factorial(k) * slope**k for k in range(order + 1)])
+        derivatives = np.moveaxis(series * scales[:, None], 1, 0)
+        return derivatives.reshape((order + 1,) + values.shape + (dimension,))
+
+    def evaluate(self, u: ArrayLike) -> Array:
+        """Point of the curve, metres: (d,) for a number, (m, d) for an array (m,)."""
+        return self.taylor(u, 0)[0]
+
+    def derivative(self, u: ArrayLike, order: int = 1) -> Array:
+        """Derivative of the given order with respect to the parameter, shaped as ``evaluate``."""
+        return self.taylor(u, order)[order]
