@@ -1,3 +1,5 @@
+from glob import glob
+
 from setuptools import find_packages, setup
 
 package_name = 'stage_bringup'
@@ -10,6 +12,8 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/config', glob('../../ros_ws/config/*.yaml')),
+        ('share/' + package_name + '/launch', glob('../../ros_ws/launch/*.launch.py')),
     ],
     install_requires=['setuptools'],
     zip_safe=False,

@@ -132,6 +132,20 @@ class GraphClient:
         finally:
             self.node.destroy_client(client)
 
+    def wait_for_service(
+        self, name: str, timeout: float, alive: Callable[[], None] = lambda: None
+    ) -> None:
+        """Wait until a Trigger service is there; `alive` may raise meanwhile."""
+        client = self.node.create_client(Trigger, name)
+        deadline = time.monotonic() + timeout
+        try:
+            while not client.wait_for_service(timeout_sec=0.5):
+                alive()
+                if time.monotonic() > deadline:
+                    raise StageError(f'service {name} is absent: is its node running?')
+        finally:
+            self.node.destroy_client(client)
+
     def trigger(self, name: str, timeout: float = 30.0) -> str:
         """Call a Trigger service; its message.
 

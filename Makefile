@@ -1,0 +1,35 @@
+# Two commands: `make session` and `make test`. Both set everything up first.
+PYTHON_ENV := .venv/bin/python
+SESSION ?=
+
+# Numba does not notice that a kernel's callee changed: the cache belongs to one state of the code.
+export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell cat src/*/*/*.py src/*/*/*/*.py 2>/dev/null | sha1sum | cut -c1-12)
+# Small matrices run slower on many threads, and the control loop needs a core.
+export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
+
+.PHONY: setup session test lint bench clean reference
+
+setup:
+	@bash tools/setup.sh
+
+session: setup
+	@PATH="$(CURDIR)/.venv/bin:$$PATH" $(PYTHON_ENV) -m stage_bringup.session $(SESSION)
+
+test: setup
+	$(PYTHON_ENV) -m pytest -q --session-timeout=2700 $(PYTEST)
+
+lint: setup
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy $(foreach package,$(notdir $(wildcard src/*)),src/$(package)/$(package))
+
+bench: setup
+	@PATH="$(CURDIR)/.venv/bin:$$PATH" bash benchmarks/run.sh
+
+reference: setup
+	$(PYTHON_ENV) -m stage_bringup.reference docs/reference.md
+
+clean:
+	rm -rf .venv .cache .ruff_cache .mypy_cache .hypothesis .pytest_cache ros_ws/build ros_ws/install ros_ws/log
+	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +

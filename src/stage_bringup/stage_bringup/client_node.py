@@ -1,0 +1,148 @@
+"""What a session does with the graph: drive to a target, wait for rest, read the tracker."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PointStamped, TransformStamped
+from numpy.typing import NDArray
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.frames import RigidTransform
+from stage_core.quantities import AXES
+from stage_node.client_node import GraphClient
+from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
+
+Array = NDArray[np.float64]
+
+#: The encoder counts as at rest while it stays within this band [m].
+REST_BAND = 4.0e-6
+#: A set-point that got lost is sent again after this wall time [s]; duplicates do no harm.
+RESEND = 5.0
+
+
+class SessionClient(GraphClient):
+    """The graph client of a session: follows reference, encoder and tracker by their stamps."""
+
+    def __init__(self, settle_time: float, use_sim_time: bool) -> None:
+        super().__init__('session', use_sim_time)
+        self.settle_time = settle_time
+        self._last_stamp = 0
+        self._last_target_stamp = 0
+        self._rest_since: int | None = None
+        self._rest_position: Array | None = None
+        self._reference: tuple[float, ...] | None = None
+        self._points: deque[tuple[int, float, float, float]] = deque(maxlen=4000)
+        self._targets = self.node.create_publisher(JointState, topics.TARGET, SETPOINT_QOS)
+        self.watch(JointState, topics.REFERENCE, STATE_QOS, self._on_reference)
+        self.watch(JointState, topics.JOINT_STATES, STATE_QOS, self._on_state)
+        self.watch(PointStamped, topics.TRACKER_POINT, STATE_QOS, self._on_point)
+        self.watch(TransformStamped, topics.ALIGNMENT, LATCHED_QOS)
+        self.watch(String, topics.MODEL, LATCHED_QOS)
+
+    def _on_reference(self, message: JointState) -> None:
+        reference = tuple(message.position)
+        if reference != self._reference:
+            self._reference = reference
+            self._rest_since = stamp_of(message.header)
+
+    def _on_state(self, message: JointState) -> None:
+        stamp = stamp_of(message.header)
+        position = np.array(message.position)
+        if (
+            self._rest_position is None
+            or position.shape != self._rest_position.shape
+            or np.abs(position - self._rest_position).max() > REST_BAND
+        ):
+            self._rest_position = position
+            self._rest_since = stamp
+        self._last_stamp = stamp
+
+    def _on_point(self, message: PointStamped) -> None:
+        p = message.point
+        self._points.append((stamp_of(message.header), p.x, p.y, p.z))
+
+    def alignment(self) -> RigidTransform:
+        """The transform that the bridge has published last; identity before."""
+        message = self.latest(topics.ALIGNMENT)
+        if message is None:
+            return RigidTransform.identity()
+        r, t = message.transform.rotation, message.transform.translation
+        return RigidTransform.from_quaternion((r.x, r.y, r.z, r.w), (t.x, t.y, t.z))
+
+    def go_to(self, target: Array, timeout: float, alive: Callable[[], None]) -> int:
+        """Drive to a table position (2,) [m] and wait until the stage rests there.
+
+        `alive` is called while waiting and raises when a node has ended. Returns the stamp [ns]
+        at which the rest has lasted the settle time.
+        """
+        settle = int(self.settle_time * 1e9) - 2_000_000
+        sent = self._last_stamp
+        stamp = max(self.node.get_clock().now().nanoseconds, self._last_target_stamp + 1)
+        self._last_target_stamp = stamp
+        message = joint_state(stamp, AXES, position=[float(v) for v in target])
+        waited = 0.0
+
+        def at_rest() -> bool:
+            since = max(self._rest_since or sent, sent)
+            return self._last_stamp > sent and self._last_stamp - since >= settle
+
+        while not at_rest():
+            if waited >= timeout:
+                raise StageError(
+                    f'the stage did not come to rest at {np.round(target * 1e3, 3)} mm within '
+                    f'{timeout:.0f} s: see the driver on /diagnostics'
+                )
+            if waited % RESEND == 0.0:
+                self._targets.publish(message)
+            alive()
+            try:
+                self.wait_for(at_rest, 0.5, 'rest', poll=0.01)
+            except StageError:
+                waited += 0.5
+        return self._last_stamp
+
+    def measure(self, until: int, window: float, timeout: float) -> Array:
+        """Mean tracker point over the `window` [s] before stamp `until` [ns], (3,) raw [m].
+
+        Raises
+        ------
+        StageError
+            If the tracker sent fewer than three points in that time.
+        """
+        begin = until - int(window * 1e9)
+        # The tracker is slower than the control tick: its last point may lie one period back.
+        self.wait_for(
+            lambda: bool(self._points) and self._points[-1][0] >= until - 25_000_000,
+            timeout,
+            'a tracker point of the position',
+            poll=0.01,
+        )
+        inside = [p[1:] for p in list(self._points) if begin <= p[0] <= until]
+        if len(inside) < 3:
+            raise StageError(
+                'the tracker sent fewer than three points while the stage was at rest: '
+                'check its beam and its rate'
+            )
+        return np.mean(np.array(inside), axis=0)
+
+    def wait_for_subscribers(self, topic: str, count: int, timeout: float) -> None:
+        """Wait until `count` subscribers of a topic are known."""
+        self.wait_for(
+            lambda: self.node.count_subscribers(topic) >= count, timeout, f'a reader of {topic}'
+        )
+
+    def parameter(self, node: str, name: str, timeout: float = 10.0) -> Any:
+        """Value of a parameter of another node."""
+        response = self.call(
+            GetParameters, f'{node}/get_parameters', GetParameters.Request(names=[name]), timeout
+        )
+        return parameter_value_to_python(response.values[0])

@@ -1,0 +1,126 @@
+"""The nodes of a session and their parameters: the one list, for the session and for docs."""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import dataclass
+from pathlib import Path
+
+from stage_bringup.processes import NodeCommand
+from stage_core.errors import StageError
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a session is asked for."""
+
+    backend: str = 'servo'
+    clock: str = 'lockstep'
+    seed: int = 1
+    out: Path = Path('bags/session')
+    grid: int = 7
+    heldout: int = 20
+    iterations: int = 3
+    method: str = 'structured'
+    diagnose: bool = True
+    reality: Path | None = None
+    nominal: Path | None = None
+
+
+def config_folder() -> Path:
+    """Folder of the shipped parameter and twin files.
+
+    Raises
+    ------
+    StageError
+        If the package was moved away from the workspace that holds them.
+    """
+    for base in Path(__file__).resolve().parents:
+        for candidate in (base / 'ros_ws' / 'config', base / 'share' / 'stage_bringup' / 'config'):
+            if candidate.is_dir():
+                return candidate
+    raise StageError('ros_ws/config is not beside the packages: run from a whole checkout')
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+    """A port of the loopback interface that nobody uses now, below the ephemeral range."""
+    for port in range(20000, 32000, 7):
+        with socket.socket(socket.AF_INET, kind) as probe:
+            try:
+                probe.bind(('127.0.0.1', port + (hash(kind) % 5)))
+            except OSError:
+                continue
+            return int(probe.getsockname()[1])
+    raise StageError('no free port between 20000 and 32000: end what holds them')
+
+
+def commands(options: Options) -> list[NodeCommand]:
+    """Every node of the session, the plant first."""
+    config = config_folder()
+    stepper = options.backend == 'zaber'
+    kind = 'stepper_' if stepper else ''
+    nominal = options.nominal or config / f'twin_{kind}nominal.yaml'
+    reality = options.reality or config / f'twin_{kind}reality.yaml'
+    lockstep = options.clock == 'lockstep'
+    clock: dict[str, object] = {'use_sim_time': True} if lockstep else {}
+    drive_port, tracker_port = free_port(socket.SOCK_DGRAM), free_port()
+    pty = options.out / 'zaber_port'
+    backend = 'zaber' if stepper else 'servo'
+    driver: dict[str, object] = {'backend': backend, 'twin': nominal}
+    driver |= {'port': pty} if stepper else {'drive_port': drive_port}
+    return [
+        NodeCommand(
+            'stage_twin',
+            'stage_twin.node',
+            {
+                'twin': reality,
+                'clock': options.clock,
+                'seed': options.seed,
+                'drive_port': drive_port,
+                'tracker_port': tracker_port,
+                'pty_link': pty,
+            },
+            config / 'stage_twin.yaml',
+        ),
+        NodeCommand(
+            'stage_driver',
+            'stage_driver.node',
+            {**driver, **clock},
+            config / f'stage_driver_{backend}.yaml',
+        ),
+        NodeCommand(
+            'tracker_bridge',
+            'tracker_bridge.node',
+            {
+                'host': '127.0.0.1',
+                'port': tracker_port,
+                'source_clock': 'ros' if lockstep else 'own',
+                **clock,
+            },
+            config / 'tracker_bridge.yaml',
+        ),
+        NodeCommand(
+            'session_recorder',
+            'session_bags.recorder_node',
+            {'directory': options.out, 'twin': nominal, **clock},
+            config / 'session_recorder.yaml',
+        ),
+        NodeCommand(
+            'calibrator',
+            'calibrator.node',
+            {'method': options.method, 'model_folder': options.out / 'models', **clock},
+            config / 'calibrator.yaml',
+        ),
+        NodeCommand(
+            'contour_ctrl',
+            'contour_ctrl.node',
+            {'iterations': options.iterations, **clock},
+            config / ('contour_ctrl_zaber.yaml' if stepper else 'contour_ctrl.yaml'),
+        ),
+        NodeCommand(
+            'gap_diagnosis',
+            'gap_diagnosis.node',
+            {'twin': nominal, 'out': options.out / 'diagnosis', **clock},
+            config / 'gap_diagnosis.yaml',
+        ),
+    ]

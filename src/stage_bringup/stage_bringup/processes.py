@@ -1,0 +1,116 @@
+"""The nodes as processes: started with their logs, watched, ended by pid."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from stage_core.errors import StageError
+
+_SETUP = """
+import sys
+from {module} import main
+sys.exit(main())
+"""
+_PR_SET_PDEATHSIG = 1
+
+
+def _die_with_parent() -> None:
+    # A session that is killed must leave no node behind; Linux only, elsewhere nodes end by hand.
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+@dataclass(frozen=True)
+class NodeCommand:
+    """One node: its name, the module with its ``main``, its parameters."""
+
+    name: str
+    module: str
+    parameters: Mapping[str, object]
+    parameter_file: Path | None = None
+
+    def arguments(self) -> list[str]:
+        """Command line of the process."""
+        line = [sys.executable, '-c', _SETUP.format(module=self.module), '--ros-args']
+        if self.parameter_file is not None:
+            line += ['--params-file', str(self.parameter_file)]
+        for name, value in self.parameters.items():
+            text = str(value).lower() if isinstance(value, bool) else str(value)
+            line += ['-p', f'{name}:={text}']
+        return line
+
+
+class Processes:
+    """Processes of the graph, with one log file each in `log_folder`."""
+
+    def __init__(self, log_folder: Path) -> None:
+        self.log_folder = log_folder
+        log_folder.mkdir(parents=True, exist_ok=True)
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, command: NodeCommand) -> None:
+        """Start one node; its output goes to ``<name>.log``."""
+        with open(self.log_folder / f'{command.name}.log', 'ab') as log:
+            self._running[command.name] = subprocess.Popen(
+                command.arguments(),
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                env=os.environ.copy(),
+                preexec_fn=_die_with_parent if sys.platform == 'linux' else None,
+            )
+
+    def pid(self, name: str) -> int:
+        """Process id of a node."""
+        return self._running[name].pid
+
+    def check(self) -> None:
+        """Check that every node still runs.
+
+        Raises
+        ------
+        StageError
+            With the last line that the ended node wrote.
+        """
+        for name, process in self._running.items():
+            status = process.poll()
+            if status is not None:
+                raise StageError(
+                    f'{name} ended with status {status}: {self.last_line(name)} '
+                    f'(whole log: {self.log_folder / name}.log)'
+                )
+
+    def last_line(self, name: str) -> str:
+        """The last line of a node's log."""
+        path = self.log_folder / f'{name}.log'
+        lines = path.read_text(errors='replace').split('\n') if path.exists() else []
+        return next((line.strip() for line in reversed(lines) if line.strip()), 'no output')
+
+    def end(self, patience: float = 8.0) -> list[str]:
+        """End every node, the newest first: SIGTERM, then SIGKILL after `patience` [s].
+
+        Returns the names of those that had to be killed.
+        """
+        names = list(reversed(self._running))
+        killed = []
+        # One after the other: the plant was started first and must outlive its driver.
+        for name in names:
+            process = self._running[name]
+            if process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+            deadline = time.monotonic() + patience
+            while process.poll() is None and time.monotonic() < deadline:
+                time.sleep(0.02)
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+                killed.append(name)
+        self._running.clear()
+        return killed

@@ -1,0 +1,119 @@
+"""A whole session on the embedded twin: ``ros2 run stage_bringup session``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stage_bringup.graph import Options, commands, config_folder
+from stage_bringup.processes import Processes
+from stage_core.errors import StageError, command_line
+
+Array = NDArray[np.float64]
+
+EPILOG = (
+    'Exit status: 0 when every step passed, 1 when one failed, 2 for an option that cannot be '
+    'met. Nothing is left running.'
+)
+
+
+def parse(arguments: Sequence[str] | None) -> Options:
+    """Options of the command line.
+
+    Raises
+    ------
+    StageError
+        For a combination that cannot run.
+    """
+    parser = argparse.ArgumentParser(prog='session', description=__doc__, epilog=EPILOG)
+    parser.add_argument('--backend', choices=('servo', 'zaber'), default='servo')
+    parser.add_argument(
+        '--clock',
+        choices=('lockstep', 'realtime'),
+        help='lockstep: deterministic, as fast as the machine allows (default for servo)',
+    )
+    parser.add_argument('--seed', type=int, default=1, help='seed of noise and held-out points')
+    parser.add_argument('--out', type=Path, help='folder of the session (default bags/<time>)')
+    parser.add_argument('--grid', type=int, default=7, help='points per side of the grid')
+    parser.add_argument('--heldout', type=int, default=20, help='held-out points')
+    parser.add_argument('--iterations', type=int, default=3, help='runs of the circle')
+    parser.add_argument('--method', default='structured', help='calibration method')
+    parser.add_argument('--no-diagnosis', action='store_true', help='skip the gap diagnosis')
+    parser.add_argument('--reality', type=Path, help='twin file of the machine that is emulated')
+    parser.add_argument('--nominal', type=Path, help='twin file of the nominal machine')
+    given = parser.parse_args(arguments)
+    clock = given.clock or ('lockstep' if given.backend == 'servo' else 'realtime')
+    if given.backend == 'zaber' and clock == 'lockstep':
+        raise StageError('the Zaber wire has no lockstep: use --clock realtime')
+    if given.grid < 3 or given.heldout < 3 or given.iterations < 1:
+        raise StageError('a session needs --grid >= 3, --heldout >= 3 and --iterations >= 1')
+    out = given.out or Path('bags') / time.strftime('%Y%m%d-%H%M%S')
+    if out.exists() and any(out.iterdir()):
+        raise StageError(f'{out} is not empty: name another folder with --out')
+    return Options(
+        backend=given.backend,
+        clock=clock,
+        seed=given.seed,
+        out=out.resolve(),
+        grid=given.grid,
+        heldout=given.heldout,
+        iterations=given.iterations,
+        method=given.method,
+        diagnose=not given.no_diagnosis,
+        reality=given.reality,
+        nominal=given.nominal,
+    )
+
+
+@command_line
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the session; see ``--help``."""
+    options = parse(arguments)
+    config_folder()
+    options.out.mkdir(parents=True, exist_ok=True)
+    # Ctrl-C and SIGTERM take the same way out: the graph is ended before this process is.
+    signal.signal(signal.SIGTERM, _interrupt)
+    begin = time.monotonic()
+    processes = Processes(options.out / 'log')
+    status = 0
+    try:
+        for command in commands(options):
+            processes.start(command)
+        # Imported here: rclpy loads while the nodes start.
+        from stage_bringup.steps import run_steps
+
+        result = run_steps(options, processes)
+        print(result.text)
+        (options.out / 'session.json').write_text(json.dumps(result.data, indent=1))
+        from stage_bringup.report import write_report
+
+        print(f'report: {write_report(options, result)}')
+    except StageError as error:
+        print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
+        status = 1
+    except KeyboardInterrupt:
+        print('interrupted: the stage is brought to rest', file=sys.stderr)
+        status = 130
+    finally:
+        killed = processes.end()
+    if killed:
+        print(f'error: {", ".join(killed)} did not end and was killed', file=sys.stderr)
+        status = status or 1
+    print(f'session: {options.out} ({time.monotonic() - begin:.0f} s)')
+    return status
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,211 @@
+"""The steps of a session, in order; each prints what it found."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from stage_bringup.client_node import SessionClient
+from stage_bringup.graph import Options
+from stage_bringup.plan import alignment_points, calibration_grid, heldout_points
+from stage_bringup.processes import Processes
+from stage_bringup.table import Row, as_dict, heldout_rows, render
+from stage_core import topics
+from stage_core.quantities import MICROMETRE
+
+Array = NDArray[np.float64]
+
+#: Wall time that one move may take [s]; lockstep on a busy machine is slow, not stuck.
+MOVE_TIMEOUT = 120.0
+#: Silence of the tracker that says that lockstep stands still and all is recorded [s].
+QUIET = 0.5
+
+
+@dataclass
+class SessionResult:
+    """What a session found; `data` goes to session.json, arrays [m] to the report."""
+
+    rows: list[Row] = field(default_factory=list)
+    lines: list[str] = field(default_factory=list)
+    data: dict[str, Any] = field(default_factory=dict)
+    targets: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    before: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    after: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    bags: dict[str, Path] = field(default_factory=dict)
+
+    @property
+    def text(self) -> str:
+        """What is printed at the end."""
+        return '\n'.join(['', render(self.rows), '', *self.lines])
+
+
+class Session:
+    """One session on a running graph."""
+
+    def __init__(self, options: Options, processes: Processes, client: SessionClient) -> None:
+        self.options = options
+        self.processes = processes
+        self.client = client
+        self.centre = np.zeros(2)
+        self.half_range = 0.04
+        self.result = SessionResult()
+        self._step = 0
+
+    def say(self, text: str) -> None:
+        """Announce a step."""
+        self._step += 1
+        print(f'[{self._step:2d}] {text}', flush=True)
+
+    def visit(self, points: Iterable[Array], label: str, measure: bool) -> Array:
+        """Rest at each point (n, 2) [m]; the measured table points (n, 2) [m] if asked."""
+        measured = []
+        # The bar goes to a terminal only: a log file would fill with it.
+        for point in tqdm(
+            list(points), desc=f'     {label}', unit='point', disable=not sys.stderr.isatty()
+        ):
+            at = self.client.go_to(self.centre + point, MOVE_TIMEOUT, self.processes.check)
+            if measure:
+                raw = self.client.measure(at, 0.5 * self.client.settle_time, MOVE_TIMEOUT)
+                measured.append(self.client.alignment().apply(raw)[:2])
+        return np.array(measured)
+
+    def quiet(self) -> None:
+        """Wait until everything that was measured has arrived (lockstep only)."""
+        if self.options.clock == 'lockstep':
+            self.client.wait_until_quiet(topics.TRACKER_POINT, QUIET, MOVE_TIMEOUT)
+
+    def record(self, name: str) -> Path:
+        """Start recording; the folder of the bag."""
+        self.client.set_parameters('/session_recorder', name=name)
+        path = Path(self.client.trigger('/session_recorder/start', 30.0).split()[-1])
+        self.result.bags[name] = path
+        return path
+
+    def stop_recording(self) -> None:
+        """Stop recording once everything has arrived."""
+        self.quiet()
+        self.client.trigger('/session_recorder/stop', 60.0)
+
+
+def run_steps(options: Options, processes: Processes) -> SessionResult:
+    """Run every step on a graph that is starting up.
+
+    Raises
+    ------
+    StageError
+        Of the step that failed, with its reason.
+    """
+    client = SessionClient(0.3, options.clock == 'lockstep')
+    try:
+        session = Session(options, processes, client)
+        _start(session)
+        _align(session)
+        _calibrate(session)
+        _circle(session)
+        _retrain_offline(session)
+        if options.diagnose:
+            _diagnose(session)
+        _stop(session)
+    finally:
+        client.close()
+    session.result.data['rows'] = as_dict(session.result.rows)
+    return session.result
+
+
+def _start(session: Session) -> None:
+    client, check = session.client, session.processes.check
+    session.say('starting the graph; homing')
+    for service in (
+        '/stage_driver/home',
+        '/tracker_bridge/align',
+        '/session_recorder/start',
+        '/calibrator/retrain',
+        '/contour_ctrl/run',
+    ):
+        client.wait_for_service(service, 90.0, check)
+    client.set_bool('/stage_driver/enable', True, 60.0)
+    client.trigger('/stage_driver/home', 120.0)
+    client.wait_for_subscribers(topics.TARGET, 1, 30.0)
+    low = [client.parameter('/stage_driver', f'{axis}.limit_min') for axis in 'xy']
+    high = [client.parameter('/stage_driver', f'{axis}.limit_max') for axis in 'xy']
+    session.centre = 0.5 * (np.array(low) + np.array(high))
+    session.half_range = min(0.04, 0.4 * float(np.min(np.array(high) - np.array(low))))
+    client.settle_time = float(client.parameter('/stage_driver', 'settle_time'))
+
+
+def _align(session: Session) -> None:
+    session.say('aligning the tracker with the stage (eq. 24 of paper 1)')
+    session.client.trigger('/tracker_bridge/reset')
+    session.visit(alignment_points(session.half_range), 'align', measure=False)
+    session.quiet()
+    message = session.client.trigger('/tracker_bridge/align', 60.0)
+    session.result.lines.append(f'alignment: {message}')
+
+
+def _calibrate(session: Session) -> None:
+    options, client, result = session.options, session.client, session.result
+    grid = calibration_grid(session.half_range, options.grid)
+    session.say(f'recording the calibration session: {len(grid)} positions')
+    bag = session.record('calibration')
+    session.visit(grid, 'calibrate', measure=False)
+    session.stop_recording()
+    heldout = heldout_points(session.half_range, options.heldout, options.seed)
+    session.say(f'measuring {len(heldout)} held-out points before the correction')
+    before = session.visit(heldout, 'before', measure=True)
+    session.say(f'retraining the calibrator ({options.method}) from {bag.name}')
+    client.set_parameters('/calibrator', bag=str(bag))
+    message = client.trigger('/calibrator/retrain', 600.0)
+    result.lines.append(f'calibrator: {message}')
+    client.set_bool('/calibrator/activate', True)
+    session.say(f'measuring {len(heldout)} held-out points after the correction')
+    after = session.visit(heldout, 'after', measure=True)
+    result.targets = heldout + session.centre
+    result.before, result.after = before - result.targets, after - result.targets
+    result.rows += heldout_rows(result.before, result.after)
+
+
+def _circle(session: Session) -> None:
+    session.say(f'following the circle {session.options.iterations} times')
+    session.record('circle')
+    message = session.client.trigger('/contour_ctrl/run', 900.0)
+    session.stop_recording()
+    session.result.lines.append(f'circle: {message}')
+
+
+def _retrain_offline(session: Session) -> None:
+    from calibrator import model_file
+    from calibrator.retrain_offline import train_from_bags
+
+    session.say('retraining offline from the bag alone')
+    client = session.client
+    offline = train_from_bags([session.result.bags['calibration']], session.options.method)
+    online = model_file.load(Path(json.loads(client.latest(topics.MODEL).data)['file']))
+    points = session.result.targets
+    difference = np.abs(online.predict(points) - offline.predict(points)).max()
+    session.result.lines.append(
+        f'offline retraining: largest difference to the online model '
+        f'{difference / MICROMETRE:.6f} µm'
+    )
+    session.result.data['offline_difference'] = float(difference)
+
+
+def _diagnose(session: Session) -> None:
+    session.say('diagnosing the gap between the nominal twin and this session')
+    client, bags = session.client, session.result.bags
+    client.set_parameters('/gap_diagnosis', bag=str(bags['calibration']))
+    verdict = client.trigger('/gap_diagnosis/diagnose', 600.0)
+    session.result.lines.append(f'diagnosis: {verdict}')
+
+
+def _stop(session: Session) -> None:
+    session.say('shutting down')
+    session.client.trigger('/stage_driver/stop', 30.0)
+    session.client.set_bool('/stage_driver/enable', False)

@@ -1,0 +1,56 @@
+"""What the layout promises: ROS only in node modules, packages that ROS 2 finds, sizes."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = sorted(p for p in (ROOT / 'src').iterdir() if (p / 'package.xml').is_file())
+MODULES = [m for p in PACKAGES for m in sorted((p / p.name).rglob('*.py'))]
+MESSAGES = re.compile(r'\w+_(msgs|srvs)$|rcl_interfaces$|rclpy$')
+
+
+def imported(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split('.')[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module.split('.')[0])
+    return names
+
+
+def test_there_are_packages() -> None:
+    assert len(PACKAGES) >= 8
+
+
+@pytest.mark.parametrize('module', MODULES, ids=lambda m: str(m.relative_to(ROOT / 'src')))
+def test_module(module: Path) -> None:
+    """Only node modules import ROS; stage_core imports no sibling; no module grows too long."""
+    names = imported(module)
+    if not re.search(r'(^|_)node$', module.stem):
+        assert not {n for n in names if MESSAGES.match(n)}
+    if 'stage_core' in module.parts:
+        assert not names & ({p.name for p in PACKAGES} - {'stage_core'})
+    assert len(module.read_text().splitlines()) <= 420
+
+
+@pytest.mark.parametrize('package', PACKAGES, ids=lambda p: p.name)
+def test_package_metadata(package: Path) -> None:
+    """Name, licence, build type, marker, README; what is imported is declared."""
+    root = ElementTree.parse(package / 'package.xml').getroot()
+    assert root.findtext('name') == package.name
+    assert root.findtext('license') == 'Apache-2.0'
+    assert root.findtext('export/build_type') == 'ament_python'
+    assert (package / 'resource' / package.name).is_file()
+    assert (package / 'README.md').is_file()
+    declared = {e.text for e in root.findall('exec_depend')} | {package.name}
+    siblings = {p.name for p in PACKAGES}
+    used = set().union(*(imported(m) for m in (package / package.name).rglob('*.py')))
+    assert used & siblings <= declared
+    assert {n for n in used if MESSAGES.match(n)} <= declared
