@@ -187,7 +187,9 @@ def _retrain_offline(session: Session) -> None:
     session.say('retraining offline from the bag alone')
     client = session.client
     offline = train_from_bags([session.result.bags['calibration']], session.options.method)
-    online = model_file.load(Path(json.loads(client.latest(topics.MODEL).data)['file']))
+    client.wait_for(lambda: client.latest(topics.MODEL) is not None, 30.0, topics.MODEL)
+    announced: Any = client.latest(topics.MODEL)
+    online = model_file.load(Path(json.loads(announced.data)['file']))
     points = session.result.targets
     difference = np.abs(online.predict(points) - offline.predict(points)).max()
     session.result.lines.append(
