@@ -133,7 +133,8 @@ def merge(
         begin = end
 
 
-_HEADER = np.dtype(
+#: Fixed part of a message record; the message follows.
+MESSAGE_RECORD = np.dtype(
     [
         ('opcode', 'u1'),
         ('length', '<u8'),
@@ -150,7 +151,7 @@ def _records(
 ) -> Bytes:
     """Message records (n, 31 + size) of messages (n, size)."""
     count, size = rows.shape
-    header = np.empty(count, _HEADER)
+    header = np.empty(count, MESSAGE_RECORD)
     header['opcode'] = int(Opcode.MESSAGE)
     header['length'] = MESSAGE_HEADER + size
     header['channel'] = channel

@@ -121,6 +121,8 @@ _QUANTITIES = ('position', 'velocity', 'effort')
 
 def _joint_state(walk: _Walker) -> None:
     names = [walk.string() for _ in range(min(walk.length(), len(walk.data)))]
+    if len(set(names)) != len(names):
+        raise LayoutError('a joint is named twice')
     for quantity in _QUANTITIES:
         walk.sequence(quantity, names)
 

@@ -170,7 +170,9 @@ def _parse(inner: Mapping[str, Any]) -> BagMetadata:
         compression_mode=str(inner.get('compression_mode') or '').lower(),
         files=records,
         topics=topics,
-        custom_data={str(k): str(v) for k, v in dict(custom).items()},
+        custom_data={
+            str(k): v if isinstance(v, str) else yaml.safe_dump(v) for k, v in dict(custom).items()
+        },
     )
 
 

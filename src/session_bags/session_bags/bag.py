@@ -1,0 +1,101 @@
+"""Opening a bag of any of the usual forms."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from session_bags import metadata
+from session_bags.records import FileIndex, read_index
+from stage_core.errors import StageError
+
+
+@dataclass
+class Bag:
+    """A bag: its description and the indexes of its mcap files.
+
+    `files` is empty where rosbags must read the storage (sqlite3, compressed files).
+    """
+
+    path: Path
+    description: metadata.BagMetadata
+    files: list[FileIndex] = field(default_factory=list)
+    foreign: bool = False
+    warnings: list[str] = field(default_factory=list)
+
+    def topic_types(self) -> dict[str, str]:
+        """Topic -> message type."""
+        types = {topic.name: topic.type_name for topic in self.description.topics}
+        for index in self.files:
+            for channel in index.channels.values():
+                schema = index.schemas.get(channel.schema_id)
+                types[channel.topic] = schema.name if schema else ''
+        return types
+
+
+def open_bag(path: str | Path) -> Bag:
+    """Open a rosbag2 directory (mcap or sqlite3, finished or not) or a bare mcap file.
+
+    Raises
+    ------
+    StageError
+        If there is no bag at the path or it cannot be read.
+    """
+    path = Path(path)
+    if path.is_file() and path.suffix == '.mcap':
+        bag = Bag(path, metadata.BagMetadata(), [read_index(path)])
+    elif path.is_dir():
+        bag = _open_directory(path)
+    else:
+        what = 'is not a bag' if path.exists() else 'does not exist'
+        raise StageError(f'{path} {what}: name the directory of a session bag or an mcap file')
+    for index in bag.files:
+        _adopt(bag, index)
+        if not index.finished:
+            bag.warnings.append(
+                f'{index.path.name} is unfinished and was read up to its last complete chunk; '
+                'make it whole with `ros2 run session_bags repair`'
+            )
+    return bag
+
+
+def _open_directory(path: Path) -> Bag:
+    try:
+        description = metadata.load(path)
+        lost = None
+    except StageError as error:
+        description, lost = None, error
+    found = sorted(path.glob('*.mcap'), key=_natural)
+    if description is None:
+        if not found:
+            raise lost or StageError(
+                f'{path} holds no bag (no metadata.yaml, no mcap file): name the directory of a '
+                'session bag'
+            )
+        bag = Bag(path, metadata.BagMetadata(), [read_index(file) for file in found])
+        bag.warnings.append('metadata.yaml is missing or unreadable; the mcap files were read')
+        return bag
+    if description.storage != 'mcap' or description.compression_mode in ('file', 'message'):
+        return Bag(path, description, foreign=True)
+    names = [path / record.path for record in description.files] or found
+    missing = [file for file in names if not file.is_file()]
+    if missing or not names:
+        raise StageError(
+            f'{path} lacks its file {missing[0].name if missing else "*.mcap"}: copy the whole '
+            'directory of the bag'
+        )
+    return Bag(path, description, [read_index(file) for file in names])
+
+
+def _adopt(bag: Bag, index: FileIndex) -> None:
+    """Take the custom data from the file where ``metadata.yaml`` has none."""
+    inner = metadata.parse_inner(index.metadata.get('rosbag2', {}).get('serialized_metadata', ''))
+    if inner is not None:
+        for key, value in inner.custom_data.items():
+            bag.description.custom_data.setdefault(key, value)
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Sorting key that puts ``run_10`` after ``run_9``."""
+    return [(int(part) if part.isdigit() else -1, part) for part in re.split(r'(\d+)', path.name)]
