@@ -1,0 +1,242 @@
+"""What drives the machine's time: the wall clock, or the driver's forces (lockstep)."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from stage_core import drive_link
+from stage_core.clocks import NANOSECONDS
+from stage_twin.emulators.drive import DriveSocket, Pacer
+from stage_twin.machine import ServoMachine
+
+LOCKSTEP_START_NS = NANOSECONDS
+RESEND_AFTER = 0.2
+LONGEST_WAIT = 0.05
+BRAKING_LIMIT = 2.0
+
+
+class TrackerOutput(Protocol):
+    """Where tracker points go: TPI server or text sender."""
+
+    def push(self, time_ns: int, point: tuple[float, float, float]) -> None:
+        """Take a point [m] with its time [ns]."""
+
+    def flush(self) -> None:
+        """Return when every point has been written."""
+
+
+class _Loop(threading.Thread):
+    """A thread that owns the machine; others ask it for a reset and read its counters."""
+
+    def __init__(
+        self, machine: ServoMachine, drive: DriveSocket, tracker: TrackerOutput | None
+    ) -> None:
+        super().__init__(name='plant', daemon=True)
+        self.machine = machine
+        self.drive = drive
+        self.tracker = tracker
+        self.tick = 0
+        self.ticks = 0
+        self.stamp = 0
+        self.origin = 0
+        self.late_forces = 0
+        self.braked = 0
+        self.braking = False
+        self.failure: BaseException | None = None
+        self._ended = threading.Event()
+        self._reset_wanted = threading.Event()
+        self._reset_done = threading.Event()
+
+    def run(self) -> None:
+        """Run until `stop`; what goes wrong is kept in `failure`."""
+        try:
+            self._run()
+        except Exception as error:
+            self.failure = error
+
+    def _run(self) -> None:
+        raise NotImplementedError
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        if self.is_alive():
+            self.join(timeout=5.0)
+
+    def reset(self, timeout: float = 2.0) -> bool:
+        """Put the stage at rest at zero; ticks start anew. Return whether it was done in time."""
+        self._reset_done.clear()
+        self._reset_wanted.set()
+        return self._reset_done.wait(timeout)
+
+    def _apply_reset(self) -> int:
+        """Do a wanted reset; return the flags of the next encoder datagram."""
+        if not self._reset_wanted.is_set():
+            return 0
+        self._reset_wanted.clear()
+        self.machine.reset()
+        self.tick = 0
+        self.origin = self.stamp
+        self._reset_done.set()
+        return drive_link.RESET
+
+    def _send_encoder(self, flags: int) -> None:
+        self.drive.send(
+            self.tick, self.stamp, self.machine.positions(), self.machine.temperatures(), flags
+        )
+
+    def _send_points(self) -> None:
+        if self.tracker is not None:
+            for time_ns, point in self.machine.tracker_points():
+                self.tracker.push(self.origin + time_ns, point)
+
+    def _advance(self, force: tuple[float, ...] | None) -> None:
+        """Let one tick pass with a force, or with the brake where there is none."""
+        self.braking = force is None
+        if force is None:
+            self.machine.brake()
+            self.braked += 1
+        else:
+            self.machine.step(force)
+        self.tick += 1
+        self.ticks += 1
+
+
+class RealTimeLoop(_Loop):
+    """Tick at absolute deadlines; interval k takes force k, or the last one when that is late.
+
+    Parameters
+    ----------
+    watchdog
+        Without a force for this long the drive brakes [s].
+    """
+
+    def __init__(
+        self,
+        machine: ServoMachine,
+        drive: DriveSocket,
+        tracker: TrackerOutput | None,
+        watchdog: float = 0.02,
+    ) -> None:
+        super().__init__(machine, drive, tracker)
+        self.pacer = Pacer(machine.period)
+        self._watchdog_ticks = max(1, round(watchdog / machine.period))
+
+    def _run(self) -> None:
+        self.stamp = self.origin = time.time_ns()
+        self.pacer.start()
+        force: tuple[float, ...] | None = None
+        silent = 0
+        self._send_points()
+        self._send_encoder(0)
+        while not self._ended.is_set():
+            before = self.pacer.deadline
+            moved = round((self.pacer.next() - before) * NANOSECONDS)
+            fresh = False
+            while (datagram := self.drive.receive()) is not None:
+                force = datagram.values
+                silent = 0
+                fresh = fresh or datagram.tick == self.tick
+            silent += 1
+            if silent > self._watchdog_ticks:
+                force = None
+            elif not fresh and force is not None:
+                self.late_forces += 1
+            self._advance(force)
+            self.stamp += moved
+            # Time that a suspended machine has lost did not pass for the plant.
+            self.origin += moved - self.machine.period_ns
+            self._send_points()
+            flags = self._apply_reset()
+            if flags:
+                force = None
+            self._send_encoder(flags)
+
+
+class LockstepLoop(_Loop):
+    """Virtual time from 1 s on, which stands still until the force of the tick has come.
+
+    Parameters
+    ----------
+    publish_clock
+        Called with the time [ns], and again while the world waits, for those who join late.
+    clock_interval
+        Ticks between two calls of `publish_clock` while time runs.
+    watchdog
+        Without a force for this long (wall clock) a stage in motion brakes to rest [s].
+    """
+
+    def __init__(
+        self,
+        machine: ServoMachine,
+        drive: DriveSocket,
+        tracker: TrackerOutput | None,
+        publish_clock: Callable[[int], None],
+        watchdog: float = 2.0,
+        clock_interval: int = 1,
+    ) -> None:
+        super().__init__(machine, drive, tracker)
+        self._publish_clock = publish_clock
+        self._clock_interval = clock_interval
+        self._published: int | None = None
+        self._watchdog = watchdog
+        self.repeated = 0
+
+    def _run(self) -> None:
+        self.stamp = self.origin = LOCKSTEP_START_NS
+        self._deliver(0)
+        while not self._ended.is_set():
+            force = self._await_force()
+            if self._reset_wanted.is_set():
+                self._deliver(self._apply_reset())
+            elif force is not None:
+                self._pass_tick(force)
+            elif not self._ended.is_set():
+                self._brake_to_rest()
+
+    def _deliver(self, flags: int) -> None:
+        """Make tick k known: points up to t_k first, then the time, then encoder k."""
+        self._send_points()
+        if self.tracker is not None:
+            self.tracker.flush()
+        if self.tick % self._clock_interval == 0:
+            self._tell_time()
+        self._send_encoder(drive_link.LOCKSTEP | flags)
+
+    def _tell_time(self) -> None:
+        self._publish_clock(self.stamp)
+        self._published = self.stamp
+
+    def _pass_tick(self, force: tuple[float, ...] | None) -> None:
+        self._advance(force)
+        self.stamp += self.machine.period_ns
+        self._deliver(0)
+
+    def _brake_to_rest(self) -> None:
+        for _ in range(round(BRAKING_LIMIT / self.machine.period)):
+            if self.machine.at_rest or self._ended.is_set():
+                return
+            self._pass_tick(None)
+
+    def _await_force(self) -> tuple[float, ...] | None:
+        """Wait for the force of this tick; None to end, reset, or brake."""
+        begin = repeat_at = time.monotonic()
+        while not self._ended.is_set() and not self._reset_wanted.is_set():
+            while (datagram := self.drive.receive()) is not None:
+                if datagram.tick == self.tick:
+                    return datagram.values
+            now = time.monotonic()
+            if self.drive.greeted or now - repeat_at > RESEND_AFTER:
+                self.drive.greeted = False
+                repeat_at = now
+                self.repeated += 1
+                self._tell_time()
+                self._send_encoder(drive_link.LOCKSTEP | drive_link.REPEATED)
+            if now - begin > self._watchdog and self.machine.moving:
+                return None
+            if not self.drive.wait(LONGEST_WAIT) and self._published != self.stamp:
+                self._tell_time()
+        return None

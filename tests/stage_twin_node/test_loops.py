@@ -1,0 +1,224 @@
+"""The plant's two clocks against a driver of a few lines on real sockets."""
+
+import contextlib
+import socket
+import threading
+import time
+
+import pytest
+
+from stage_core import drive_link
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+from stage_twin.emulators.drive import DriveSocket
+from stage_twin.loops import LOCKSTEP_START_NS, LockstepLoop, RealTimeLoop
+from stage_twin.machine import ServoMachine
+
+
+class Recorder:
+    """Takes the place of the tracker's sockets."""
+
+    def __init__(self):
+        self.points = []
+        self.flushed = 0
+
+    def push(self, time_ns, point):
+        self.points.append((time_ns, point))
+
+    def flush(self):
+        self.flushed = len(self.points)
+
+
+class Driver:
+    """A driver that answers each encoder with a force of its choice."""
+
+    def __init__(self, port):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.connect(('127.0.0.1', port))
+        self.socket.settimeout(5.0)
+        self.socket.send(drive_link.encode_hello())
+
+    def receive(self):
+        return drive_link.decode(self.socket.recv(2048))
+
+    def fresh(self):
+        while (datagram := self.receive()).flags & drive_link.REPEATED:
+            pass
+        return datagram
+
+    def send(self, tick, *forces):
+        self.socket.send(drive_link.encode_force(tick, 0, forces))
+
+    def close(self):
+        self.socket.close()
+
+
+@pytest.fixture(scope='module')
+def machine():
+    return ServoMachine(TwinFile.nominal_servo(), seed=3)
+
+
+@contextlib.contextmanager
+def running(loop):
+    loop.start()
+    try:
+        yield loop
+    finally:
+        loop.stop()
+        loop.drive.close()
+        assert loop.failure is None
+
+
+def lockstep(machine, **options):
+    machine.reset()
+    clock = []
+    loop = LockstepLoop(machine, DriveSocket(2, 0), Recorder(), clock.append, **options)
+    loop.clock = clock
+    return loop
+
+
+def push_constant_force(loop, ticks):
+    driver = Driver(loop.drive.port)
+    seen = [driver.receive()]
+    for tick in range(ticks):
+        driver.send(tick, 20.0, -5.0)
+        seen.append(driver.fresh())
+    driver.close()
+    return seen
+
+
+def test_lockstep_is_the_plant_and_deterministic(machine):
+    runs = []
+    for _ in range(2):
+        with running(lockstep(machine)) as loop:
+            seen = push_constant_force(loop, 300)
+        runs.append((seen[1:], loop.tracker.points))
+    assert runs[0] == runs[1]
+    seen, points = runs[0]
+    assert [datagram.tick for datagram in seen] == list(range(1, 301))
+    assert [d.stamp for d in seen] == [LOCKSTEP_START_NS + k * 1_000_000 for k in range(1, 301)]
+    assert seen[-1].temperatures == (20.0, 20.0, 20.0, 20.0)
+    # m a + c v = F from rest: x = F/c (t - m/c (1 - exp(-c t/m)))
+    import math
+
+    t, mass, viscous = 0.3, 18.0, 40.0
+    exact = 20.0 / viscous * (t - mass / viscous * (1.0 - math.exp(-viscous * t / mass)))
+    assert abs(seen[-1].values[0] - exact) < 1.0e-6
+    assert [stamp for stamp, _ in points] == [
+        LOCKSTEP_START_NS + k * 10_000_000 for k in range(31)
+    ]
+    assert abs(points[-1][1][0] - exact) < 6.0e-6
+
+
+def test_lockstep_points_are_written_before_the_encoder_that_follows(machine):
+    loop = lockstep(machine)
+    sent = []
+    send = loop.drive.send
+
+    def watched(tick, stamp, positions, temperatures, flags=0):
+        sent.append((stamp, loop.tracker.flushed))
+        send(tick, stamp, positions, temperatures, flags)
+
+    loop.drive.send = watched
+    with running(loop):
+        push_constant_force(loop, 25)
+    for stamp, flushed in sent:
+        assert flushed == (stamp - LOCKSTEP_START_NS) // 10_000_000 + 1
+
+
+def test_lockstep_time_stands_still_and_a_new_driver_joins(machine):
+    with running(lockstep(machine)) as loop:
+        last = push_constant_force(loop, 5)[-1]
+        stamps = len(loop.clock)
+        driver = Driver(loop.drive.port)
+        joined = driver.receive()
+        repeated = driver.receive()
+        driver.close()
+        assert (
+            (joined.tick, joined.stamp)
+            == (last.tick, last.stamp)
+            == (5, repeated.stamp)[:1] + (last.stamp,)
+        )
+        assert repeated.flags & drive_link.REPEATED
+        assert set(loop.clock[stamps:]) == {last.stamp}
+
+
+def test_lockstep_stale_and_foreign_forces_change_nothing(machine):
+    with running(lockstep(machine)) as loop:
+        push_constant_force(loop, 3)
+        driver = Driver(loop.drive.port)
+        driver.receive()
+        driver.send(1, 1.0, 1.0)
+        driver.send(3, float('nan'), 1.0)
+        driver.send(3, 1.0)
+        driver.socket.send(b'garbage')
+        stranger = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        stranger.sendto(drive_link.encode_force(3, 0, (9.0, 9.0)), ('127.0.0.1', loop.drive.port))
+        stranger.close()
+        assert driver.receive().tick == 3
+        driver.send(3, 0.0, 0.0)
+        assert driver.fresh().tick == 4
+        driver.close()
+        assert loop.drive.refused == 4
+
+
+def test_lockstep_brakes_a_moving_stage_when_its_driver_dies(machine):
+    with running(lockstep(machine, watchdog=0.2)) as loop:
+        push_constant_force(loop, 200)
+        assert machine.moving
+        deadline = time.monotonic() + 30.0
+        while not machine.at_rest and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert machine.at_rest
+        # 0.2 m/s decays with 20 ms to 10 um/s in some 0.2 s.
+        assert 50 < loop.braked < 500
+
+
+def test_reset_starts_ticks_anew_and_keeps_time_going(machine):
+    with running(lockstep(machine)) as loop:
+        push_constant_force(loop, 50)
+        driver = Driver(loop.drive.port)
+        driver.receive()
+        assert loop.reset()
+        datagram = driver.receive()
+        while not datagram.flags & drive_link.RESET:
+            datagram = driver.receive()
+        driver.close()
+        assert (datagram.tick, datagram.stamp) == (0, LOCKSTEP_START_NS + 50_000_000)
+        assert datagram.values == (0.0, 0.0)
+
+
+def test_real_time_follows_forces_and_brakes_in_silence(machine):
+    machine.reset()
+    loop = RealTimeLoop(machine, DriveSocket(2, 0), Recorder(), watchdog=0.02)
+    with running(loop):
+        driver = Driver(loop.drive.port)
+        stamps = []
+        begin = time.time_ns()
+        for _ in range(200):
+            datagram = driver.receive()
+            stamps.append(datagram.stamp)
+            driver.send(datagram.tick, 20.0, 0.0)
+        assert abs(stamps[0] - begin) < 5_000_000_000
+        steps = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
+        assert all(step >= 1_000_000 for step in steps)
+        driver.close()
+        deadline = time.monotonic() + 30.0
+        while not (loop.braking and machine.at_rest) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert loop.braking and machine.at_rest
+        assert machine.positions()[0] > 1e-4
+    stamps = [stamp for stamp, _ in loop.tracker.points]
+    assert stamps == sorted(stamps)
+
+
+def test_a_taken_port_is_one_clear_error():
+    first = DriveSocket(2, 0)
+    with pytest.raises(StageError, match=f'{first.port}.*drive_port'):
+        DriveSocket(2, first.port)
+    first.close()
+
+
+def test_no_thread_is_left():
+    names = {thread.name for thread in threading.enumerate()}
+    assert 'plant' not in names
