@@ -1,0 +1,228 @@
+"""A rig whose controller is unknown: its recorded force drives the plant (contract section 5).
+
+The forward simulation runs in consecutive short windows from the smoothed recorded state;
+the inverse one gives the force that the model needs for the recorded motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from stage_core.errors import StageError
+from stage_core.twin_file import ForceAxis, TwinFile
+from stage_twin import layout
+from stage_twin.force_kernel import follow_hidden_states, needed_force, run_windows
+from stage_twin.packing import KernelArrays, pack
+
+#: Length of a window of the forward simulation [s].
+WINDOW = 0.1
+#: Width of the smoothing of the recorded position [s].
+SMOOTHING = 0.03
+_ORDER = 3
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Smoothed recorded motion, each (n, n_axes): m, m/s, m/s^2."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+@dataclass(frozen=True)
+class MeasuredForceResult:
+    """Channels of a measured-force twin, each (n, n_axes); SI units.
+
+    Attributes
+    ----------
+    times : (n,)
+    encoder, velocity
+        Simulated motor position and velocity, restarted at every window.
+    force : recorded force [N].
+    required : force that the model needs for the recorded motion [N].
+    window : int
+        Ticks of a window.
+    """
+
+    times: np.ndarray
+    encoder: np.ndarray
+    velocity: np.ndarray
+    force: np.ndarray
+    required: np.ndarray
+    window: int
+
+
+def smooth_motion(position: np.ndarray, period: float, width: float = SMOOTHING) -> Motion:
+    """Position, velocity and acceleration of a recorded position (n, n_axes).
+
+    Savitzky-Golay, third order, over `width` seconds: a local polynomial has no phase, and its
+    derivatives belong to the same polynomial as the position.
+
+    Raises
+    ------
+    StageError
+        If the record is shorter than the smoothing.
+    """
+    window = max(_ORDER + 2, 2 * round(0.5 * width / period) + 1)
+    position = np.asarray(position, dtype=float)
+    if position.shape[0] < window:
+        raise StageError(
+            f'{position.shape[0]} samples are too few: the smoothing alone takes {window}'
+        )
+    derivatives = [
+        savgol_filter(position, window, _ORDER, deriv=order, delta=period, axis=0)
+        for order in range(3)
+    ]
+    return Motion(*(np.ascontiguousarray(values) for values in derivatives))
+
+
+def required_force(
+    twin: TwinFile,
+    position: np.ndarray,
+    *,
+    external_force: np.ndarray | None = None,
+    motion: Motion | None = None,
+    smoothing: float = SMOOTHING,
+) -> np.ndarray:
+    """Force command that the twin needs for a recorded motion, at the tick it must be given.
+
+    Parameters
+    ----------
+    position : (n, n_axes)
+        Recorded encoder [m] at the twin's control period.
+    external_force : (n, n_axes), optional
+        Force on the moving masses from outside [N].
+    motion : Motion, optional
+        Smoothed motion, where it is at hand.
+
+    Returns
+    -------
+    (n, n_axes) [N]; with a delay the last entries repeat the last one known.
+
+    Raises
+    ------
+    StageError
+        If shapes do not fit, values are not finite, or the twin is wrong.
+    """
+    arrays = pack(twin)
+    position = _checked('position', position, None, arrays)
+    motion = motion or smooth_motion(position, arrays.period, smoothing)
+    external = _external(external_force, position, arrays)
+    return _required(arrays, motion, external, _hidden_states(arrays, motion))
+
+
+def simulate_measured_force(
+    twin: TwinFile,
+    position: np.ndarray,
+    effort: np.ndarray,
+    *,
+    external_force: np.ndarray | None = None,
+    window: float = WINDOW,
+    motion: Motion | None = None,
+    smoothing: float = SMOOTHING,
+) -> MeasuredForceResult:
+    """Simulate a rig with its recorded force as input, in consecutive windows.
+
+    Parameters
+    ----------
+    position : (n, n_axes)
+        Recorded encoder [m] at the twin's control period.
+    effort : (n, n_axes)
+        Recorded force, in the axis's `effort_unit`.
+    window : float
+        Length of a window [s].
+
+    Raises
+    ------
+    StageError
+        If shapes do not fit, values are not finite, or the twin is wrong.
+    """
+    arrays = pack(twin)
+    position = _checked('position', position, None, arrays)
+    effort = _checked('effort', effort, position.shape[0], arrays)
+    units = [a.effort_unit if isinstance(a, ForceAxis) else 1.0 for a in twin.axes.values()]
+    force = effort * np.array(units)
+    motion = motion or smooth_motion(position, arrays.period, smoothing)
+    external = _external(external_force, position, arrays)
+    hidden = _hidden_states(arrays, motion)
+    ticks = max(1, round(window / arrays.period))
+    simulated = np.zeros_like(position)
+    velocity = np.zeros_like(position)
+    run_windows(
+        arrays.axes,
+        arrays.transitions,
+        arrays.schedule,
+        motion.position,
+        motion.velocity,
+        *hidden,
+        np.ascontiguousarray(force.T),
+        external,
+        ticks,
+        simulated,
+        velocity,
+    )
+    return MeasuredForceResult(
+        times=np.arange(position.shape[0]) * arrays.period,
+        encoder=simulated,
+        velocity=velocity,
+        force=force,
+        required=_required(arrays, motion, external, hidden),
+        window=ticks,
+    )
+
+
+def _hidden_states(
+    arrays: KernelArrays, motion: Motion
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    hidden = tuple(np.zeros_like(motion.position) for _ in range(3))
+    follow_hidden_states(arrays.axes, arrays.period, motion.velocity, motion.acceleration, *hidden)
+    return hidden[0], hidden[1], hidden[2]
+
+
+def _required(
+    arrays: KernelArrays,
+    motion: Motion,
+    external: np.ndarray,
+    hidden: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> np.ndarray:
+    out = np.zeros_like(motion.position)
+    needed_force(
+        arrays.axes,
+        motion.position,
+        motion.velocity,
+        motion.acceleration,
+        *hidden,
+        external,
+        out,
+    )
+    ticks = np.arange(out.shape[0], dtype=float)
+    for axis, row in enumerate(arrays.axes):
+        limit = row[layout.SATURATION]
+        if limit > 0.0:
+            np.clip(out[:, axis], -limit, limit, out=out[:, axis])
+        out[:, axis] /= 1.0 + row[layout.GAIN_ERROR]
+        delay = (row[layout.DELAY] + row[layout.DELAY_ADDED]) / arrays.period
+        # A held force acts, on average, half a tick after its own tick.
+        out[:, axis] = np.interp(ticks + delay + 0.5, ticks, out[:, axis])
+    return out
+
+
+def _external(given: np.ndarray | None, position: np.ndarray, arrays: KernelArrays) -> np.ndarray:
+    if given is None:
+        return np.zeros_like(position)
+    return _checked('external_force', given, position.shape[0], arrays)
+
+
+def _checked(name: str, values: np.ndarray, count: int | None, arrays: KernelArrays) -> np.ndarray:
+    values = np.ascontiguousarray(values, dtype=float)
+    width = len(arrays.names)
+    if values.ndim != 2 or values.shape[1] != width or count not in (None, values.shape[0]):
+        rows = 'n' if count is None else str(count)
+        raise StageError(f'{name} has shape {values.shape}: give ({rows}, {width})')
+    if not np.isfinite(values).all():
+        raise StageError(f'{name} holds values that are not finite: remove them first')
+    return values
