@@ -125,7 +125,15 @@ def load(directory: Path) -> BagMetadata | None:
     try:
         inner = yaml.safe_load(path.read_text(encoding='utf-8'))[_OUTER_KEY]
         return _parse(inner)
-    except (yaml.YAMLError, UnicodeDecodeError, OSError, KeyError, TypeError, ValueError) as error:
+    except (
+        yaml.YAMLError,
+        UnicodeDecodeError,
+        OSError,
+        KeyError,
+        TypeError,
+        ValueError,
+        AttributeError,
+    ) as error:
         raise StageError(
             f'{path} is not the description of a bag: run `ros2 run session_bags repair '
             f'{directory}` to write it anew'
@@ -136,7 +144,7 @@ def parse_inner(text: str) -> BagMetadata | None:
     """Metadata from the ``rosbag2`` record of an mcap file; None where it cannot be read."""
     try:
         return _parse(yaml.safe_load(text))
-    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+    except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError):
         return None
 
 

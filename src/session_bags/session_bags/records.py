@@ -16,7 +16,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Footer, Metadata, Schema
+from mcap.records import Channel, ChunkIndex, Footer, Metadata, Schema, Statistics
 from numpy.typing import NDArray
 
 from session_bags.container import MAGIC, MESSAGE_HEADER, RECORD_HEADER
@@ -64,8 +64,17 @@ class FileIndex:
     chunks: list[ChunkPlace] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     finished: bool = True
+    #: From the statistics; unknown in an unfinished file.
+    start: int = 0
+    end: int = 0
+    counts: dict[int, int] = field(default_factory=dict)
     #: Bytes after the last complete record of an unfinished file.
     lost_bytes: int = 0
+
+    @property
+    def message_count(self) -> int:
+        """Messages by the statistics."""
+        return sum(self.counts.values())
 
 
 def read_index(path: Path) -> FileIndex:
@@ -127,7 +136,11 @@ def _from_summary(path: Path, stream: BinaryIO) -> FileIndex | None:
     messages = 0
     for opcode, body in _records(summary):
         if opcode == Opcode.STATISTICS:
-            messages = int.from_bytes(body[:8], 'little')
+            statistics = Statistics.read(_stream(body))
+            messages = statistics.message_count
+            index.counts = dict(statistics.channel_message_counts)
+            index.start = statistics.message_start_time
+            index.end = statistics.message_end_time
         elif opcode == Opcode.CHUNK_INDEX:
             entry = ChunkIndex.read(_stream(body))
             place = ChunkPlace(

@@ -1,0 +1,175 @@
+"""Making an unfinished or damaged bag whole: the index, the summary and ``metadata.yaml``."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from session_bags import metadata
+from session_bags.container import ContainerWriter
+from session_bags.definitions import typestore
+from session_bags.records import (
+    ChunkPlace,
+    FileIndex,
+    read_index,
+    split_chunk,
+    unpack_chunk,
+    walk_messages,
+)
+from stage_core.errors import StageError, command_line
+
+#: Ending of the original file that a repaired one replaces.
+KEPT_SUFFIX = '.unfinished'
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """What a repair found in one file, and kept."""
+
+    path: Path
+    messages: int
+    lost_chunks: int
+    lost_bytes: int
+    was_whole: bool
+
+
+def repair(path: str | Path) -> list[Repaired]:
+    """Repair every mcap file of a bag in place and write its ``metadata.yaml``.
+
+    The original of a file that was not whole stays beside it, its name ending in
+    ``.unfinished``.
+
+    Raises
+    ------
+    StageError
+        If there is no mcap file, it holds no message, or the disk is full.
+    """
+    path = Path(path)
+    files = sorted(path.glob('*.mcap')) if path.is_dir() else [path]
+    if not files or not files[0].is_file():
+        raise StageError(f'{path} holds no mcap file: name the directory of a session bag')
+    done = [_repair_file(file) for file in files]
+    if path.is_dir():
+        _describe(path, files)
+    return done
+
+
+def _repair_file(path: Path) -> Repaired:
+    index = read_index(path)
+    target = path.with_name(path.name + '.repairing')
+    try:
+        with open(target, 'wb', buffering=0) as stream:
+            container = ContainerWriter(stream)
+            lost = _copy(index, container)
+            os.fsync(stream.fileno())
+        if index.finished and not lost:
+            target.unlink()
+            return Repaired(path, container.message_count, 0, 0, True)
+        if not container.message_count:
+            target.unlink()
+            raise StageError(f'{path} holds no complete chunk of messages: nothing can be saved')
+        os.replace(path, path.with_name(path.name + KEPT_SUFFIX))
+        os.replace(target, path)
+    except OSError as error:
+        target.unlink(missing_ok=True)
+        raise StageError(
+            f'cannot repair {path} ({error.strerror}): free space and try again; the file is '
+            'unchanged'
+        ) from error
+    return Repaired(path, container.message_count, lost, index.lost_bytes, False)
+
+
+def _copy(index: FileIndex, container: ContainerWriter) -> int:
+    """Copy every whole chunk; the number of those that are damaged."""
+    lost = 0
+    for schema in index.schemas.values():
+        container.add_schema(schema)
+    for channel in index.channels.values():
+        container.add_channel(channel)
+    with open(index.path, 'rb') as stream:
+        for place in index.chunks:
+            stream.seek(place.offset)
+            try:
+                _copy_chunk(index, place, stream.read(place.length), container)
+            except StageError:
+                lost += 1
+    for name, content in index.metadata.items():
+        container.add_metadata(name, content)
+    container.finish()
+    return lost
+
+
+def _copy_chunk(
+    index: FileIndex, place: ChunkPlace, raw: bytes, container: ContainerWriter
+) -> None:
+    data = raw if place.bare else unpack_chunk(raw, index.path)
+    found = walk_messages(data)
+    messages = {c: rows for c, rows in found.items() if c in index.channels}
+    if place.bare:
+        container.add_chunk(data, messages)
+    else:
+        compressed, compression, size, crc = split_chunk(raw, index.path)
+        container.add_compressed_chunk(compressed, compression, size, crc, messages)
+
+
+def _describe(directory: Path, files: Sequence[Path]) -> None:
+    """Write ``metadata.yaml`` from the summaries of the files."""
+    try:
+        old = metadata.load(directory)
+    except StageError:
+        old = None
+    new = metadata.BagMetadata(custom_data=dict(old.custom_data) if old else {})
+    topics: dict[str, metadata.TopicRecord] = {}
+    for path in files:
+        index = read_index(path)
+        record = metadata.FileRecord(path.name, index.start, index.end, index.message_count)
+        new.files.append(record)
+        inner = index.metadata.get('rosbag2', {}).get('serialized_metadata', '')
+        described = metadata.parse_inner(inner)
+        for key, value in (described.custom_data if described else {}).items():
+            new.custom_data.setdefault(key, value)
+        for number, channel in index.channels.items():
+            type_name = index.schemas[channel.schema_id].name
+            topic = topics.setdefault(
+                channel.topic,
+                metadata.TopicRecord(
+                    channel.topic,
+                    type_name,
+                    channel.metadata.get('topic_type_hash') or _type_hash(type_name),
+                    metadata.parse_qos(channel.metadata.get('offered_qos_profiles')),
+                ),
+            )
+            topic.count += index.counts.get(number, 0)
+    new.topics = list(topics.values())
+    new.save(directory)
+
+
+def _type_hash(type_name: str) -> str:
+    """RIHS01 hash of a type, empty where it is unknown here."""
+    try:
+        return typestore().hash_rihs01(type_name)
+    except KeyError:
+        return ''
+
+
+@command_line
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Repair the named bags and say what was saved."""
+    parser = argparse.ArgumentParser(
+        prog='repair', description='Make unfinished or damaged session bags whole.'
+    )
+    parser.add_argument('bag', nargs='+', help='directory of a bag, or an mcap file')
+    for bag in parser.parse_args(arguments).bag:
+        for done in repair(bag):
+            if done.was_whole:
+                print(f'{done.path}: whole, {done.messages} messages')
+                continue
+            print(
+                f'{done.path}: repaired, {done.messages} messages saved, {done.lost_chunks} '
+                f'damaged chunks and {done.lost_bytes} trailing bytes left out; the original is '
+                f'{done.path.name}{KEPT_SUFFIX}'
+            )
+    return 0
