@@ -1,0 +1,149 @@
+"""Iterative learning of a velocity signal: P-type with a zero-phase filter, and norm-optimal."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import butter, sosfiltfilt, sosfreqz
+from scipy.sparse.linalg import LinearOperator, cg
+
+from stage_core.errors import StageError
+from stage_core.twin_file import ServoAxis
+
+FloatArray = NDArray[np.float64]
+
+FILTER_ORDER = 2
+
+
+def zero_phase_lowpass(signal: FloatArray, cutoff: float, period: float) -> FloatArray:
+    """Filter (n,) or (n, 2) forwards and backwards: Q of eq. 11, no phase shift.
+
+    A Butterworth filter of second order, run twice: -6 dB at `cutoff` [Hz].
+
+    Raises
+    ------
+    StageError
+        A cutoff that is not between 0 and half the sampling rate.
+    """
+    sections = _filter(cutoff, period)
+    padding = min(len(signal) - 1, int(3.0 / (cutoff * period)))
+    return np.asarray(sosfiltfilt(sections, signal, axis=0, padlen=padding))
+
+
+def p_type_update(
+    learned: FloatArray,
+    error: FloatArray,
+    gain: FloatArray | float,
+    cutoff: float,
+    period: float,
+    lead: int = 0,
+) -> FloatArray:
+    """Return Q[u_j(k) + L e_j(k + lead)] (eq. 11; eqs. 26 and 30).
+
+    Parameters
+    ----------
+    learned, error
+        (n, 2) learned velocity of the last run [m/s] and its tracking error [m].
+    gain
+        L [1/s], one number or (2,).
+    cutoff
+        Of the zero-phase filter Q [Hz].
+    lead
+        Ticks by which the error is read ahead; the paper has none.
+    """
+    ahead = error if lead == 0 else np.vstack([error[lead:], np.repeat(error[-1:], lead, axis=0)])
+    return zero_phase_lowpass(learned + gain * ahead, cutoff, period)
+
+
+def convergence_factor(
+    impulse: FloatArray, gain: float, cutoff: float, period: float, lead: int = 0
+) -> float:
+    """Return max over frequency of |Q (1 - L z^lead G)|: the error shrinks where it is < 1.
+
+    `impulse` (n,) is the response [m] of the closed loop to a learned velocity of 1 m/s
+    during one tick.
+    """
+    size = next_fast_len(4 * len(impulse))
+    frequency = np.fft.rfftfreq(size, period)
+    plant = rfft(impulse, size) * np.exp(2j * np.pi * frequency * period * lead)
+    _, once = sosfreqz(_filter(cutoff, period), frequency, fs=1.0 / period)
+    return float(np.max(np.abs(once) ** 2 * np.abs(1.0 - gain * plant)))
+
+
+def norm_optimal_update(
+    learned: FloatArray,
+    error: FloatArray,
+    impulse: FloatArray,
+    effort_weight: float,
+    change_weight: float,
+    tolerance: float = 1e-10,
+) -> FloatArray:
+    """Return the u that minimises |e - G (u - u_j)|^2 + w_u |u|^2 + w_d |u - u_j|^2.
+
+    The quadratic criterion of norm-optimal learning (Bristow, Tharayil, Alleyne, IEEE Control
+    Systems 26, 2006), one axis: `learned` u_j (n,) [m/s], `error` e_j (n,) [m], `impulse`
+    (<= n,) as in `convergence_factor`. G and its transpose are convolutions by FFT and the
+    normal equations are solved by conjugate gradients, so no (n, n) matrix is made.
+    """
+    count = len(error)
+    size = next_fast_len(count + len(impulse))
+    spectrum = rfft(impulse, size)
+
+    def forward(u: FloatArray) -> FloatArray:
+        return np.asarray(irfft(rfft(u, size) * spectrum, size)[:count])
+
+    def adjoint(e: FloatArray) -> FloatArray:
+        return np.asarray(irfft(rfft(e, size) * np.conj(spectrum), size)[:count])
+
+    def normal(u: FloatArray) -> FloatArray:
+        u = np.ravel(u)
+        return adjoint(forward(u)) + (effort_weight + change_weight) * u
+
+    operator = LinearOperator((count, count), matvec=normal, dtype=float)
+    right = adjoint(error + forward(learned)) + change_weight * learned
+    solution, info = cg(operator, right, x0=learned, rtol=tolerance, maxiter=2000)
+    if info != 0:
+        raise StageError('norm-optimal learning did not converge: raise effort_weight')
+    return np.asarray(solution)
+
+
+def closed_loop_impulse(
+    axis: ServoAxis, position_gain: float, period: float, count: int
+) -> FloatArray:
+    """Position (count,) [m] of the nominal axis after a velocity command of 1 m/s for one tick.
+
+    The loop of the contract's section 5 without quantisation and force limit: P position loop,
+    PI velocity loop on the filtered difference quotient, mass and viscous friction under a
+    zero-order hold.
+    """
+    decay = np.exp(-axis.viscous * period / axis.mass) if axis.viscous > 0.0 else 1.0
+    coast = axis.mass / axis.viscous * (1.0 - decay) if axis.viscous > 0.0 else period
+    if axis.viscous > 0.0:
+        push_v = (1.0 - decay) / axis.viscous
+        push_p = (period - coast) / axis.viscous
+    else:
+        push_v = period / axis.mass
+        push_p = 0.5 * period**2 / axis.mass
+    keep = np.exp(-period * axis.velocity_filter)
+    position = velocity = filtered = last = integral = 0.0
+    result = np.empty(count)
+    for k in range(count):
+        result[k] = position
+        filtered = keep * filtered + (1.0 - keep) * (position - last) / period
+        last = position
+        error = (1.0 if k == 0 else 0.0) - position_gain * position - filtered
+        force = axis.velocity_gain * error + integral
+        integral += axis.integral_gain * error * period
+        position += coast * velocity + push_p * force
+        velocity = decay * velocity + push_v * force
+    return result
+
+
+def _filter(cutoff: float, period: float) -> FloatArray:
+    if not 0.0 < cutoff < 0.5 / period:
+        raise StageError(
+            f'the learning filter of {cutoff:g} Hz must lie between 0 and '
+            f'{0.5 / period:g} Hz: change ilc_cutoff'
+        )
+    return np.asarray(butter(FILTER_ORDER, cutoff, output='sos', fs=1.0 / period))

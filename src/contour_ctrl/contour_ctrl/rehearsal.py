@@ -1,0 +1,156 @@
+"""Contours on the servo twin without the graph: rehearsal before the stage, and benchmarks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from contour_ctrl.contour_error import of_record
+from contour_ctrl.learning import Learner
+from contour_ctrl.tick import EX, QX, Controller, tick
+from stage_core.twin_file import TwinFile
+from stage_twin import layout as at
+from stage_twin.kernel import (
+    advance,
+    encoder,
+    estimate_velocity,
+    start_controller,
+    start_plant,
+    velocity_loop,
+)
+from stage_twin.packing import KernelArrays, pack
+
+FloatArray = NDArray[np.float64]
+
+
+@njit(cache=True)
+def _run(
+    axes: FloatArray,
+    transitions: FloatArray,
+    schedule: FloatArray,
+    period: float,
+    external: FloatArray,
+    force: FloatArray,
+    table: FloatArray,
+    path: FloatArray,
+    settings: FloatArray,
+    learned: FloatArray,
+    weights: FloatArray,
+    friction: FloatArray,
+    memory: FloatArray,
+    record: FloatArray,
+    command: FloatArray,
+) -> None:
+    count = table.shape[0]
+    state = np.zeros((2, at.STATE_WIDTH))
+    loop = np.zeros((2, at.CONTROLLER_WIDTH))
+    q = np.zeros(2)
+    start_plant(axes, table[0, :2].copy(), state)
+    for axis in range(2):
+        q[axis] = encoder(axes[axis], state[axis, at.POSITION])
+    start_controller(q, loop)
+    for k in range(count):
+        for axis in range(2):
+            q[axis] = encoder(axes[axis], state[axis, at.POSITION])
+            estimate_velocity(axes[axis], period, loop[axis], q[axis])
+        tick(
+            k,
+            q[0],
+            q[1],
+            table,
+            path,
+            settings,
+            learned,
+            weights,
+            friction,
+            memory,
+            record,
+            command,
+        )
+        for axis in range(2):
+            force[axis, k] = velocity_loop(axes[axis], period, loop[axis], command[axis])
+        if k + 1 < count:
+            advance(axes, transitions, schedule, state, force, k, external[k])
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Errors of one run [m]: tracking per axis (2,), contour; RMS, AIAE (eq. 31), maximum."""
+
+    tracking_rms: FloatArray
+    tracking_aiae: FloatArray
+    tracking_max: FloatArray
+    contour_rms: float
+    contour_aiae: float
+    contour_max: float
+
+
+def figures(tracking: FloatArray, contour: FloatArray) -> Figures:
+    """Eqs. 13, 31 and 32 of tracking errors (n, 2) and contour errors (n,) [m]."""
+    return Figures(
+        np.sqrt(np.mean(tracking**2, axis=0)),
+        np.mean(np.abs(tracking), axis=0),
+        np.max(np.abs(tracking), axis=0),
+        float(np.sqrt(np.mean(contour**2))),
+        float(np.mean(np.abs(contour))),
+        float(np.max(np.abs(contour))),
+    )
+
+
+class Rehearsal:
+    """Runs a controller on a servo twin, from rest at the start of the contour.
+
+    Parameters
+    ----------
+    twin
+        A servo twin with axes x and y; its effects are the reality.
+    """
+
+    def __init__(self, twin: TwinFile) -> None:
+        self.arrays: KernelArrays = pack(twin)
+
+    def run(self, controller: Controller, external: FloatArray | None = None) -> Figures:
+        """Run once; the record stays in `controller.record`.
+
+        `external` (n, 2) [N] acts on the moving masses. Figures use the exact contour error.
+        """
+        arrays, count = self.arrays, len(controller)
+        controller.restart()
+        _run(
+            arrays.axes,
+            arrays.transitions,
+            arrays.schedule,
+            arrays.period,
+            np.zeros((count, 2)) if external is None else external,
+            np.zeros((2, count)),
+            controller.table,
+            controller.path,
+            controller.settings,
+            controller.learned,
+            controller.weights,
+            controller.friction,
+            controller.memory,
+            controller.record,
+            controller.command,
+        )
+        reference = controller.reference
+        contour = of_record(reference.path, reference.arc, controller.record[:, QX : QX + 2])
+        return figures(controller.record[:, EX : EX + 2], contour)
+
+    def iterate(
+        self,
+        controller: Controller,
+        learner: Learner | None,
+        iterations: int,
+        external: list[FloatArray] | None = None,
+    ) -> list[Figures]:
+        """Run `iterations` times, learning in between; `external` holds one array per run."""
+        results = []
+        for index in range(iterations):
+            results.append(self.run(controller, None if external is None else external[index]))
+            if learner is not None and index + 1 < iterations:
+                controller.learned[:] = learner.learn(controller.record[:, EX : EX + 2])
+        return results
