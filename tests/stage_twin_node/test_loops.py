@@ -1,6 +1,7 @@
 """The plant's two clocks against a driver of a few lines on real sockets."""
 
 import contextlib
+import math
 import socket
 import threading
 import time
@@ -99,8 +100,6 @@ def test_lockstep_is_the_plant_and_deterministic(machine):
     assert [d.stamp for d in seen] == [LOCKSTEP_START_NS + k * 1_000_000 for k in range(1, 301)]
     assert seen[-1].temperatures == (20.0, 20.0, 20.0, 20.0)
     # m a + c v = F from rest: x = F/c (t - m/c (1 - exp(-c t/m)))
-    import math
-
     t, mass, viscous = 0.3, 18.0, 40.0
     exact = 20.0 / viscous * (t - mass / viscous * (1.0 - math.exp(-viscous * t / mass)))
     assert abs(seen[-1].values[0] - exact) < 1.0e-6
@@ -134,11 +133,8 @@ def test_lockstep_time_stands_still_and_a_new_driver_joins(machine):
         joined = driver.receive()
         repeated = driver.receive()
         driver.close()
-        assert (
-            (joined.tick, joined.stamp)
-            == (last.tick, last.stamp)
-            == (5, repeated.stamp)[:1] + (last.stamp,)
-        )
+        for datagram in (joined, repeated):
+            assert (datagram.tick, datagram.stamp) == (last.tick, last.stamp)
         assert repeated.flags & drive_link.REPEATED
         assert set(loop.clock[stamps:]) == {last.stamp}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -118,7 +119,7 @@ class StageTwin(StageNode):
     def _make_loop(self, machine: ServoMachine) -> LockstepLoop | RealTimeLoop:
         if self.value('clock') == 'realtime':
             return RealTimeLoop(machine, self._drive, self._tracker, self.value('watchdog'))
-        self._clock = self.create_publisher(Clock, topics.CLOCK, QoSProfile(depth=10))
+        self._clock_publisher = self.create_publisher(Clock, topics.CLOCK, QoSProfile(depth=10))
         return LockstepLoop(
             machine,
             self._drive,
@@ -130,7 +131,7 @@ class StageTwin(StageNode):
 
     def _publish_clock(self, stamp: int) -> None:
         seconds, nanoseconds = split_stamp(stamp)
-        self._clock.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+        self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
 
     def _summary(self) -> str:
         tracker = 'no tracker'
@@ -199,3 +200,7 @@ class StageTwin(StageNode):
 def main() -> int:
     """Run the node."""
     return run(StageTwin)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
