@@ -1,0 +1,48 @@
+"""Trigger and SetBool services that answer when a job is done, without holding the executor.
+
+The executor calls the callback and then `send_response`; here that response waits for a future.
+So `~/stop` is served while `~/home` still waits. (rclpy's EventsExecutor takes no coroutines.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+from rclpy.node import Node
+
+from stage_core.errors import StageError
+
+
+def create_deferred_service(
+    node: Node, service_type: type, name: str, begin: Callable[[Any], Future[str]]
+) -> Any:
+    """Create a service whose response is the outcome of the future that `begin(request)` returns.
+
+    A result is the message of a success; a StageError the message of a failure.
+    """
+    waiting: dict[int, Future[str]] = {}
+
+    def callback(request: Any, response: Any) -> Any:
+        waiting[id(response)] = begin(request)
+        return response
+
+    service = node.create_service(service_type, name, callback)
+    send_now = service.send_response
+
+    def send_when_done(response: Any, header: Any) -> None:
+        future = waiting.pop(id(response))
+
+        def answer(done: Future[str]) -> None:
+            error = done.exception()
+            if error is not None and not isinstance(error, StageError):
+                raise error
+            response.success = error is None
+            response.message = done.result() if error is None else str(error)
+            send_now(response, header)
+
+        future.add_done_callback(answer)
+
+    service.send_response = send_when_done
+    return service

@@ -1,0 +1,174 @@
+"""Every parameter of the stage driver, and the backends' configurations made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stage_core import drive_link
+from stage_core.errors import StageError
+from stage_core.parameters import Parameter
+from stage_core.quantities import AXES
+from stage_core.twin_file import TwinFile
+from stage_driver.limits import AxisLimits
+from stage_driver.servo_axes import ServoConfig
+
+Values = Callable[[str], Any]
+
+
+def _fixed(name: str, default: Any, description: str, unit: str = '', **bounds: Any) -> Parameter:
+    """Parameter that the running driver does not change."""
+    return Parameter(name, default, description, unit, read_only=True, **bounds)
+
+
+def _axis_parameters(axis: str, number: int) -> list[Parameter]:
+    return [
+        _fixed(f'{axis}.limit_lower', -0.15, 'lower soft limit of the position', 'm'),
+        _fixed(f'{axis}.limit_upper', 0.15, 'upper soft limit of the position', 'm'),
+        _fixed(f'{axis}.max_velocity', 0.2, 'speed limit in every mode', 'm/s', minimum=1e-6),
+        _fixed(f'{axis}.max_acceleration', 2.0, 'acceleration of moves', 'm/s^2', minimum=1e-4),
+        _fixed(f'{axis}.stop_deceleration', 4.0, 'deceleration of stops', 'm/s^2', minimum=1e-4),
+        _fixed(
+            f'{axis}.coulomb_force',
+            0.0,
+            'servo: Coulomb friction of the compensation',
+            'N',
+            minimum=0.0,
+        ),
+        _fixed(
+            f'{axis}.static_force',
+            0.0,
+            'servo: static friction of the compensation',
+            'N',
+            minimum=0.0,
+        ),
+        _fixed(
+            f'{axis}.stribeck_velocity', 0.001, 'servo: Stribeck velocity', 'm/s', minimum=1e-6
+        ),
+        _fixed(f'{axis}.presliding', 2e-6, 'servo: presliding distance', 'm', minimum=1e-9),
+        _fixed(
+            f'{axis}.device',
+            number,
+            'zaber: address of the device in the chain',
+            minimum=1,
+            maximum=99,
+        ),
+        _fixed(f'{axis}.device_axis', 1, 'zaber: axis of that device', minimum=1, maximum=9),
+        _fixed(f'{axis}.microstep', 0.047625e-6, 'zaber: size of a microstep', 'm', minimum=1e-12),
+    ]
+
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter(
+        'backend', 'servo', 'what drives the stage', choices=('servo', 'zaber'), read_only=True
+    ),
+    _fixed('axes', list(AXES), 'axes of the stage, of x and y'),
+    _fixed('enable_on_start', True, 'enable when the stage is found and after ~/reset_fault'),
+    _fixed('home_required', True, 'refuse to move before homing'),
+    _fixed('homing_velocity', 0.05, 'speed of homing (servo)', 'm/s', minimum=1e-5),
+    _fixed(
+        'setpoint_timeout',
+        0.1,
+        'a stream stops when no set-point came for this time',
+        's',
+        minimum=0.002,
+        maximum=10.0,
+    ),
+    _fixed('twin', '', 'servo: nominal twin file with the gains; empty is the built-in one'),
+    _fixed('drive_host', '127.0.0.1', 'servo: host of the drive link'),
+    _fixed(
+        'drive_port',
+        drive_link.DEFAULT_PORT,
+        'servo: UDP port of the drive link',
+        minimum=1,
+        maximum=65535,
+    ),
+    _fixed('max_jerk', 100.0, 'servo: jerk of moves', 'm/s^3', minimum=0.01),
+    _fixed('settle_time', 0.3, 'servo: dwell that ends a move', 's', minimum=0.0, maximum=60.0),
+    _fixed(
+        'following_error_limit',
+        0.002,
+        'servo: following error that latches a fault',
+        'm',
+        minimum=1e-6,
+    ),
+    _fixed(
+        'link_timeout',
+        1.0,
+        'silence of the drive or device that latches a fault',
+        's',
+        minimum=0.05,
+    ),
+    _fixed(
+        'lockstep_timeout',
+        5.0,
+        'servo, lockstep: wall time that a tick waits for its set-point',
+        's',
+        minimum=0.1,
+    ),
+    Parameter(
+        'friction_compensation',
+        'none',
+        'servo: friction feed-forward into vc',
+        choices=('none', 'lugre'),
+        read_only=True,
+    ),
+    *(
+        parameter
+        for number, axis in enumerate(AXES, 1)
+        for parameter in _axis_parameters(axis, number)
+    ),
+)
+
+
+def axes_of(value: Values) -> tuple[str, ...]:
+    """The stage's axes.
+
+    Raises
+    ------
+    StageError
+        If they are not x, y or both.
+    """
+    axes = tuple(value('axes'))
+    if not axes or len(set(axes)) != len(axes) or not set(axes) <= set(AXES):
+        raise StageError(f'axes must be taken from {", ".join(AXES)}, got {list(axes)}')
+    return axes
+
+
+def limits_of(value: Values) -> tuple[AxisLimits, ...]:
+    """Soft limits of the axes, checked."""
+    names = ('limit_lower', 'limit_upper', 'max_velocity', 'max_acceleration', 'stop_deceleration')
+    return tuple(
+        AxisLimits(*(value(f'{axis}.{name}') for name in names)).checked(axis)
+        for axis in axes_of(value)
+    )
+
+
+def servo_config(value: Values) -> ServoConfig:
+    """Configuration of the servo backend from the parameters' values."""
+    axes = axes_of(value)
+    twin = TwinFile.load(Path(value('twin'))) if value('twin') else TwinFile.nominal_servo()
+    friction = None
+    if value('friction_compensation') == 'lugre':
+        names = ('coulomb_force', 'static_force', 'stribeck_velocity', 'presliding')
+        friction = np.array([[value(f'{axis}.{name}') for name in names] for axis in axes])
+    return ServoConfig(
+        axes=axes,
+        limits=limits_of(value),
+        twin=twin,
+        host=value('drive_host'),
+        port=value('drive_port'),
+        homing_velocity=value('homing_velocity'),
+        max_jerk=value('max_jerk'),
+        settle_time=value('settle_time'),
+        setpoint_timeout=value('setpoint_timeout'),
+        following_error_limit=value('following_error_limit'),
+        link_timeout=value('link_timeout'),
+        lockstep_timeout=value('lockstep_timeout'),
+        home_required=value('home_required'),
+        enable_on_start=value('enable_on_start'),
+        friction=friction,
+    )

@@ -1,0 +1,222 @@
+"""Reference and velocity command of every tick: hold, move, home, velocity, stream, stop.
+
+Pure and without clocks: `MotionGenerator.tick` advances one control period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stage_driver import servo_loop
+from stage_driver.limits import AxisLimits, Setpoint, SetpointKind
+from stage_driver.profile import braking_speed, profile_tick, seed_window, step_speed
+
+Floats = NDArray[np.float64]
+
+#: Slower than this counts as at rest when a stop ends [m/s]; the position loop takes the rest.
+REST_SPEED = 1e-9
+
+
+class Mode(Enum):
+    """What the generator does."""
+
+    HOLD = 'hold'
+    PROFILE = 'profile'
+    VELOCITY = 'velocity'
+    STREAM = 'stream'
+    STOPPING = 'stopping'
+
+
+class MotionGenerator:
+    """Turns set-points into r_k, dr_k and vc_k within the limits.
+
+    Parameters
+    ----------
+    limits
+        Soft limits per axis; profiles keep them, a stream is clamped so that it can still brake.
+    gains
+        Array (axes, 6) of `servo_loop.loop_gains`.
+    period
+        Control period Ts [s].
+    max_jerk
+        Jerk limit of position moves [m/s^3].
+    settle_time
+        Dwell after a move before it counts as done [s].
+    """
+
+    def __init__(
+        self,
+        limits: Sequence[AxisLimits],
+        gains: Floats,
+        period: float,
+        max_jerk: float,
+        settle_time: float,
+    ) -> None:
+        count = len(limits)
+        self.lower = np.array([limit.lower for limit in limits])
+        self.upper = np.array([limit.upper for limit in limits])
+        self.max_velocity = np.array([limit.max_velocity for limit in limits])
+        self.max_acceleration = np.array([limit.max_acceleration for limit in limits])
+        self.stop_deceleration = np.array([limit.stop_deceleration for limit in limits])
+        self.gains = gains
+        self.period = period
+        self.settle_ticks = round(settle_time / period)
+        jerk_ticks = max(1, round(float(self.max_acceleration.max()) / max_jerk / period))
+        self.mode = Mode.HOLD
+        self.reference = np.zeros(count)
+        self.speed = np.zeros(count)
+        self.command = np.zeros(count)
+        self.clamped = 0
+        self._generators = np.zeros((count, 2))
+        self._windows = np.zeros((count, jerk_ticks))
+        self._targets = np.zeros(count)
+        self._move_speeds = self.max_velocity.copy()
+        self._wanted = np.zeros(count)
+        self._stream_positions = np.zeros(count)
+        self._dwell = 0
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing is left to execute."""
+        return self.mode is Mode.HOLD
+
+    @property
+    def streaming(self) -> bool:
+        """Whether the motion depends on fresh set-points."""
+        return self.mode in (Mode.VELOCITY, Mode.STREAM)
+
+    def hold(self, encoder: Floats) -> None:
+        """Hold here: the reference of a start, or after the position jumped."""
+        self.mode = Mode.HOLD
+        self.reference[:] = encoder
+        self._targets[:] = encoder
+        self.speed[:] = 0.0
+        self.command[:] = 0.0
+
+    def take(self, setpoint: Setpoint, encoder: Floats) -> None:
+        """Execute a checked set-point from now on."""
+        if setpoint.kind is SetpointKind.POSITION:
+            targets = [
+                self._end_of(axis) if value is None else value
+                for axis, value in enumerate(setpoint.positions)
+            ]
+            self.move(np.array(targets), self.max_velocity, encoder)
+            return
+        for axis, value in enumerate(setpoint.velocities):
+            self._wanted[axis] = 0.0 if value is None else value
+        if setpoint.kind is SetpointKind.BOTH:
+            for axis, value in enumerate(setpoint.positions):
+                if value is not None:
+                    self._stream_positions[axis] = value
+                elif self.mode is not Mode.STREAM:
+                    self._stream_positions[axis] = self.reference[axis]
+            self.mode = Mode.STREAM
+        elif self.mode is not Mode.VELOCITY:
+            if self.mode is not Mode.HOLD:
+                self.reference[:] = encoder
+            self.mode = Mode.VELOCITY
+
+    def move(self, targets: Floats, speeds: Floats, encoder: Floats) -> None:
+        """Start a profile to `targets` [m] at most at `speeds` [m/s], from any motion."""
+        if self.mode not in (Mode.HOLD, Mode.PROFILE):
+            # The position loop must go on with the velocity command of now.
+            gain, forward = self.gains[:, 0], self.gains[:, 1]
+            self.reference[:] = encoder + (1.0 - forward) * self.command / gain
+            np.clip(self.reference, self.lower, self.upper, out=self.reference)
+            self.speed[:] = self.command
+        for axis in range(len(targets)):
+            speed = self.speed[axis]
+            start = seed_window(self._windows[axis], self.reference[axis], speed, self.period)
+            self._generators[axis] = start, speed
+        self._targets[:] = targets
+        self._move_speeds[:] = np.minimum(speeds, self.max_velocity)
+        self._dwell = self.settle_ticks
+        self.mode = Mode.PROFILE
+
+    def stop(self, encoder: Floats) -> None:
+        """Start a controlled stop: the velocity command ramps to zero."""
+        if self.mode in (Mode.HOLD, Mode.STOPPING):
+            return
+        self.reference[:] = encoder
+        self._dwell = self.settle_ticks
+        self.mode = Mode.STOPPING
+
+    def tick(self, encoder: Floats) -> bool:
+        """Advance one period, fill `reference`, `speed`, `command`; True when a motion ended."""
+        if self.mode is Mode.PROFILE:
+            arrived = profile_tick(
+                self._generators,
+                self._windows,
+                self._targets,
+                self._move_speeds,
+                self.max_acceleration,
+                self.period,
+                self.reference,
+                self.speed,
+            )
+            self._follow_reference(encoder)
+            return arrived and self._dwelt()
+        if self.mode is Mode.HOLD:
+            self.speed[:] = 0.0
+            self._follow_reference(encoder)
+            return False
+        if self.mode is Mode.STREAM:
+            np.subtract(self._stream_positions, self.reference, out=self.speed)
+            self.speed /= self.period
+            self.reference[:] = self._stream_positions
+            for axis in range(len(encoder)):
+                self.command[axis] = self._within(axis, self._wanted[axis], encoder[axis])
+            return False
+        return self._velocity_tick(encoder)
+
+    def _velocity_tick(self, encoder: Floats) -> bool:
+        """One tick of a followed velocity, or of a stop."""
+        stopping = self.mode is Mode.STOPPING
+        resting = True
+        for axis in range(len(encoder)):
+            if stopping:
+                wanted, rate = 0.0, self.stop_deceleration[axis]
+            else:
+                wanted, rate = self._wanted[axis], self.max_acceleration[axis]
+            speed = step_speed(self.command[axis], wanted, rate, self.period)
+            # Whichever is ahead of the other: the velocity loop overshoots its ramp a little.
+            ahead = max if speed > 0.0 else min
+            speed = self._within(axis, speed, ahead(self.reference[axis], encoder[axis]))
+            self.speed[axis] = self.command[axis] = speed
+            self.reference[axis] += speed * self.period
+            resting = resting and abs(speed) < REST_SPEED
+        if stopping and resting:
+            # From here the position loop holds: where it came to rest is the new reference.
+            self.hold(encoder)
+            self._targets[:] = self.reference
+            self.move(self.reference, self.max_velocity, encoder)
+        return False
+
+    def _within(self, axis: int, velocity: float, position: float) -> float:
+        """Velocity that can still brake to rest inside the soft limit ahead [m/s]."""
+        room = self.upper[axis] - position if velocity > 0.0 else position - self.lower[axis]
+        allowed = braking_speed(max(room, 0.0), self.stop_deceleration[axis], self.period)
+        if abs(velocity) <= allowed:
+            return velocity
+        self.clamped += 1
+        return allowed if velocity > 0.0 else -allowed
+
+    def _follow_reference(self, encoder: Floats) -> None:
+        servo_loop.position_loop(self.reference, self.speed, encoder, self.gains, self.command)
+
+    def _dwelt(self) -> bool:
+        if self._dwell > 0:
+            self._dwell -= 1
+            return False
+        self.mode = Mode.HOLD
+        return True
+
+    def _end_of(self, axis: int) -> float:
+        """Where an axis that a set-point does not name is going to rest [m]."""
+        if self.mode is Mode.PROFILE:
+            return float(self._targets[axis])
+        return float(self.reference[axis])

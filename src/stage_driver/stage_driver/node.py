@@ -1,0 +1,187 @@
+"""The stage driver's node: parameters, topics and services around a backend."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from sensor_msgs.msg import JointState, Temperature
+from std_srvs.srv import SetBool, Trigger
+
+from stage_core import topics
+from stage_driver.backend import FAILURE, WARNING, Backend
+from stage_driver.deferred_service import create_deferred_service
+from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config
+from stage_driver.servo import ServoBackend
+from stage_driver.states import State
+from stage_driver.zaber_words import describe_flag
+from stage_node.node import (
+    ERROR,
+    OK,
+    SETPOINT_QOS,
+    STATE_QOS,
+    WARN,
+    StageNode,
+    joint_state,
+    run,
+    set_stamp,
+    stamp_of,
+)
+
+#: The same refusal at the stream's rate is one line of the log in this time [s].
+LOG_PERIOD = 5.0
+
+
+class StageDriver(StageNode):
+    """Publishes what the backend measures and commands, hands set-points and requests to it."""
+
+    def __init__(self) -> None:
+        super().__init__('stage_driver', PARAMETERS)
+        axes = axes_of(self.value)
+        zeros = [0.0] * len(axes)
+        # One message per topic, filled in place: three topics at 1 kHz leave no time for more.
+        self._reference = joint_state(0, axes, position=zeros, velocity=zeros)
+        self._command = joint_state(0, axes, velocity=zeros)
+        self._measured = joint_state(0, axes, position=zeros, velocity=zeros)
+        self._reference_out = self.create_publisher(JointState, topics.REFERENCE, STATE_QOS)
+        self._command_out = self.create_publisher(JointState, topics.COMMAND, STATE_QOS)
+        self._measured_out = self.create_publisher(JointState, topics.JOINT_STATES, STATE_QOS)
+        self._temperature_out = self.create_publisher(Temperature, topics.TEMPERATURE, STATE_QOS)
+        self._temperature = Temperature()
+        self._log_lock = threading.Lock()
+        self._logged: dict[str, float] = {}
+        self._refused_at = -1e9
+        self._backend: Backend = self._make_backend()
+        self.create_subscription(JointState, topics.SETPOINT, self._on_setpoint, SETPOINT_QOS)
+        create_deferred_service(self, Trigger, '~/home', lambda _: self._backend.home())
+        create_deferred_service(
+            self, Trigger, '~/reset_fault', lambda _: self._backend.reset_fault()
+        )
+        create_deferred_service(
+            self, SetBool, '~/enable', lambda request: self._backend.enable(request.data)
+        )
+        self.create_service(Trigger, '~/stop', self._on_stop)
+        self.diagnostics.task('state', self._state_status)
+        self.diagnostics.task('set-points', self._setpoint_status)
+        self._backend.start()
+
+    def shutdown(self) -> None:
+        """Bring the stage to rest and close the wire."""
+        self._backend.close()
+
+    def _make_backend(self) -> Backend:
+        return ServoBackend(servo_config(self.value), self)
+
+    # -- requests -----------------------------------------------------------------------------
+
+    def _on_setpoint(self, message: JointState) -> None:
+        self._backend.submit(
+            stamp_of(message.header), message.name, message.position, message.velocity
+        )
+
+    def _on_stop(self, _: Any, response: Any) -> Any:
+        response.message = self._backend.stop()
+        response.success = True
+        return response
+
+    # -- the backend's listener, called in its thread -----------------------------------------
+
+    def on_state(
+        self, stamp: int, positions: Sequence[float], velocities: Sequence[float]
+    ) -> None:
+        """Publish /stage/joint_states."""
+        message = self._measured
+        set_stamp(message.header, stamp)
+        for index, value in enumerate(positions):
+            message.position[index] = value
+            message.velocity[index] = velocities[index]
+        self._measured_out.publish(message)
+
+    def on_control(
+        self,
+        stamp: int,
+        references: Sequence[float],
+        rates: Sequence[float],
+        commands: Sequence[float],
+        forces: Sequence[float],
+    ) -> None:
+        """Publish /stage/reference and /stage/command."""
+        reference, command = self._reference, self._command
+        set_stamp(reference.header, stamp)
+        set_stamp(command.header, stamp)
+        if len(command.effort) != len(forces):
+            command.effort = list(forces)
+        for index, value in enumerate(references):
+            reference.position[index] = value
+            reference.velocity[index] = rates[index]
+            command.velocity[index] = commands[index]
+        for index, value in enumerate(forces):
+            command.effort[index] = value
+        self._reference_out.publish(reference)
+        self._command_out.publish(command)
+
+    def on_temperatures(self, stamp: int, sensors: Sequence[str], values: Sequence[float]) -> None:
+        """Publish /stage/temperature, one message per sensor."""
+        message = self._temperature
+        set_stamp(message.header, stamp)
+        for sensor, value in zip(sensors, values, strict=False):
+            message.header.frame_id = sensor
+            message.temperature = value
+            self._temperature_out.publish(message)
+
+    def on_event(self, level: int, text: str) -> None:
+        """Log an event; the same kind of line at most once in LOG_PERIOD."""
+        now = time.monotonic()
+        kind = text[:40]
+        with self._log_lock:
+            if text.startswith('set-point refused'):
+                self._refused_at = now
+            if now - self._logged.get(kind, -1e9) < LOG_PERIOD:
+                return
+            if len(self._logged) > 100:
+                self._logged.clear()
+            self._logged[kind] = now
+        log = self.get_logger()
+        if level == FAILURE:
+            log.error(text)
+        elif level == WARNING:
+            log.warning(text)
+        else:
+            log.info(text)
+
+    # -- diagnostics --------------------------------------------------------------------------
+
+    def _state_status(self) -> tuple[bytes, str, dict[str, Any]]:
+        status = self._backend.status()
+        values = {'state': status.state.value, 'homed': status.homed, **status.details}
+        for flag in status.warnings:
+            values[f'warning {flag}'] = describe_flag(flag)
+        if status.state is State.FAULT:
+            return ERROR, f'fault: {status.reason}', values
+        if not status.connected:
+            return ERROR, 'no contact with the stage', values
+        if status.state is State.DISABLED:
+            return WARN, 'disabled: call ~/enable with data true', values
+        if not status.homed:
+            return WARN, 'not homed: call ~/home', values
+        if status.warnings:
+            return WARN, '; '.join(describe_flag(flag) for flag in status.warnings), values
+        return OK, status.state.value, values
+
+    def _setpoint_status(self) -> tuple[bytes, str, dict[str, Any]]:
+        details = self._backend.status().details
+        values = {name: details.get(name, '') for name in ('refused', 'last_refusal')}
+        if time.monotonic() - self._refused_at < 2.0 * LOG_PERIOD:
+            return WARN, values['last_refusal'], values
+        return OK, 'no set-point refused of late', values
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(StageDriver, args)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,110 @@
+"""Point-to-point and velocity profiles, one tick at a time, from any state of motion.
+
+A trapezoid generator (speed and acceleration limited, exact landing) feeds a moving average over
+`jerk_ticks` ticks, which limits the jerk to acceleration / (jerk_ticks * Ts) and leaves the
+reached position exact. A new target may come at any tick.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True)
+def braking_speed(distance: float, acceleration: float, period: float) -> float:
+    """Largest speed from which ticks of `acceleration` stop within `distance` (>= 0) [m/s].
+
+    Solves v^2 / (2 a) + v Ts / 2 = d, the distance of a staircase of decelerating ticks.
+    """
+    half = 0.5 * period
+    root = math.sqrt(half * half + 2.0 * distance / acceleration)
+    return min(acceleration * (root - half), distance / period)
+
+
+@njit(cache=True)
+def step_to_target(
+    position: float, speed: float, target: float, limit: float, acceleration: float, period: float
+) -> tuple[float, float]:
+    """One tick of the trapezoid: the new (position [m], speed [m/s]); lands exactly."""
+    error = target - position
+    wanted = min(limit, braking_speed(abs(error), acceleration, period))
+    if error < 0.0:
+        wanted = -wanted
+    change = acceleration * period
+    low, high = speed - change, speed + change
+    if low <= error / period <= high and abs(error) <= change * period:
+        return target, error / period
+    speed = min(max(wanted, low), high)
+    return position + speed * period, speed
+
+
+@njit(cache=True)
+def step_speed(speed: float, wanted: float, acceleration: float, period: float) -> float:
+    """One tick of an acceleration-limited change of speed [m/s]."""
+    change = acceleration * period
+    return min(max(wanted, speed - change), speed + change)
+
+
+@njit(cache=True)
+def seed_window(window: Floats, position: float, speed: float, period: float) -> float:
+    """Fill the moving average for a motion under way; return the generator's position [m].
+
+    The average of the seeds is `position`, so the profile goes on without a step.
+    """
+    count = len(window)
+    for i in range(count):
+        window[i] = position + speed * period * (0.5 * (count - 1) - i)
+    return window[0]
+
+
+@njit(cache=True)
+def step_window(window: Floats, newest: float) -> float:
+    """Push `newest` into the moving average (newest first); return the average."""
+    total = newest
+    for i in range(len(window) - 1, 0, -1):
+        window[i] = window[i - 1]
+        total += window[i]
+    window[0] = newest
+    return total / len(window)
+
+
+@njit(cache=True)
+def profile_tick(
+    generators: Floats,
+    windows: Floats,
+    targets: Floats,
+    speeds: Floats,
+    accelerations: Floats,
+    period: float,
+    reference: Floats,
+    rate: Floats,
+) -> bool:
+    """Advance all axes one tick; whether every axis has arrived.
+
+    `generators` (axes, 2): position, speed. `windows` (axes, jerk_ticks). `speeds` and
+    `accelerations` (axes,): limits. `reference`, `rate` (axes,): r_k [m] and dr_k [m/s].
+    """
+    arrived = True
+    for i in range(len(targets)):
+        position, speed = step_to_target(
+            generators[i, 0], generators[i, 1], targets[i], speeds[i], accelerations[i], period
+        )
+        generators[i, 0], generators[i, 1] = position, speed
+        smooth = step_window(windows[i], position)
+        settled = True
+        for value in windows[i]:
+            settled = settled and value == targets[i]
+        if settled:
+            # The mean of equal numbers may miss them by rounding.
+            smooth = targets[i]
+        rate[i] = (smooth - reference[i]) / period
+        reference[i] = smooth
+        if not settled or rate[i] != 0.0:
+            arrived = False
+    return arrived

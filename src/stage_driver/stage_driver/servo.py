@@ -1,0 +1,401 @@
+"""The servo backend: a thread that closes the velocity loop over the drive link, tick by tick.
+
+Real time: every encoder datagram is answered at once with the newest set-point. Lockstep: virtual
+time stands still until a force is sent; it is sent while a move, homing or a stop is executed,
+and in a stream only for a tick whose set-point has come. Otherwise the world is quiet.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+
+import numpy as np
+
+from stage_core import drive_link
+from stage_core.errors import StageError
+from stage_driver.backend import FAILURE, INFO, WARNING, Listener, Status
+from stage_driver.drive_socket import DriveSocket
+from stage_driver.limits import Setpoint, check_setpoint
+from stage_driver.servo_axes import ServoAxes, ServoConfig
+from stage_driver.states import Event, State, StateMachine
+
+SECOND = 1_000_000_000
+#: Wall time after which braking under control gives way to the drive's own brake [s].
+BRAKE_TIMEOUT = 2.0
+
+
+class ServoBackend:
+    """Owns the loop's thread; everything else talks to it through the inbox."""
+
+    def __init__(self, config: ServoConfig, listener: Listener) -> None:
+        self.config = config
+        self._listener = listener
+        self._axes = ServoAxes(config)
+        self.motion = self._axes.motion
+        self._states = StateMachine(self._state_changed)
+        self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._link = DriveSocket(config.host, config.port)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='servo_loop', daemon=True)
+        self._homing: Future[str] | None = None
+        self._homed = not config.home_required
+        self._tick = -1
+        self._stamp = 0
+        self._answered = -1
+        self._stream_stamp = -1
+        self._last_setpoint: Setpoint | None = None
+        self._stream_age = 0
+        self._last_second = -1
+        self._last_packet = b''
+        self._braking = False
+        self._brake_started = 0.0
+        self._counts = {'refused': 0, 'missed_ticks': 0, 'watchdog_stops': 0, 'late_setpoints': 0}
+        self._last_refusal = ''
+
+    # -- calls from other threads -------------------------------------------------------------
+
+    def start(self) -> None:
+        """Start the thread; the drive may come later."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop in a controlled way, then end the thread."""
+        if self._thread.is_alive():
+            self._inbox.put(lambda: self._stop('the driver shuts down'))
+            deadline = time.monotonic() + BRAKE_TIMEOUT
+            while self._link.connected and time.monotonic() < deadline and not self._is_quiet():
+                time.sleep(0.005)
+            self._ended.set()
+            self._thread.join(timeout=5.0)
+        self._link.close()
+
+    def submit(
+        self,
+        stamp: int,
+        names: Sequence[str],
+        positions: Sequence[float],
+        velocities: Sequence[float],
+    ) -> None:
+        """See `Backend.submit`."""
+        try:
+            setpoint = check_setpoint(
+                self.config.axes, self.config.limits, stamp, names, positions, velocities
+            )
+        except StageError as error:
+            reason = str(error)
+            self._refuse(reason)
+            # A stream that has turned into rubbish must not be followed any further.
+            self._inbox.put(lambda: self._end_stream(reason))
+            return
+        self._inbox.put(lambda: self._take(setpoint))
+
+    def home(self) -> Future[str]:
+        """See `Backend.home`: a profile to the reference position 0 of every axis."""
+        done: Future[str] = Future()
+        self._inbox.put(lambda: self._start_homing(done))
+        return done
+
+    def stop(self) -> str:
+        """See `Backend.stop`."""
+        self._inbox.put(lambda: self._stop('stopped by request'))
+        return 'stopping' if self._states.state is State.MOVING else 'at rest'
+
+    def reset_fault(self) -> Future[str]:
+        """See `Backend.reset_fault`."""
+        return self._change(Event.RESET)
+
+    def enable(self, on: bool) -> Future[str]:
+        """See `Backend.enable`."""
+        return self._change(Event.ENABLE if on else Event.DISABLE)
+
+    def status(self) -> Status:
+        """See `Backend.status`."""
+        details = {name: str(value) for name, value in self._counts.items()}
+        details['mode'] = self.motion.mode.value
+        details['clamped_velocities'] = str(self.motion.clamped)
+        details['tick'] = str(self._tick)
+        details['drive'] = f'{self.config.host}:{self.config.port}'
+        details['clock'] = 'lockstep' if self._link.lockstep else 'real'
+        if self._last_refusal:
+            details['last_refusal'] = self._last_refusal
+        return Status(
+            self._states.state, self._states.reason, self._homed, self._link.connected, details
+        )
+
+    # -- the thread ---------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            datagram = self._link.receive(0.05)
+            if datagram is not None:
+                self._on_encoder(datagram)
+                continue
+            self._drain()
+            silent = self._link.silence()
+            if self._link.connected and not self._link.lockstep:
+                if silent > self.config.link_timeout:
+                    self._lost(silent)
+            elif self._link.connected and silent > self.config.lockstep_timeout:
+                self._lost(silent)
+
+    def _lost(self, silent: float) -> None:
+        self._link.connected = False
+        self._fail(
+            f'no encoder datagram from the drive at {self.config.host}:{self.config.port} for '
+            f'{silent:.1f} s: is it running?'
+        )
+        self.motion.hold(self._axes.encoder)
+        self._braking = False
+
+    def _on_encoder(self, datagram: drive_link.Datagram) -> None:
+        if len(datagram.values) != len(self.config.axes):
+            self._fail(
+                f'the drive has {len(datagram.values)} axes, the driver '
+                f'{len(self.config.axes)}: give both the same twin file'
+            )
+            return
+        restarted = bool(datagram.flags & drive_link.RESET) or datagram.tick < self._tick
+        if datagram.tick == self._tick and not restarted:
+            if self._answered == datagram.tick:
+                self._link.send(self._last_packet)
+            return
+        if self._tick < 0 or restarted or not self._link.connected:
+            self._contact(datagram, restarted)
+        elif datagram.tick > self._tick + 1:
+            self._counts['missed_ticks'] += datagram.tick - self._tick - 1
+        self._tick, self._stamp = datagram.tick, datagram.stamp
+        self._axes.measure(datagram.values)
+        self._listener.on_state(
+            self._stamp, self._axes.encoder.tolist(), self._axes.velocity.tolist()
+        )
+        second = self._stamp // SECOND
+        if second != self._last_second and datagram.temperatures:
+            self._last_second = second
+            self._listener.on_temperatures(self._stamp, drive_link.SENSORS, datagram.temperatures)
+        self._drain()
+        if self._link.lockstep:
+            self._wait_in_lockstep()
+        elif self._controlling():
+            self._watch_stream()
+            self._control()
+
+    def _contact(self, datagram: drive_link.Datagram, restarted: bool) -> None:
+        """First encoder of a drive, or the first after it was lost or reset."""
+        first = self._tick < 0
+        moving = not self.motion.at_rest
+        self._axes.begin(datagram.values)
+        self._answered = self._stream_stamp = -1
+        self._last_setpoint = None
+        self._link.connected = True
+        self._braking = False
+        if not first and not restarted:
+            self._listener.on_event(INFO, f'drive back at tick {datagram.tick}')
+            return
+        if not first:
+            self._homed = not self.config.home_required
+            self._listener.on_event(WARNING, 'the drive was restarted: home with ~/home')
+            if moving or self._states.state is State.MOVING:
+                self._abandon('the drive was restarted during a motion')
+            return
+        self._listener.on_event(INFO, f'drive found at tick {datagram.tick}')
+        if self.config.enable_on_start and self._states.state is State.DISABLED:
+            self._states.handle(Event.ENABLE)
+
+    def _wait_in_lockstep(self) -> None:
+        """Answer this tick as soon as it is due; until then requests are served."""
+        waiting_since = time.monotonic()
+        while not self._ended.is_set():
+            if self._due():
+                self._control()
+                return
+            try:
+                self._inbox.get(timeout=0.05)()
+            except queue.Empty:
+                if self._link.peek_reset():
+                    return
+                waited = time.monotonic() - waiting_since
+                if self.motion.streaming and waited > self.config.lockstep_timeout:
+                    self._counts['watchdog_stops'] += 1
+                    self._end_stream(f'no set-point for tick {self._tick} in {waited:.0f} s')
+
+    def _due(self) -> bool:
+        if not self._controlling() or self.motion.at_rest:
+            return False
+        return not self.motion.streaming or self._stream_stamp == self._stamp
+
+    def _controlling(self) -> bool:
+        return self._states.state in (State.READY, State.MOVING) or self._braking
+
+    def _control(self) -> None:
+        """One control tick: reference, velocity command, force; sent before it is published."""
+        axes = self._axes
+        done = axes.control()
+        self._last_packet = drive_link.encode_force(
+            self._tick, self._stamp, tuple(axes.force.tolist())
+        )
+        self._answered = self._tick
+        self._link.send(self._last_packet)
+        self._listener.on_control(
+            self._stamp,
+            self.motion.reference.tolist(),
+            self.motion.speed.tolist(),
+            axes.command.tolist(),
+            axes.force.tolist(),
+        )
+        if done:
+            self._finished()
+        elif (fault := axes.following_fault()) is not None and not self._braking:
+            self._fail(fault)
+        if self._braking and (
+            self.motion.at_rest or time.monotonic() - self._brake_started > BRAKE_TIMEOUT
+        ):
+            self._braking = False
+            self.motion.hold(self._axes.encoder)
+
+    def _watch_stream(self) -> None:
+        """Real time: bring the stage to rest when the stream's set-points stop coming."""
+        if not self.motion.streaming:
+            return
+        self._stream_age += 1
+        if self._stream_age * self._axes.period > self.config.setpoint_timeout:
+            self._counts['watchdog_stops'] += 1
+            self._end_stream(f'no set-point for {self.config.setpoint_timeout} s')
+
+    # -- requests, in the thread --------------------------------------------------------------
+
+    def _drain(self) -> None:
+        try:
+            while True:
+                self._inbox.get_nowait()()
+        except queue.Empty:
+            pass
+
+    def _take(self, setpoint: Setpoint) -> None:
+        previous = self._last_setpoint
+        if (
+            previous is not None
+            and setpoint.stamp == previous.stamp != 0
+            and setpoint.kind is previous.kind
+            and (setpoint.streams or setpoint == previous)
+        ):
+            return
+        refused = self._states.refusal(Event.MOVE)
+        if refused is None and not self._homed:
+            refused = 'the stage is not homed: call ~/home first'
+        if refused is None and self._homing is not None:
+            refused = 'homing is under way: wait for it or call ~/stop'
+        if refused is not None:
+            self._refuse(f'set-point refused: {refused}')
+            return
+        if self._link.lockstep and setpoint.streams and setpoint.stamp != self._stamp:
+            self._counts['late_setpoints'] += 1
+            self._refuse(
+                f'set-point refused: stamped {setpoint.stamp} ns while tick {self._tick} of '
+                f'{self._stamp} ns waits: stamp it as the newest /stage/joint_states'
+            )
+            return
+        self._last_setpoint = setpoint
+        if setpoint.streams:
+            self._stream_stamp, self._stream_age = setpoint.stamp, 0
+        self.motion.take(setpoint, self._axes.encoder)
+        self._states.handle(Event.MOVE)
+
+    def _start_homing(self, done: Future[str]) -> None:
+        refused = self._states.refusal(Event.MOVE)
+        if refused is None and not self._link.connected:
+            refused = f'no drive at {self.config.host}:{self.config.port}: start it'
+        if refused is None and self._homing is not None:
+            refused = 'homing is under way'
+        if refused is None and self.motion.streaming:
+            refused = 'a stream is being followed: end it first'
+        if refused is not None:
+            done.set_exception(StageError(refused))
+            return
+        self._homing = done
+        speeds = np.full(len(self.config.axes), self.config.homing_velocity)
+        self.motion.move(np.zeros(len(self.config.axes)), speeds, self._axes.encoder)
+        self._states.handle(Event.MOVE)
+
+    def _finished(self) -> None:
+        """A motion has come to its end and its dwell is over."""
+        if self._states.state is State.MOVING:
+            self._states.handle(Event.DONE)
+        if self._homing is not None:
+            self._homed = True
+            where = ', '.join(
+                f'{axis} {value:.6f} m'
+                for axis, value in zip(self.config.axes, self._axes.encoder, strict=True)
+            )
+            homing, self._homing = self._homing, None
+            homing.set_result(f'homed: {where}')
+
+    def _stop(self, reason: str) -> None:
+        self.motion.stop(self._axes.encoder)
+        if self._homing is not None:
+            homing, self._homing = self._homing, None
+            homing.set_exception(StageError(f'homing ended: {reason}'))
+
+    def _end_stream(self, reason: str) -> None:
+        if self.motion.streaming:
+            self._listener.on_event(WARNING, f'stream ended, the stage stops: {reason}')
+            self._stop(reason)
+
+    def _change(self, event: Event) -> Future[str]:
+        done: Future[str] = Future()
+
+        def change() -> None:
+            try:
+                state = self._states.handle(event)
+            except StageError as error:
+                done.set_exception(error)
+                return
+            if event is Event.DISABLE:
+                self._brake('disabled')
+            if event is Event.RESET and self.config.enable_on_start:
+                state = self._after_reset(state)
+            if event is Event.ENABLE and self.motion.at_rest:
+                self._axes.hold_here()
+            done.set_result(state.value)
+
+        self._inbox.put(change)
+        return done
+
+    def _after_reset(self, state: State) -> State:
+        """Enable again where the stage enables itself at the start and the drive is there."""
+        if state is not State.DISABLED or not self._link.connected:
+            return state
+        self._axes.hold_here()
+        return self._states.handle(Event.ENABLE)
+
+    def _fail(self, reason: str) -> None:
+        self._states.handle(Event.FAIL, reason)
+        self._brake(reason)
+
+    def _brake(self, reason: str) -> None:
+        """Stop under control although the state no longer allows motion."""
+        if not self.motion.at_rest and not self._braking:
+            self._braking, self._brake_started = True, time.monotonic()
+        self._stop(reason)
+
+    def _abandon(self, reason: str) -> None:
+        """A motion whose stage is gone: nothing to brake."""
+        self._stop(reason)
+        self.motion.hold(self._axes.encoder)
+        if self._states.state is State.MOVING:
+            self._states.handle(Event.DONE)
+
+    def _is_quiet(self) -> bool:
+        return self.motion.at_rest and self._inbox.empty()
+
+    def _refuse(self, reason: str) -> None:
+        self._counts['refused'] += 1
+        self._last_refusal = reason
+        self._listener.on_event(WARNING, reason)
+
+    def _state_changed(self, before: State, after: State, reason: str) -> None:
+        if after is State.FAULT:
+            self._listener.on_event(FAILURE, f'fault: {reason}')

@@ -1,0 +1,123 @@
+"""The servo axes as the loop sees them: estimate, motion generator, controller, in that order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stage_core import drive_link
+from stage_core.twin_file import TwinFile
+from stage_driver import servo_loop
+from stage_driver.limits import AxisLimits
+from stage_driver.motion import Mode, MotionGenerator
+
+
+@dataclass(frozen=True)
+class ServoConfig:
+    """Parameters of the servo backend; SI units."""
+
+    axes: tuple[str, ...]
+    limits: tuple[AxisLimits, ...]
+    twin: TwinFile
+    host: str = '127.0.0.1'
+    port: int = drive_link.DEFAULT_PORT
+    homing_velocity: float = 0.05
+    max_jerk: float = 100.0
+    settle_time: float = 0.3
+    setpoint_timeout: float = 0.1
+    following_error_limit: float = 0.002
+    link_timeout: float = 1.0
+    lockstep_timeout: float = 5.0
+    home_required: bool = True
+    enable_on_start: bool = True
+    friction: NDArray[np.float64] | None = None
+    """(axes, 4) Coulomb force, static force [N], Stribeck velocity [m/s], presliding [m]."""
+
+
+class ServoAxes:
+    """Arrays of all axes and one control tick on them; no I/O, nothing allocated in a tick."""
+
+    def __init__(self, config: ServoConfig) -> None:
+        self._axes = config.axes
+        self._friction = config.friction
+        self._following_limit = config.following_error_limit
+        self.period = config.twin.control_period
+        self._gains = servo_loop.loop_gains(config.twin, config.axes)
+        self.motion = MotionGenerator(
+            config.limits, self._gains, self.period, config.max_jerk, config.settle_time
+        )
+        count = len(config.axes)
+        self.encoder = np.zeros(count)
+        self.command = np.zeros(count)
+        self.force = np.zeros(count)
+        self._memory = servo_loop.start_memory(self.encoder)
+        self._bristles = np.zeros(count)
+        # A loop without full feed-forward follows behind its reference by this time [s].
+        self._lag = (1.0 - self._gains[:, 1]) / self._gains[:, 0]
+        self._warm_up()
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Estimated velocity vf_k (axes,) [m/s]."""
+        return self._memory[:, servo_loop.VELOCITY]
+
+    def begin(self, positions: Sequence[float]) -> None:
+        """Start anew at rest at `positions` [m]: the drive is new, or its position jumped."""
+        self.encoder[:] = positions
+        self._memory[:] = servo_loop.start_memory(self.encoder)
+        self._bristles[:] = 0.0
+        self.motion.hold(self.encoder)
+
+    def hold_here(self) -> None:
+        """Hold the present position with an empty integrator."""
+        self.motion.hold(self.encoder)
+        self._memory[:, servo_loop.INTEGRAL] = 0.0
+        self._bristles[:] = 0.0
+
+    def measure(self, positions: Sequence[float]) -> None:
+        """Take the encoder's positions q_k [m] of a tick."""
+        self.encoder[:] = positions
+        servo_loop.estimate_velocity(self.encoder, self._memory, self._gains, self.period)
+
+    def control(self) -> bool:
+        """Compute `motion.reference`, `command` and `force`; True when a motion ended."""
+        done = self.motion.tick(self.encoder)
+        self.command[:] = self.motion.command
+        if self._friction is not None:
+            servo_loop.lugre_velocity(
+                self.motion.command,
+                self._bristles,
+                self._friction,
+                self._gains,
+                self.period,
+                self.command,
+            )
+        servo_loop.velocity_loop(self.command, self._memory, self._gains, self.period, self.force)
+        return done
+
+    def following_fault(self) -> str | None:
+        """What is wrong where the encoder strays from what the loop would give."""
+        if self.motion.mode not in (Mode.PROFILE, Mode.STREAM, Mode.VELOCITY):
+            return None
+        for index, axis in enumerate(self._axes):
+            error = abs(self.motion.reference[index] - self.encoder[index])
+            expected = abs(self.motion.speed[index]) * self._lag[index]
+            if error - expected > self._following_limit:
+                return (
+                    f'following error of {axis} {error * 1e3:.3f} mm exceeds '
+                    f'{self._following_limit * 1e3:.3f} mm: is the axis blocked?'
+                )
+        return None
+
+    def _warm_up(self) -> None:
+        """Compile every kernel before the first tick."""
+        self.begin(self.encoder.tolist())
+        self.measure(self.encoder.tolist())
+        self.motion.move(self.encoder, self.motion.max_velocity, self.encoder)
+        self.control()
+        self.motion.mode = Mode.VELOCITY
+        self.control()
+        self.begin(np.zeros(len(self._axes)).tolist())

@@ -1,0 +1,114 @@
+"""The velocity loop of the nominal servo twin, one control tick at a time (contract, section 5).
+
+All functions work in place on arrays with one row or element per axis and allocate nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from stage_core.twin_file import TwinFile
+
+Floats = NDArray[np.float64]
+
+GAIN_COLUMNS = (
+    'position_gain',
+    'velocity_feedforward',
+    'velocity_gain',
+    'integral_gain',
+    'filter_pole',
+    'force_limit',
+)
+"""Columns of the gains array; `filter_pole` is a = exp(-Ts * velocity_filter)."""
+POSITION_GAIN, FEEDFORWARD, VELOCITY_GAIN, INTEGRAL_GAIN, FILTER_POLE, FORCE_LIMIT = range(6)
+PREVIOUS, VELOCITY, INTEGRAL = range(3)
+"""Columns of the memory array: q_(k-1) [m], vf_(k-1) [m/s], I_k [N]."""
+
+
+def loop_gains(twin: TwinFile, axes: Sequence[str]) -> Floats:
+    """Gains (axes, 6) of a twin file; rows in the order of `axes`."""
+    rows = []
+    for axis in axes:
+        servo = twin.servo(axis)
+        pole = math.exp(-twin.control_period * servo.velocity_filter)
+        rows.append(
+            [
+                servo.position_gain,
+                servo.velocity_feedforward,
+                servo.velocity_gain,
+                servo.integral_gain,
+                pole,
+                servo.force_limit,
+            ]
+        )
+    return np.array(rows, dtype=np.float64)
+
+
+def start_memory(encoder: Floats) -> Floats:
+    """Memory (axes, 3) at rest: q_(-1) = q_0, vf_(-1) = 0, I_0 = 0."""
+    memory = np.zeros((len(encoder), 3))
+    memory[:, PREVIOUS] = encoder
+    return memory
+
+
+@njit(cache=True)
+def estimate_velocity(encoder: Floats, memory: Floats, gains: Floats, period: float) -> None:
+    """vf_k = a vf_(k-1) + (1 - a) (q_k - q_(k-1)) / Ts, into the memory."""
+    for i in range(len(encoder)):
+        pole = gains[i, 4]
+        difference = (encoder[i] - memory[i, 0]) / period
+        memory[i, 1] = pole * memory[i, 1] + (1.0 - pole) * difference
+        memory[i, 0] = encoder[i]
+
+
+@njit(cache=True)
+def position_loop(
+    reference: Floats, speed: Floats, encoder: Floats, gains: Floats, command: Floats
+) -> None:
+    """vc_k = velocity_feedforward * dr_k + position_gain * (r_k - q_k), into `command`."""
+    for i in range(len(encoder)):
+        command[i] = gains[i, 1] * speed[i] + gains[i, 0] * (reference[i] - encoder[i])
+
+
+@njit(cache=True)
+def velocity_loop(
+    command: Floats, memory: Floats, gains: Floats, period: float, force: Floats
+) -> None:
+    """F_k = clip(velocity_gain * ev_k + I_k), then I_(k+1), held while that would wind up."""
+    for i in range(len(command)):
+        error = command[i] - memory[i, 1]
+        wanted = gains[i, 2] * error + memory[i, 2]
+        limit = gains[i, 5]
+        force[i] = min(max(wanted, -limit), limit)
+        clipped = wanted > limit or wanted < -limit
+        if not (clipped and error * wanted > 0.0):
+            memory[i, 2] += gains[i, 3] * error * period
+
+
+@njit(cache=True)
+def lugre_velocity(
+    speed: Floats, bristles: Floats, friction: Floats, gains: Floats, period: float, out: Floats
+) -> None:
+    """Add the velocity that makes the loop's P part push with the LuGre friction force.
+
+    Eqs. 6-7 of paper 3 with the commanded velocity `speed` (the encoder's velocity step is as
+    large as the Stribeck velocity), integrated exactly over one tick at constant speed.
+    `friction` (axes, 4): Coulomb force [N], static force [N], Stribeck velocity [m/s], presliding
+    [m] (the deflection at which the bristles carry the Coulomb force). `bristles` (axes,) [m].
+    """
+    for i in range(len(speed)):
+        coulomb, static, stribeck, presliding = friction[i]
+        if coulomb <= 0.0:
+            continue
+        stiffness = coulomb / presliding
+        ratio = speed[i] / stribeck
+        level = (coulomb + (static - coulomb) * math.exp(-ratio * ratio)) / stiffness
+        steady = level if speed[i] >= 0.0 else -level
+        decay = math.exp(-abs(speed[i]) * period / level)
+        bristles[i] = steady + (bristles[i] - steady) * decay
+        out[i] += stiffness * bristles[i] / gains[i, 2]

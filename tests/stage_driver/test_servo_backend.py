@@ -1,0 +1,292 @@
+"""The servo backend against a small independent plant over the drive link."""
+
+import math
+import time
+from contextlib import contextmanager
+
+import pytest
+from driver_rig import Recorder, SmallPlant
+
+from stage_core import drive_link
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+from stage_driver.limits import AxisLimits
+from stage_driver.servo import ServoBackend
+from stage_driver.servo_axes import ServoConfig
+from stage_driver.states import State
+
+LIMITS = AxisLimits(-0.05, 0.05, 0.2, 2.0, 4.0)
+
+
+@contextmanager
+def rig(lockstep=True, start=(0.0, 0.0), **options):
+    plant, recorder = SmallPlant(lockstep, start), Recorder()
+    options.setdefault('home_required', False)
+    options.setdefault('settle_time', 0.3)
+    config = ServoConfig(
+        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), port=plant.port, **options
+    )
+    backend = ServoBackend(config, recorder)
+    plant.start()
+    backend.start()
+    try:
+        recorder.wait(lambda: recorder.states)
+        yield plant, backend, recorder
+    finally:
+        backend.close()
+        plant.close()
+
+
+def quiet(backend, recorder):
+    """Wait until the motion has ended."""
+    deadline = time.monotonic() + 30
+    while backend.status().state is State.MOVING or not backend._inbox.empty():
+        assert time.monotonic() < deadline, backend.status()
+        time.sleep(0.002)
+
+
+def move(backend, recorder, x, y):
+    before = len(recorder.controls)
+    backend.submit(0, ['x', 'y'], [x, y], [])
+    recorder.wait(lambda: len(recorder.controls) > before)
+    quiet(backend, recorder)
+
+
+def stream(backend, recorder, count, setpoint):
+    """Lockstep stream: each set-point carries the stamp of the newest joint state."""
+    for k in range(count):
+        stamp, positions, _ = recorder.states[-1]
+        position, velocity = setpoint(k, positions)
+        backend.submit(stamp, ['x', 'y'], position, velocity)
+        recorder.wait(lambda stamp=stamp: recorder.states[-1][0] > stamp)
+
+
+def test_position_move_lands_on_target_and_the_world_is_quiet_after_it():
+    with rig() as (plant, backend, recorder):
+        move(backend, recorder, 0.01, -0.02)
+        assert plant.position == pytest.approx([0.01, -0.02], abs=3e-6)
+        ticks = plant.tick
+        time.sleep(0.2)
+        assert plant.tick == ticks
+        speeds = [max(map(abs, rates)) for _, _, rates, _, _ in recorder.controls]
+        assert 0.1 < max(speeds) <= 0.2 + 1e-9
+        assert recorder.temperatures[0][1] == drive_link.SENSORS
+
+
+def test_a_move_is_the_same_run_to_run():
+    traces = []
+    for _ in range(2):
+        with rig() as (_, backend, recorder):
+            move(backend, recorder, 0.004, 0.002)
+            traces.append(recorder.controls)
+    assert traces[0] == traces[1]
+
+
+def test_published_values_are_those_of_the_contract():
+    """F_k, vf_k and vc_k recomputed from the published columns alone."""
+    with rig() as (_, backend, recorder):
+        move(backend, recorder, 0.01, 0.0)
+        states, controls = recorder.states, recorder.controls
+    x = TwinFile.nominal_servo().servo('x')
+    a = math.exp(-0.001 * x.velocity_filter)
+    filtered, previous, integral = 0.0, states[0][1][0], 0.0
+    for (stamp, q, vf), (control_stamp, r, _, vc, force) in zip(states, controls, strict=False):
+        assert stamp == control_stamp
+        filtered = a * filtered + (1 - a) * (q[0] - previous) / 0.001
+        previous = q[0]
+        assert vf[0] == pytest.approx(filtered, abs=1e-12)
+        assert vc[0] == pytest.approx(x.position_gain * (r[0] - q[0]), abs=1e-12)
+        wanted = x.velocity_gain * (vc[0] - filtered) + integral
+        assert force[0] == pytest.approx(max(-600.0, min(600.0, wanted)), abs=1e-9)
+        if abs(wanted) <= 600.0:
+            integral += x.integral_gain * (vc[0] - filtered) * 0.001
+
+
+def test_homing_goes_to_the_reference_position_and_is_required():
+    with rig(start=(0.003, -0.002), home_required=True) as (plant, backend, recorder):
+        backend.submit(0, ['x'], [0.01], [])
+        recorder.wait(lambda: recorder.said('not homed'))
+        assert plant.tick == 0
+        assert 'homed' in backend.home().result(timeout=30)
+        assert plant.position == pytest.approx([0.0, 0.0], abs=3e-6)
+        assert backend.status().homed
+
+
+def test_velocity_stream_waits_for_each_setpoint_and_ends_with_a_position():
+    with rig() as (plant, backend, recorder):
+        stream(backend, recorder, 200, lambda k, q: ([], [0.02, -0.01]))
+        assert plant.tick == 200
+        time.sleep(0.1)
+        assert plant.tick == 200
+        backend.submit(recorder.states[-1][0], ['x', 'y'], [0.01, 0.0], [])
+        recorder.wait(lambda: len(recorder.controls) > 250)
+        quiet(backend, recorder)
+        assert plant.position == pytest.approx([0.01, 0.0], abs=3e-6)
+        assert recorder.controls[199][3] == pytest.approx((0.02, -0.01))
+
+
+def test_stream_of_both_follows_reference_and_ignores_duplicates():
+    with rig() as (plant, backend, recorder):
+
+        def circle(k, q):
+            angle = 2 * math.pi * k / 1000
+            r = (0.005 * (1 - math.cos(angle)), 0.005 * math.sin(angle))
+            v = (10 * math.pi * math.sin(angle) * 1e-3, 10 * math.pi * math.cos(angle) * 1e-3)
+            return r, [40 * (r[i] - q[i]) + v[i] for i in range(2)]
+
+        stream(backend, recorder, 300, circle)
+        stamp = recorder.states[-1][0]
+        assert plant.tick == 300
+        backend.submit(recorder.controls[-1][0], ['x', 'y'], [0.0, 0.0], [0.0, 0.0])
+        time.sleep(0.05)
+        assert recorder.states[-1][0] == stamp
+        last = recorder.controls[-1]
+        assert last[1] == pytest.approx(circle(299, (0, 0))[0])
+        assert plant.position == pytest.approx(last[1], abs=2e-4)
+
+
+def test_stream_whose_controller_died_is_stopped():
+    with rig(lockstep_timeout=0.2) as (plant, backend, recorder):
+        stream(backend, recorder, 300, lambda k, q: ([], [0.05, 0.0]))
+        recorder.wait(lambda: recorder.said('stream ended'))
+        quiet(backend, recorder)
+        assert abs(plant.velocity[0]) < 1e-4
+        assert backend.status().state is State.READY
+
+
+@pytest.mark.parametrize(
+    ('names', 'positions', 'velocities', 'words'),
+    [
+        (['x'], [float('nan')], [], 'position of x is nan'),
+        (['y'], [], [float('inf')], 'velocity of y is inf'),
+        (['x', 'y'], [0.0, 0.06], [], 'position of y 0.060000 m is outside its limits -0.05'),
+        (['x'], [], [0.3], 'velocity of x 0.300000 m/s is beyond its limit 0.2'),
+        (['z'], [0.0], [], "'z'"),
+        (['x', 'y'], [0.0], [], '1 positions for 2 names'),
+        (['x'], [], [], 'neither positions nor velocities'),
+    ],
+)
+def test_bad_setpoints_are_refused_by_name_and_move_nothing(names, positions, velocities, words):
+    with rig() as (plant, backend, recorder):
+        for _ in range(50):
+            backend.submit(0, names, positions, velocities)
+        recorder.wait(lambda: recorder.said(words))
+        assert plant.tick == 0 and backend.status().state is State.READY
+        assert words in backend.status().details['last_refusal']
+
+
+def test_stream_that_turns_into_nan_is_stopped_within_the_deceleration_distance():
+    with rig() as (plant, backend, recorder):
+        stream(backend, recorder, 400, lambda k, q: ([], [0.08, 0.0]))
+        begin = plant.position[0]
+        backend.submit(recorder.states[-1][0], ['x', 'y'], [], [float('nan')] * 2)
+        recorder.wait(lambda: recorder.said('stream ended'))
+        quiet(backend, recorder)
+        furthest = max(position[0] for position, _ in plant.trace)
+        assert furthest - begin < 0.08**2 / (2 * 4.0) + 0.08 * 0.01
+        assert abs(plant.velocity[0]) < 1e-4
+
+
+@pytest.mark.parametrize('both', [False, True])
+def test_soft_limit_holds_in_streams(both):
+    with rig(start=(0.04, 0.0), following_error_limit=1.0) as (plant, backend, recorder):
+        stream(
+            backend,
+            recorder,
+            400,
+            lambda k, q: ([0.05, 0.0] if both else [], [0.15, 0.0]),
+        )
+        assert max(position[0] for position, _ in plant.trace) < 0.05 + 2e-4
+        assert plant.position[0] > 0.045
+        assert backend.motion.clamped > 0
+
+
+def test_following_error_latches_a_fault_until_the_reset():
+    with rig() as (plant, backend, recorder):
+        plant.blocked = True
+        backend.submit(0, ['x', 'y'], [0.02, 0.0], [])
+        recorder.wait(lambda: recorder.said('following error of x'))
+        assert backend.status().state is State.FAULT
+        recorder.wait(lambda: backend.motion.at_rest)
+        backend.submit(0, ['x'], [0.01], [])
+        recorder.wait(lambda: recorder.said('call ~/reset_fault'))
+        with pytest.raises(StageError, match='reset_fault'):
+            backend.enable(True).result(timeout=10)
+        plant.blocked = False
+        assert backend.reset_fault().result(timeout=10) == 'ready'
+        move(backend, recorder, 0.01, 0.0)
+        assert plant.position[0] == pytest.approx(0.01, abs=3e-6)
+
+
+def test_stop_ends_homing_and_answers_at_once():
+    with rig(start=(0.04, 0.0)) as (plant, backend, recorder):
+        homing = backend.home()
+        recorder.wait(lambda: len(recorder.controls) > 100)
+        assert backend.stop() == 'stopping'
+        with pytest.raises(StageError, match='homing ended'):
+            homing.result(timeout=30)
+        quiet(backend, recorder)
+        assert plant.position[0] > 0.001 and abs(plant.velocity[0]) < 1e-3
+
+
+def test_disabled_stage_refuses_moves():
+    with rig() as (plant, backend, recorder):
+        assert backend.enable(False).result(timeout=10) == 'disabled'
+        backend.submit(0, ['x'], [0.01], [])
+        recorder.wait(lambda: recorder.said('the stage is disabled'))
+        with pytest.raises(StageError, match='disabled'):
+            backend.home().result(timeout=10)
+        assert plant.tick == 0
+        assert backend.enable(True).result(timeout=10) == 'ready'
+        move(backend, recorder, 0.001, 0.0)
+
+
+def test_drive_restart_asks_for_homing():
+    with rig(home_required=True) as (plant, backend, recorder):
+        backend.home().result(timeout=30)
+        plant.reset((0.002, 0.0))
+        recorder.wait(lambda: recorder.said('restarted'))
+        backend.submit(0, ['x'], [0.01], [])
+        recorder.wait(lambda: recorder.said('not homed'))
+        assert plant.tick == 0
+
+
+def test_friction_compensation_is_part_of_the_published_command():
+    import numpy as np
+
+    friction = np.array([[20.0, 25.0, 0.001, 2e-6]] * 2)
+    with rig(friction=friction) as (_, backend, recorder):
+        move(backend, recorder, 0.01, 0.0)
+        middle = next(c for c in recorder.controls if c[1][0] > 0.005)
+        state = next(s for s in recorder.states if s[0] == middle[0])
+        feedback = 40.0 * (middle[1][0] - state[1][0])
+        # At speed the bristles carry the Coulomb force: 20 N / 3600 N s/m.
+        assert middle[3][0] - feedback == pytest.approx(20.0 / 3600.0, rel=1e-3)
+
+
+def test_real_time_watchdog_stops_a_stream_and_a_silent_drive_is_a_fault():
+    with rig(lockstep=False, link_timeout=0.5) as (plant, backend, recorder):
+        backend.submit(0, ['x', 'y'], [], [0.03, 0.0])
+        recorder.wait(lambda: recorder.said('stream ended'))
+        quiet(backend, recorder)
+        assert backend.status().details['watchdog_stops'] == '1'
+        assert 0.0 < plant.position[0] < 0.03
+        plant.muted = True
+        recorder.wait(lambda: recorder.said('no encoder datagram'))
+        assert backend.status().state is State.FAULT
+        plant.muted = False
+        recorder.wait(lambda: recorder.said('drive back'))
+        assert backend.reset_fault().result(timeout=10) == 'ready'
+
+
+def test_absent_drive_is_named_when_homing():
+    backend = ServoBackend(
+        ServoConfig(('x',), (LIMITS,), TwinFile.nominal_servo(), port=9), Recorder()
+    )
+    backend.start()
+    try:
+        with pytest.raises(StageError, match='disabled|no drive'):
+            backend.home().result(timeout=10)
+        assert not backend.status().connected
+    finally:
+        backend.close()
