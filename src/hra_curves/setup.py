@@ -18,6 +18,6 @@ setup(
     description='fg-Bernstein curves computed to high relative accuracy.',
     license='Apache-2.0',
     entry_points={
-        'console_scripts': [],
+        'console_scripts': ['hra_tables = hra_curves.__main__:main'],
     },
 )

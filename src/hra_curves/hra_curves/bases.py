@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
@@ -42,6 +43,18 @@ class Basis(ABC):
     def differences(self, upper: Array, lower: Array) -> Array:
         """f(upper) g(lower) - f(lower) g(upper) for lower < upper, free of cancellation."""
 
+    def g_lost(self, t: Array) -> Array:
+        """Relative rounding error c of the computed g: the true one is g (1 + c).
+
+        Zero where it is not known; high relative accuracy holds either way, with a constant that
+        grows with the degree, and this keeps that constant small.
+        """
+        return np.zeros_like(t)
+
+    def differences_lost(self, upper: Array, lower: Array) -> Array:
+        """Relative rounding error of the computed :meth:`differences`, zero where unknown."""
+        return np.zeros_like(upper)
+
     @abstractmethod
     def taylor(self, t: Array, order: int) -> tuple[Array, Array]:
         """Taylor coefficients of f and g about each t, two arrays of shape (m, order + 1)."""
@@ -60,6 +73,14 @@ def _linear(value: Array, slope: float, order: int) -> Array:
     if order > 0:
         coefficients[:, 1] = slope
     return coefficients
+
+
+def _lost_in_subtraction(larger: Array, smaller: Array) -> Array:
+    """Relative rounding error of larger - smaller, which is a double itself (Moller, Knuth)."""
+    result = larger - smaller
+    back = larger - result
+    lost = (larger - (result + back)) + (back - smaller)
+    return np.divide(lost, result, out=np.zeros_like(result), where=result > 0.0)
 
 
 def _check_interval(lower: float, upper: float) -> None:
@@ -92,6 +113,16 @@ class Bernstein(Basis):
     def differences(self, upper: Array, lower: Array) -> Array:
         """(t_i - t_k)/(b - a)."""
         return (upper - lower) / (self.upper - self.lower)
+
+    def g_lost(self, t: Array) -> Array:
+        """Rounding of 1 - t, known exactly on the unit interval."""
+        if (self.lower, self.upper) != (0.0, 1.0):
+            return np.zeros_like(t)
+        return _lost_in_subtraction(np.ones_like(t), t)
+
+    def differences_lost(self, upper: Array, lower: Array) -> Array:
+        """Rounding of t_i - t_k, known exactly; the division by b - a cancels in quotients."""
+        return _lost_in_subtraction(upper, lower)
 
     def taylor(self, t: Array, order: int) -> tuple[Array, Array]:
         """Taylor coefficients of f and g about each t."""
@@ -171,6 +202,10 @@ class Monomial(Basis):
     def differences(self, upper: Array, lower: Array) -> Array:
         """t_i - t_k."""
         return upper - lower
+
+    def differences_lost(self, upper: Array, lower: Array) -> Array:
+        """Rounding of t_i - t_k, known exactly."""
+        return _lost_in_subtraction(upper, lower)
 
     def taylor(self, t: Array, order: int) -> tuple[Array, Array]:
         """Taylor coefficients of f and g about each t."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from stage_core.errors import StageError
 
 from hra_curves import kernels
 from hra_curves.bases import Basis
+from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
 
@@ -68,28 +68,43 @@ class HraCurve:
             mapped = lower + (u - first) * ((upper - lower) / (last - first))
         return np.clip(mapped, lower, upper)
 
-    def taylor(self, u: ArrayLike, order: int) -> Array:
-        """Curve and its derivatives up to ``order``, shape (order+1,) + shape of u + (d,)."""
+    @property
+    def breaks(self) -> Array:
+        """Parameters where smoothness may drop: only the ends (2,)."""
+        return np.array(self.domain)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the last point is the first one, to 1e-9 of the size of the curve."""
+        ends = self.evaluate(np.array(self.domain))
+        size = float(np.ptp(self.control_points, axis=0).max())
+        return bool(np.linalg.norm(ends[1] - ends[0]) <= 1e-9 * size)
+
+    def derivatives(self, parameter: ArrayLike, order: int) -> Array:
+        """Point and derivatives by the parameter, (order + 1, m, d), for (m,) parameters.
+
+        Raises
+        ------
+        StageError
+            A parameter outside the domain or a negative order.
+        """
         if order < 0:
             raise StageError(f'derivative order {order} is negative: give 0 or more')
-        values = np.asarray(u, dtype=float)
-        flat = np.atleast_1d(values).ravel()
-        f, g = self.basis.taylor(self._basis_parameter(flat), order)
-        dimension = self.control_points.shape[1]
-        series = np.empty((flat.size, order + 1, dimension))
+        u = np.atleast_1d(np.asarray(parameter, dtype=float)).ravel()
+        f, g = self.basis.taylor(self._basis_parameter(u), order)
+        series = np.empty((u.size, order + 1, self.control_points.shape[1]))
         kernels.evaluate_series(
             self.control_points, np.ascontiguousarray(f), np.ascontiguousarray(g), series
         )
         lower, upper = self.basis.domain
         slope = (upper - lower) / (self.domain[1] - self.domain[0])
         scales = np.array([math.factorial(k) * slope**k for k in range(order + 1)])
-        derivatives = np.moveaxis(series * scales[:, None], 1, 0)
-        return derivatives.reshape((order + 1,) + values.shape + (dimension,))
+        return np.moveaxis(series * scales[:, None], 1, 0)
 
     def evaluate(self, u: ArrayLike) -> Array:
         """Point of the curve, metres: (d,) for a number, (m, d) for an array (m,)."""
-        return self.taylor(u, 0)[0]
+        return self.derivatives(u, 0)[0].reshape(np.shape(u) + (-1,))
 
     def derivative(self, u: ArrayLike, order: int = 1) -> Array:
-        """Derivative of the given order with respect to the parameter, shaped as ``evaluate``."""
-        return self.taylor(u, order)[order]
+        """Derivative of the given order by the parameter, shaped as :meth:`evaluate`."""
+        return self.derivatives(u, order)[order].reshape(np.shape(u) + (-1,))

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from stage_core.errors import StageError
 
 from hra_curves import kernels
 from hra_curves.bases import Basis
+from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
 MAXIMUM_DEGREE = 1000
@@ -107,10 +107,13 @@ def factorise(basis: Basis, nodes: ArrayLike, degree: int | None = None) -> Bidi
         raise StageError(f'degree {columns - 1} exceeds {MAXIMUM_DEGREE}: split the curve')
     f, g = (np.ascontiguousarray(part, dtype=float) for part in basis.pair(values))
     differences = np.zeros((rows, max(columns - 1, 1)))
+    differences_lost = np.zeros_like(differences)
     for k in range(1, columns):
-        differences[k:, k - 1] = basis.differences(values[k:], values[:-k])
+        upper, lower = values[k:], values[:-k]
+        differences[k:, k - 1] = basis.differences(upper, lower)
+        differences_lost[k:, k - 1] = basis.differences_lost(upper, lower)
     entries = np.zeros((rows, columns))
-    kernels.fill_factorisation(f, g, differences, entries)
+    kernels.fill_factorisation(f, g, basis.g_lost(values), differences, differences_lost, entries)
     pivots = np.diagonal(entries)
     if not np.isfinite(entries).all() or pivots.min() < np.finfo(float).tiny:
         raise StageError(

@@ -18,25 +18,60 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True)
-def fill_factorisation(f: Array, g: Array, differences: Array, entries: Array) -> None:
+def _product_error(a: float, b: float) -> float:
+    """a b minus its rounded product, exactly (Dekker and Veltkamp)."""
+    spread = 134217729.0 * a
+    a_high = spread - (spread - a)
+    a_low = a - a_high
+    spread = 134217729.0 * b
+    b_high = spread - (spread - b)
+    b_low = b - b_high
+    return a_low * b_low - (((a * b - a_high * b_high) - a_low * b_high) - a_high * b_low)
+
+
+@njit(cache=True)
+def _quotient_error(a: float, b: float) -> float:
+    """Relative error of the rounded quotient a/b: the true one is (a/b) (1 + error)."""
+    if a == 0.0:
+        return 0.0
+    quotient = a / b
+    return ((a - quotient * b) - _product_error(quotient, b)) / a
+
+
+@njit(cache=True)
+def fill_factorisation(
+    f: Array, g: Array, g_lost: Array, differences: Array, differences_lost: Array, entries: Array
+) -> None:
     """Write Eq. 10 of paper 4 into ``entries`` (l+1, n+1).
 
-    ``differences[i, k - 1]`` is f_i g_(i-k) - f_(i-k) g_i. Nothing is subtracted here. Products
-    run in the order that keeps each factor near one, and pivots carry their exponent apart: at
-    degree 200 the power of g alone would underflow.
+    ``differences[i, k - 1]`` is f_i g_(i-k) - f_(i-k) g_i, and the true values are
+    g (1 + g_lost) and differences (1 + differences_lost). No entry comes from a difference of
+    computed numbers. The products are n factors long and share their roundings with the entries
+    beside and below, so these would add up over the matrix: they are carried along to first
+    order. Products run in the order that keeps each factor near one, and pivots carry their
+    exponent apart: at degree 200 the power of g alone would underflow.
     """
     rows, columns = entries.shape
     degree = columns - 1
     for i in range(1, rows):
-        product = 1.0
+        quotient = g[i] / g[i - 1]
+        lost_in_power = g_lost[i] - g_lost[i - 1] + _quotient_error(g[i], g[i - 1])
+        product, lost = 1.0, 0.0
         for j in range(min(i, columns)):
-            power = (g[i] / g[i - 1]) ** (degree - j)
-            entries[i, j] = power * (g[i - 1 - j] / g[i - 1]) * product
+            # A real exponent calls pow, rounded once; an integer one multiplies repeatedly.
+            power = quotient ** float(degree - j) * (1.0 + (degree - j) * lost_in_power)
+            entries[i, j] = power * (g[i - 1 - j] / g[i - 1]) * (product * (1.0 + lost))
             if j + 1 < i and j < degree:
-                product *= differences[i, j] / differences[i - 1, j]
+                above = differences[i - 1, j]
+                step = differences[i, j] / above
+                lost += _quotient_error(differences[i, j], above)
+                lost += differences_lost[i, j] - differences_lost[i - 1, j]
+                rounded = product * step
+                lost += _product_error(product, step) / rounded
+                product = rounded
     for i in range(columns):
         mantissa, exponent = math.frexp(g[i])
-        mantissa = mantissa ** (degree - i)
+        mantissa = mantissa ** float(degree - i) * (1.0 + (degree - i) * g_lost[i])
         exponent *= degree - i
         for k in range(1, i + 1):
             mantissa *= (degree - k + 1) / k * (differences[i, k - 1] / g[i - k])

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from stage_core.errors import StageError
 
 from hra_curves import kernels
 from hra_curves.factorisation import Bidiagonal
+from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,95 @@
+"""Reference results in 100 decimal digits (mpmath), for the tables and the tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hra_curves.bases import Basis
+from stage_core.errors import StageError
+
+try:
+    import mpmath
+except ImportError:  # pragma: no cover - a run-time installation without the oracle
+    mpmath = None
+
+Array = NDArray[np.float64]
+DIGITS = 100
+Table = list[list[Any]]
+
+
+def need_mpmath() -> None:
+    """Raise a :class:`StageError` where mpmath is not installed."""
+    if mpmath is None:
+        raise StageError('the exact results need mpmath: pip install mpmath')
+
+
+def collocation(basis: Basis, nodes: ArrayLike, degree: int) -> Table:
+    """Collocation matrix of the given doubles, taken as exact, in 100 digits."""
+    need_mpmath()
+    with mpmath.workdps(DIGITS):
+        rows = []
+        for node in np.asarray(nodes, dtype=float):
+            f, g = basis.pair(mpmath.mpf(float(node)), mpmath)
+            rows.append(
+                [mpmath.binomial(degree, j) * f**j * g ** (degree - j) for j in range(degree + 1)]
+            )
+        return rows
+
+
+def solve(matrix: Table, values: Array) -> Table:
+    """Solve a square system for the columns of ``values`` (n, m) in 100 digits.
+
+    Elimination without exchange of rows, which a totally positive matrix allows.
+    """
+    need_mpmath()
+    with mpmath.workdps(DIGITS):
+        work = [
+            list(row) + [mpmath.mpf(float(value)) for value in right]
+            for row, right in zip(matrix, values, strict=True)
+        ]
+        size = len(matrix)
+        for pivot in range(size):
+            top = work[pivot]
+            for row in work[pivot + 1 :]:
+                factor = row[pivot] / top[pivot]
+                if factor:
+                    for column in range(pivot + 1, len(top)):
+                        row[column] -= factor * top[column]
+        result: Table = [[] for _ in range(size)]
+        for pivot in range(size - 1, -1, -1):
+            row = work[pivot]
+            for column in range(size, len(row)):
+                known = mpmath.fsum(
+                    row[k] * result[k][column - size] for k in range(pivot + 1, size)
+                )
+                result[pivot].append((row[column] - known) / row[pivot])
+        return result
+
+
+def relative_error(computed: NDArray[Any], exact: Table) -> float:
+    """Relative error in the 2-norm of vectors or tables (n, m), as Table 1 of paper 4."""
+    need_mpmath()
+    with mpmath.workdps(DIGITS):
+        numerator = denominator = mpmath.mpf(0)
+        for row, reference in zip(np.atleast_2d(computed.T).T, exact, strict=True):
+            for value, true in zip(row, reference, strict=True):
+                numerator += (mpmath.mpf(float(value)) - true) ** 2
+                denominator += true**2
+        return float(mpmath.sqrt(numerator / denominator))
+
+
+def componentwise_error(computed: NDArray[Any], exact: Sequence[Sequence[Any]]) -> float:
+    """Largest relative error of a component."""
+    need_mpmath()
+    with mpmath.workdps(DIGITS):
+        worst = mpmath.mpf(0)
+        for row, reference in zip(np.atleast_2d(computed.T).T, exact, strict=True):
+            for value, true in zip(row, reference, strict=True):
+                difference = abs(mpmath.mpf(float(value)) - true)
+                if difference:
+                    worst = max(worst, difference / abs(true) if true else mpmath.inf)
+        return float(worst)

@@ -1,0 +1,78 @@
+"""What a user would pick otherwise: linear, cubic and B-spline curves through SciPy.
+
+Each function returns a callable from parameters (m,) to points (m, d), over the nodes given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline as SciPyBSpline
+from scipy.interpolate import CubicSpline, make_interp_spline, make_lsq_spline, splprep
+
+from stage_core.errors import StageError
+
+Array = NDArray[np.float64]
+Evaluator = Callable[[Array], Array]
+
+
+def linear(nodes: Array, points: Array) -> Evaluator:
+    """Polyline through the points."""
+    return lambda u: np.column_stack(
+        [np.interp(u, nodes, points[:, axis]) for axis in range(points.shape[1])]
+    )
+
+
+def cubic_spline(nodes: Array, points: Array, boundary: str = 'not-a-knot') -> Evaluator:
+    """Cubic spline over the nodes; ``boundary`` is SciPy's name, such as ``natural``."""
+    return CubicSpline(nodes, points, bc_type=boundary)
+
+
+def chord_length_spline(points: Array) -> tuple[Array, Evaluator]:
+    """Natural cubic spline over the chord length, what the CAM system of paper 4 draws.
+
+    Returns
+    -------
+    nodes : (n+1,) chord lengths of the points, metres. evaluate : over these nodes.
+    """
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if (steps <= 0.0).any():
+        raise StageError('two neighbouring points coincide: remove one of them')
+    nodes = np.concatenate(([0.0], np.cumsum(steps)))
+    return nodes, cubic_spline(nodes, points, 'natural')
+
+
+def b_spline(nodes: Array, points: Array, degree: int = 5) -> Evaluator:
+    """Interpolating B-spline of odd degree over the nodes."""
+    return make_interp_spline(nodes, points, k=degree)
+
+
+def least_squares_b_spline(
+    nodes: Array, points: Array, control_points: int, degree: int = 3
+) -> Evaluator:
+    """Least-squares B-spline with uniform knots and ``control_points`` control points."""
+    if not degree < control_points <= nodes.size:
+        raise StageError(
+            f'{control_points} control points for a B-spline of degree {degree} through '
+            f'{nodes.size} points: give from {degree + 1} to {nodes.size}'
+        )
+    inner = np.linspace(nodes[0], nodes[-1], control_points - degree + 1)
+    knots = np.concatenate(([nodes[0]] * degree, inner, [nodes[-1]] * degree))
+    return make_lsq_spline(nodes, points, knots, k=degree)
+
+
+def smoothing_b_spline(
+    nodes: Array, points: Array, tolerance: float, degree: int = 3
+) -> tuple[Evaluator, int]:
+    """Smoothing B-spline whose RMS distance to the points is about ``tolerance`` (FITPACK).
+
+    Returns
+    -------
+    evaluate : over the nodes. count : number of its control points.
+    """
+    (knots, control, order), _ = splprep(
+        points.T, u=nodes, s=points.shape[0] * tolerance**2, k=degree
+    )
+    return SciPyBSpline(knots, np.transpose(control), order), len(control[0])

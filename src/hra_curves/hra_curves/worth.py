@@ -1,0 +1,225 @@
+"""What high relative accuracy and the basis are each worth, and Table 5's share of the error."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hra_curves import exact, peers
+from hra_curves.bases import Basis, Bernstein, Trigonometric
+from hra_curves.cycloid import cycloid, error_to_the_curve
+from hra_curves.factorisation import collocation_matrix, factorise
+from hra_curves.fitting import HraWarning, interpolate, least_squares_curve, parameter_nodes
+from hra_curves.solvers import solve
+from hra_curves.tables import MICRO, TURN, hra_cycloid, least_squares_error
+
+Array = NDArray[np.float64]
+
+# Section 5 of paper 4: U_XY = 0.50 um with coverage factor 2.
+STANDARD_UNCERTAINTY = 0.25e-6
+# Of which the laser's own calibration stays constant during a hold (Table 2).
+HELD_UNCERTAINTY = 0.099e-6
+READOUTS = 250
+# (interval, fraction of it, paper's trajectory error with HRA, with CAM), micrometres.
+TRAJECTORY_POINTS = (
+    (0, 0.5, '0.04', '3.1'),
+    (0, 0.6, '0.03', '3.8'),
+    (1, 0.35, '0.007', '4.5'),
+    (1, 0.45, '0.007', '4.5'),
+)
+
+
+@dataclass(frozen=True)
+class Share:
+    """A row of Table 5: lengths in metres, the share a fraction of the mean square error."""
+
+    name: str
+    paper_trajectory: str
+    system_error: float
+    system_deviation: float
+    trajectory: float
+    total: float
+    share: float
+
+
+def table5(holds: int = 2000, seed: int = 5) -> list[Share]:
+    """Share of the definition error in the total positioning error (Table 5, Eq. 15).
+
+    A stage of the NanoPla's uncertainty (0.25 um standard, normal, a constant part of 0.099 um in
+    each hold) is held at four points of the cycloid through 11 data, ``holds`` times with 250
+    readouts. The share is that of the squared definition error in the mean squared total.
+    """
+    generator = np.random.default_rng(seed)
+    count = 11
+    hra = hra_cycloid(count, Bernstein())
+    nodes, spline = peers.chord_length_spline(cycloid(np.linspace(0.0, TURN, count)))
+    noise = math.sqrt(STANDARD_UNCERTAINTY**2 - HELD_UNCERTAINTY**2)
+    rows = []
+    for number, (interval, fraction, paper_hra, paper_cam) in enumerate(TRAJECTORY_POINTS, 1):
+        theta = (interval + fraction) * TURN / (count - 1)
+        chord = nodes[interval] + fraction * (nodes[interval + 1] - nodes[interval])
+        for method, paper, point in (
+            ('HRA', paper_hra, hra.evaluate(np.array([theta]))),
+            ('CAM', paper_cam, spline(np.array([chord]))),
+        ):
+            if method == 'HRA':
+                trajectory = float(np.linalg.norm(point - cycloid(np.array([theta]))))
+            else:
+                trajectory = error_to_the_curve(point)
+            # One error component along the definition error; the paper adds scalars (Eq. 15).
+            constant = generator.normal(0.0, HELD_UNCERTAINTY, holds)
+            readouts = constant[:, None] + generator.normal(0.0, noise, (holds, READOUTS))
+            rows.append(
+                Share(
+                    f'TP{number} {method}',
+                    paper,
+                    float(np.abs(readouts.mean(axis=1)).mean()),
+                    float(readouts.std()),
+                    trajectory,
+                    trajectory + float(np.abs(readouts.mean(axis=1)).mean()),
+                    trajectory**2 / float(((trajectory + readouts) ** 2).mean()),
+                )
+            )
+    return rows
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One case of the table of worth; ``results`` maps a method to its error in ``unit``.
+
+    ``winner`` is empty where one method meets several circumstances.
+    """
+
+    case: str
+    unit: str
+    results: dict[str, float]
+    winner: str
+
+
+def _coefficient_errors(basis: Basis, nodes: Array, values: Array) -> dict[str, float]:
+    degree = nodes.size - 1
+    true = exact.solve(exact.collocation(basis, nodes, degree), values)
+    try:
+        plain = np.linalg.solve(collocation_matrix(basis, nodes, degree), values)
+        plain_error = exact.relative_error(plain, true)
+    except np.linalg.LinAlgError:
+        plain_error = math.inf
+    accurate = solve(factorise(basis, nodes), values)
+    return {'plain solve': plain_error, 'HRA': exact.relative_error(accurate, true)}
+
+
+def _winner(results: dict[str, float]) -> str:
+    best = min(results.values())
+    names = [name for name, value in results.items() if value <= 3.0 * best]
+    return 'no difference' if len(names) == len(results) else ' and '.join(names)
+
+
+def _cycloid_curves(count: int) -> dict[str, float]:
+    """Errors of curves through ``count`` points of the cycloid, micrometres."""
+    theta = np.linspace(0.0, TURN, count)
+    fine = np.linspace(0.0, TURN, 2001)
+    nodes = parameter_nodes((0.0, 1.0), count)
+    matrix = collocation_matrix(Bernstein(), nodes, count - 1)
+    control = np.linalg.solve(matrix, cycloid(theta))
+    plain = collocation_matrix(Bernstein(), fine / TURN, count - 1) @ control
+
+    def error(values: Array) -> float:
+        return float(np.linalg.norm(values - cycloid(fine), axis=1).max()) * MICRO
+
+    return {
+        'plain solve': error(plain),
+        'HRA': error(hra_cycloid(count, Bernstein()).evaluate(fine)),
+        'cubic spline': error(peers.cubic_spline(theta, cycloid(theta))(fine)),
+    }
+
+
+def _runge(x: Array) -> Array:
+    """Runge's function drawn 20 mm wide and 10 mm high, metres."""
+    return np.column_stack([0.01 * x, 0.01 / (1.0 + 25.0 * x**2)])
+
+
+def _runge_curves(count: int) -> dict[str, float]:
+    basis = Bernstein(-1.0, 1.0)
+    fine = np.linspace(-1.0, 1.0, 2001)
+
+    def error(evaluate: Callable[[Array], Array]) -> float:
+        return float(np.abs(evaluate(fine) - _runge(fine)).max()) * MICRO
+
+    even = parameter_nodes(basis.domain, count)
+    good = parameter_nodes(basis.domain, count, 'chebyshev')
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', HraWarning)
+        equal = interpolate(_runge(even), basis, even)
+        chebyshev = interpolate(_runge(good), basis, good)
+    fitted = least_squares_curve(_runge(even), max(count // 3, 5), basis, even)
+    return {
+        'HRA equal nodes': error(equal.evaluate),
+        'HRA Chebyshev nodes': error(chebyshev.evaluate),
+        'HRA least squares': error(fitted.evaluate),
+        'cubic spline': error(peers.cubic_spline(even, _runge(even))),
+    }
+
+
+def worth(seed: int = 3) -> list[Comparison]:
+    """Cases in which the basis, the accuracy or neither makes the difference."""
+    generator = np.random.default_rng(seed)
+    rows: list[tuple[str, str, dict[str, float]]] = []
+    for count in (11, 16, 21, 51):
+        rows.append((f'cycloid, {count} points: curve error', 'um', _cycloid_curves(count)))
+    basis = Bernstein()
+    for size in (20, 50):
+        nodes = parameter_nodes(basis.domain, size, 'interior')
+        theta = parameter_nodes((0.0, TURN), size, 'interior')
+        signs = (-1.0) ** np.arange(size)[:, None]
+        rows.append(
+            (
+                f'control points, {size} smooth data',
+                'relative',
+                _coefficient_errors(basis, nodes, cycloid(theta)),
+            )
+        )
+        rows.append(
+            (
+                f'control points, {size} alternating data',
+                'relative',
+                _coefficient_errors(basis, nodes, signs * generator.uniform(size=(size, 1))),
+            )
+        )
+    base = parameter_nodes(basis.domain, 6, 'interior')
+    pairs = np.sort(np.concatenate([base, base + 1e-9]))
+    rows.append(
+        (
+            'control points, 6 pairs of nodes 1e-9 apart',
+            'relative',
+            _coefficient_errors(basis, pairs, generator.uniform(size=(12, 1))),
+        )
+    )
+    trigonometric = Trigonometric()
+    base = parameter_nodes(trigonometric.domain, 6, 'interior')
+    pairs = np.sort(np.concatenate([base, base + 1e-9]))
+    rows.append(
+        (
+            'the same, trigonometric',
+            'relative',
+            _coefficient_errors(trigonometric, pairs, generator.uniform(size=(12, 1))),
+        )
+    )
+    for count in (21, 41):
+        rows.append((f'Runge drawing, {count} points: curve error', 'um', _runge_curves(count)))
+    comparisons = [
+        Comparison(case, unit, results, _winner(results)) for case, unit, results in rows
+    ]
+    for control, parity in ((14, 'odd'), (15, 'even')):
+        errors = {
+            f'origin {offset * 1e3:g} mm away': MICRO
+            * least_squares_error(trigonometric, 501, control, offset)
+            for offset in (0.0, 1e-3, 50e-3)
+        }
+        case = f'LSB2, l+1=501, n+1={control} ({parity} degree): curve error'
+        comparisons.append(Comparison(case, 'um', errors, ''))
+    return comparisons
