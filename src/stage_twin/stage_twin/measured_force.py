@@ -20,7 +20,7 @@ from stage_twin.packing import KernelArrays, pack
 #: Length of a window of the forward simulation [s].
 WINDOW = 0.1
 #: Width of the smoothing of the recorded position [s].
-SMOOTHING = 0.03
+SMOOTHING = 0.01
 _ORDER = 3
 
 

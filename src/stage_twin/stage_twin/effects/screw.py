@@ -50,7 +50,7 @@ THERMAL_EXPANSION = Effect(
             'K',
             -30.0,
             60.0,
-            0.0,
+            2.0,
             "screw's temperature at the start above the reference (simulated temperature only)",
             nuisance=True,
             fitted=False,

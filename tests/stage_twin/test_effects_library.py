@@ -1,0 +1,149 @@
+"""The library as a whole: complete, checked, and every parameter reaches the simulation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stage_core import quantities
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+from stage_twin.effects import EFFECTS
+from stage_twin.packing import pack
+from stage_twin.simulate import simulate
+
+PERIOD = 1e-3
+TIMES = np.arange(1500) * PERIOD
+PARAMETERS = [
+    (effect.name, parameter.name) for effect in EFFECTS.values() for parameter in effect.parameters
+]
+
+
+def named(effect):
+    return f'{effect}.x' if EFFECTS[effect].per_axis else effect
+
+
+def run(effects):
+    twin = TwinFile.nominal_servo().with_effects(effects)
+    step = 2e-3 * (TIMES > 0.8)
+    x = 0.02 * (1.0 - np.cos(4.0 * TIMES)) + step
+    y = 0.015 * np.sin(3.0 * TIMES) ** 2 + 0.01
+    reference = np.stack([x, y], axis=1)
+    return simulate(twin, reference, np.gradient(reference, PERIOD, axis=0), noise=False)
+
+
+@pytest.fixture(scope='module')
+def nominal():
+    return run({})
+
+
+def test_the_library_holds_every_effect_of_the_contract():
+    links = {name: effect.link for name, effect in EFFECTS.items()}
+    assert links == quantities.EFFECT_LINKS
+    for name, effect in EFFECTS.items():
+        assert effect.per_axis == quantities.per_axis(name)
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_definitions_are_physical(name):
+    effect = EFFECTS[name]
+    assert effect.parameters
+    # A citation has a year or names a paper of the project's list.
+    assert any(word in effect.description for word in ('(19', '(20', ':20', 'paper 1', 'Eq. 24'))
+    for parameter in effect.parameters:
+        assert parameter.minimum <= parameter.default_when_on <= parameter.maximum
+        assert parameter.description
+    assert any(not parameter.nuisance for parameter in effect.parameters)
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_every_effect_moves_its_link(name, nominal):
+    result = run({named(name): {}})
+    encoder = np.abs(result.encoder - nominal.encoder).max()
+    table = np.abs(result.table - nominal.table).max()
+    points = np.abs(result.tracker_points - nominal.tracker_points).max()
+    stamps = np.abs(result.tracker_stamps - nominal.tracker_stamps).max()
+    link = EFFECTS[name].link
+    if link == 'servo' or name == 'encoder_quantisation':
+        assert encoder > 1e-6
+    elif link == 'kinematic':
+        assert encoder == 0.0
+        assert table > 1e-7
+    else:
+        assert encoder == table == 0.0
+        assert points > 1e-7 or stamps > 1e-6
+
+
+@pytest.mark.parametrize(('effect', 'parameter'), PARAMETERS)
+def test_every_parameter_moves_the_output(effect, parameter):
+    definition = EFFECTS[effect].parameter(parameter)
+    span = definition.maximum - definition.minimum
+    value = definition.default_when_on
+    moved = value + 0.02 * span if value + 0.02 * span <= definition.maximum else value / 2.0
+    first = run({named(effect): {}})
+    second = run({named(effect): {parameter: moved}})
+    changes = [
+        np.abs(getattr(first, channel) - getattr(second, channel)).max()
+        for channel in ('encoder', 'table', 'tracker_points', 'tracker_stamps')
+    ]
+    assert max(changes) > 1e-10
+
+
+def test_no_effect_is_bit_identical_to_effects_at_zero(nominal):
+    effects = {
+        'coulomb_friction.x': {'coulomb': 0.0},
+        'backlash.x': {'width': 0.0},
+        'force_ripple.y': {'amplitude': 0.0},
+        'force_saturation.x': {'limit': 0.0},
+        'structural_resonance.x': {'mass_ratio': 0.0},
+    }
+    result = run(effects)
+    np.testing.assert_array_equal(result.encoder, nominal.encoder)
+    np.testing.assert_array_equal(result.table, nominal.table)
+
+
+@pytest.mark.parametrize(
+    ('effects', 'words'),
+    [
+        ({'gremlins.x': {}}, 'gremlins.x is unknown'),
+        ({'backlash': {}}, 'belongs to an axis'),
+        ({'nonorthogonality.x': {}}, 'without .x'),
+        ({'backlash.z': {}}, 'no axis z'),
+        ({'backlash.x': {'size': 1e-6}}, 'no parameter size'),
+        ({'backlash.x': {'width': -1e-6}}, 'effects.backlash.x.width = -1e-06 is out of range'),
+        ({'backlash.x': {'width': 1.0}}, 'give 0 to 0.001 m'),
+        ({'backlash.x': {'width': float('nan')}}, 'out of range'),
+        ({'coulomb_friction.y': {'presliding': 21e-6}}, 'give 0 to 2e-05 m'),
+        ({'viscous_friction.x': {'viscous': -41.0}}, 'axis x: viscous friction comes to -1'),
+    ],
+)
+def test_a_wrong_effect_is_named(effects, words):
+    with pytest.raises(StageError) as caught:
+        pack(TwinFile.nominal_servo().with_effects(effects))
+    assert words in str(caught.value)
+
+
+def test_a_stepper_has_no_servo_link():
+    twin = TwinFile.from_dict({'kind': 'stepper', 'axes': {'x': {}, 'y': {}}})
+    with pytest.raises(StageError, match='stepper twin has none'):
+        pack(twin.with_effects({'coulomb_friction.x': {}}))
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'reference': np.zeros((5, 3))}, 'give (n, 2)'),
+        ({'reference': np.zeros(5)}, 'give (n, 2)'),
+        ({'reference': np.full((5, 2), np.nan)}, 'not finite'),
+        ({'rate': np.zeros((4, 2))}, 'give (5, 2)'),
+        ({'kind': 'stepper'}, 'this one is stepper'),
+    ],
+)
+def test_wrong_input_of_a_simulation_is_named(change, words):
+    twin = TwinFile.nominal_servo()
+    if 'kind' in change:
+        twin = replace(twin, kind=change['kind'])
+    reference = change.get('reference', np.zeros((5, 2)))
+    with pytest.raises(StageError) as caught:
+        simulate(twin, reference, change.get('rate', np.zeros((5, 2))))
+    assert words in str(caught.value)

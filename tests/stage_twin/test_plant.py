@@ -1,0 +1,110 @@
+"""The plant tick by tick against the simulation of a whole session."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+from stage_twin.plant import ServoPlant
+from stage_twin.simulate import simulate
+
+EFFECTS = {
+    'actuation_delay.x': {'delay': 0.0027},
+    'coulomb_friction.x': {},
+    'stribeck_friction.y': {},
+    'structural_resonance.y': {'table_share': 1.0},
+    'backlash.x': {},
+    'thermal_expansion.y': {},
+    'cyclic_pitch_error.x': {},
+    'angular_error.x': {},
+    'tracker_misalignment': {'angle': 0.2, 'offset_x': 1.0},
+    'tracker_latency': {'latency': 0.0123},
+    'tracker_clock_drift': {},
+}
+
+
+def twin_with_effects():
+    return TwinFile.nominal_servo().with_effects(EFFECTS)
+
+
+def session(count=400):
+    t = np.arange(count) * 1e-3
+    reference = np.stack([0.01 + 0.02 * np.sin(6.0 * t), 0.01 * np.cos(9.0 * t)], axis=1)
+    return reference, np.gradient(reference, 1e-3, axis=0)
+
+
+def test_ticks_give_the_session():
+    reference, rate = session()
+    whole = simulate(twin_with_effects(), reference, rate, noise=False)
+    plant = ServoPlant(twin_with_effects())
+    plant.reset(reference[0])
+    sample = 1
+    for k in range(len(reference) - 1):
+        np.testing.assert_array_equal(plant.encoder(), whole.encoder[k])
+        np.testing.assert_array_equal(plant.table(), whole.table[k])
+        np.testing.assert_allclose(plant.temperatures(), whole.temperatures[k], rtol=1e-15)
+        plant.step(whole.force[k])
+        if sample < len(whole.tracker_stamps) and k + 1 == 10 * sample:
+            stamp, point = plant.tracker_point(plant.time, noise=False)
+            assert stamp == pytest.approx(whole.tracker_stamps[sample], abs=1e-12)
+            np.testing.assert_allclose(point, whole.tracker_points[sample], atol=1e-10)
+            sample += 1
+    assert plant.time == pytest.approx(0.399)
+    assert sample == 40
+
+
+def test_warming_up_changes_nothing():
+    plant = ServoPlant(twin_with_effects())
+    plant.reset([0.01, 0.02])
+    for _ in range(20):
+        plant.step([50.0, -20.0])
+    before = plant.time, plant.encoder().copy(), plant.table().copy()
+    plant.warm_up()
+    assert plant.time == before[0]
+    np.testing.assert_array_equal(plant.encoder(), before[1])
+    np.testing.assert_array_equal(plant.table(), before[2])
+
+
+def test_reset_forgets_forces_still_on_their_way():
+    plant = ServoPlant(twin_with_effects())
+    plant.step([500.0, 500.0])
+    plant.reset([0.0, 0.0])
+    for _ in range(5):
+        plant.step([0.0, 0.0])
+    assert not plant.encoder().any()
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.integers(1, 40), min_size=1, max_size=20))
+def test_a_held_force_does_not_care_about_the_length_of_ticks(lengths):
+    # The discretisation is exact: the same time under the same force, however divided.
+    twin = TwinFile.nominal_servo()
+    divided, whole = ServoPlant(twin), ServoPlant(twin)
+    for length in lengths:
+        divided.step([30.0, -12.0], dt=length * 1e-4)
+    whole.step([30.0, -12.0], dt=sum(lengths) * 1e-4)
+    np.testing.assert_allclose(divided.motor_position(), whole.motor_position(), rtol=1e-11)
+    np.testing.assert_allclose(divided.motor_velocity(), whole.motor_velocity(), rtol=1e-11)
+
+
+def test_the_tracker_s_noise_follows_the_seed():
+    twin = TwinFile.nominal_servo()
+    first, same, other = (ServoPlant(twin, seed=seed) for seed in (3, 3, 4))
+    point = first.tracker_point(0.0)[1]
+    np.testing.assert_array_equal(point, same.tracker_point(0.0)[1])
+    assert not np.array_equal(point, other.tracker_point(0.0)[1])
+    assert not replace_noise(twin).tracker_point(0.0)[1].any()
+
+
+def replace_noise(twin):
+    return ServoPlant(replace(twin, tracker=replace(twin.tracker, noise=0.0)))
+
+
+def test_a_stepper_twin_is_refused():
+    twin = TwinFile.from_dict({'kind': 'stepper', 'axes': {'x': {}}})
+    with pytest.raises(StageError, match='kind servo'):
+        ServoPlant(twin)

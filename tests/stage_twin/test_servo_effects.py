@@ -1,0 +1,240 @@
+"""Servo effects against independent solutions: closed forms, and solve_ivp at tight tolerance."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from stage_core.twin_file import ServoAxis, TwinFile
+from stage_twin.simulate import simulate
+
+PERIOD = 1e-3
+MASS, VISCOUS = 18.0, 40.0
+TICKS = 300
+
+
+def one_axis(effects=None, **changes):
+    axis = replace(ServoAxis(MASS, VISCOUS), encoder_resolution=1e-13, **changes)
+    return TwinFile('servo', {'x': axis}, PERIOD, effects=effects or {})
+
+
+def open_loop(twin, force, external=None):
+    """Motor position (n,) [m] for force commands (n,) [N] from rest at 0."""
+    zeros = np.zeros((len(force), 1))
+    result = simulate(
+        twin,
+        zeros,
+        zeros,
+        measured_force=force[:, None],
+        external_force=None if external is None else external[:, None],
+    )
+    return result.encoder[:, 0]
+
+
+def swing(amplitude=30.0, rate=20.0, count=TICKS):
+    return amplitude * np.sin(rate * np.arange(count) * PERIOD)
+
+
+def integrate(derivative, force, size=2):
+    """Position (n,) by solve_ivp tick by tick; derivative(state, force) -> rates."""
+    state = np.zeros(size)
+    positions = []
+    for held in force:
+        positions.append(state[0])
+        solution = solve_ivp(
+            lambda t, s, f=held: derivative(s, f),
+            (0.0, PERIOD),
+            state,
+            method='LSODA',
+            rtol=1e-9,
+            atol=1e-14,
+        )
+        state = solution.y[:, -1]
+    return np.array(positions)
+
+
+def assert_close(kernel, exact, share):
+    """The kernel is off by less than `share` of what the effect itself changes."""
+    nominal = open_loop(one_axis(), swing())
+    change = np.abs(exact - nominal).max()
+    assert change > 1e-6
+    assert np.abs(kernel - exact).max() < share * change
+
+
+def lugre(levels, presliding, viscous=(0.0, 0.0)):
+    """LuGre rates with sliding force levels(v) [N] and one presliding displacement."""
+
+    def rates(state, force):
+        p, v, z = state
+        reach = levels(v)
+        stiffness = levels(math.copysign(1e9, v)) / presliding
+        dz = v - abs(v) * z * stiffness / reach
+        one_sided = viscous[0] if v >= 0.0 else viscous[1]
+        return [v, (force - (VISCOUS + one_sided) * v - stiffness * z) / MASS, dz]
+
+    return rates
+
+
+def test_coulomb_friction_is_dahl():
+    twin = one_axis({'coulomb_friction.x': {'coulomb': 10.0, 'presliding': 5e-6}})
+    exact = integrate(lugre(lambda v: 10.0, 5e-6), swing(), 3)
+    assert_close(open_loop(twin, swing()), exact, 0.01)
+
+
+def test_stribeck_friction_is_lugre():
+    values = {'coulomb': 8.0, 'breakaway': 6.0, 'stribeck_velocity': 0.02, 'presliding': 5e-6}
+    twin = one_axis({'stribeck_friction.x': values})
+
+    def level(v):
+        return 8.0 + 6.0 * math.exp(-((v / 0.02) ** 2))
+
+    exact = integrate(lugre(level, 5e-6), swing(), 3)
+    assert_close(open_loop(twin, swing()), exact, 0.01)
+
+
+def test_asymmetric_friction():
+    values = {
+        'coulomb_positive': 12.0,
+        'coulomb_negative': 8.0,
+        'viscous_positive': 15.0,
+        'viscous_negative': 60.0,
+        'presliding': 5e-6,
+    }
+
+    # Its bristles have one stiffness in both directions, that of the mean level.
+    def rates(state, force):
+        p, v, z = state
+        stiffness = 10.0 / 5e-6
+        reach = (12.0 if v >= 0.0 else 8.0) / stiffness
+        one_sided = 15.0 if v >= 0.0 else 60.0
+        friction = (VISCOUS + one_sided) * v + stiffness * z
+        return [v, (force - friction) / MASS, v - abs(v) * z / reach]
+
+    exact = integrate(rates, swing(), 3)
+    kernel = open_loop(one_axis({'asymmetric_friction.x': values}), swing())
+    assert_close(kernel, exact, 0.01)
+
+
+@pytest.mark.parametrize('presliding', [0.0, 1e-7, 1e-6, 20e-6])
+def test_a_sliding_mass_stops_where_energy_says(presliding):
+    # Work of the push = work of friction over the whole way; pre-sliding gives back its own.
+    coulomb = 10.0
+    twin = one_axis(
+        {'coulomb_friction.x': {'coulomb': coulomb, 'presliding': presliding}}, viscous=0.0
+    )
+    push = np.zeros(1500)
+    push[:100] = 40.0
+    position = open_loop(twin, push)
+    expected = 40.0 * position[100] / coulomb
+    assert position[-1] == pytest.approx(expected, abs=1e-5 + 2.0 * presliding)
+    # At rest, but for the bristles' own ringing.
+    assert np.ptp(position[-100:]) < 1e-9 + 0.02 * presliding
+
+
+@pytest.mark.parametrize('presliding', [0.0, 1e-6])
+def test_friction_holds_below_its_level(presliding):
+    twin = one_axis({'coulomb_friction.x': {'coulomb': 10.0, 'presliding': presliding}})
+    position = open_loop(twin, swing(9.0))
+    # Dahl: force = level * (1 - exp(-x / g)) on the first loading.
+    assert np.abs(position).max() < 1e-8 + presliding * 3.0
+
+
+@pytest.mark.parametrize('coulomb', [1.0, 500.0])
+def test_friction_only_takes_energy(coulomb):
+    # Without drive the kinetic energy never grows beyond what the bristles give back.
+    twin = one_axis({'coulomb_friction.x': {'coulomb': coulomb, 'presliding': 1e-6}}, viscous=0.0)
+    push = np.zeros(400)
+    push[:20] = 560.0
+    speed = np.abs(np.diff(open_loop(twin, push)))[21:]
+    moving = speed > 1e-7
+    assert np.all(np.diff(speed[moving]) < 1e-12)
+
+
+def test_force_ripple():
+    twin = one_axis({'force_ripple.x': {'amplitude': 4.0, 'period': 0.008, 'phase': 0.6}})
+
+    def rates(state, force):
+        ripple = 4.0 * math.sin(2.0 * math.pi * state[0] / 0.008 + 0.6)
+        return [state[1], (force + ripple - VISCOUS * state[1]) / MASS]
+
+    assert_close(open_loop(twin, swing()), integrate(rates, swing()), 1e-4)
+
+
+def test_ripple_period_is_the_lead_by_default():
+    given = one_axis({'force_ripple.x': {'amplitude': 4.0, 'period': 0.010}})
+    default = one_axis({'force_ripple.x': {'amplitude': 4.0}})
+    np.testing.assert_array_equal(open_loop(given, swing()), open_loop(default, swing()))
+
+
+def test_cable_force():
+    values = {'stiffness': 900.0, 'centre': 0.03, 'curvature': 4000.0}
+
+    def rates(state, force):
+        s = state[0] - 0.03
+        return [state[1], (force - 900.0 * s - 4000.0 * s * s - VISCOUS * state[1]) / MASS]
+
+    kernel = open_loop(one_axis({'cable_force.x': values}), swing())
+    assert_close(kernel, integrate(rates, swing()), 1e-4)
+
+
+def test_structural_resonance_is_two_masses():
+    values = {'frequency': 45.0, 'damping': 0.05, 'mass_ratio': 0.4}
+    natural = 2.0 * math.pi * 45.0
+    carried, motor = 0.4 * MASS, 0.6 * MASS
+    stiffness, damping = carried * natural**2, 2.0 * 0.05 * carried * natural
+
+    def rates(state, force):
+        p, v, load, load_speed = state
+        spring = stiffness * (load - p) + damping * (load_speed - v)
+        return [v, (force - VISCOUS * v + spring) / motor, load_speed, -spring / carried]
+
+    kernel = open_loop(one_axis({'structural_resonance.x': values}), swing())
+    assert_close(kernel, integrate(rates, swing(), 4), 1e-5)
+
+
+def test_rigid_limit_of_the_resonance():
+    stiff = one_axis(
+        {'structural_resonance.x': {'frequency': 400.0, 'damping': 1.0, 'mass_ratio': 0.1}}
+    )
+    soft_force = swing(30.0, 3.0)
+    nominal = open_loop(one_axis(), soft_force)
+    assert np.abs(open_loop(stiff, soft_force) - nominal).max() < 2e-4 * np.abs(nominal).max()
+
+
+@pytest.mark.parametrize(
+    ('effects', 'equivalent'),
+    [
+        ({'inertia_mismatch.x': {'ratio': 0.25}}, {'mass': MASS * 1.25}),
+        ({'viscous_friction.x': {'viscous': -15.0}}, {'viscous': VISCOUS - 15.0}),
+        ({'actuation_delay.x': {'delay': 0.0034}}, {'delay': 0.0034}),
+    ],
+)
+def test_effects_that_change_a_nominal_parameter(effects, equivalent):
+    np.testing.assert_array_equal(
+        open_loop(one_axis(effects), swing()), open_loop(one_axis(**equivalent), swing())
+    )
+
+
+def test_delay_effect_adds_to_the_nominal_delay():
+    both = one_axis({'actuation_delay.x': {'delay': 0.0014}}, delay=0.002)
+    np.testing.assert_allclose(
+        open_loop(both, swing()), open_loop(one_axis(delay=0.0034), swing()), atol=1e-14
+    )
+
+
+def test_force_offset_is_an_external_force():
+    offset = open_loop(one_axis({'force_offset.x': {'offset': -3.0}}), swing())
+    external = open_loop(one_axis(), swing(), np.full(TICKS, -3.0))
+    np.testing.assert_allclose(offset, external, atol=1e-12)
+
+
+def test_drive_gain_scales_the_force():
+    gained = open_loop(one_axis({'drive_gain.x': {'error': -0.2}}), swing())
+    np.testing.assert_allclose(gained, open_loop(one_axis(), 0.8 * swing()), atol=1e-12)
+
+
+def test_force_saturation_clips_the_acting_force():
+    clipped = open_loop(one_axis({'force_saturation.x': {'limit': 12.0}}), swing())
+    np.testing.assert_array_equal(clipped, open_loop(one_axis(), np.clip(swing(), -12.0, 12.0)))
