@@ -23,6 +23,7 @@ setup(
             'session_player = session_bags.player_node:main',
             'check = session_bags.check:main',
             'repair = session_bags.repair:main',
+            'info = session_bags.info:main',
         ],
     },
 )

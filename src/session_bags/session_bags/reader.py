@@ -79,7 +79,7 @@ def read_session(
         for topic, type_name in types.items()
         if type_name in NUMERIC_TYPES and (topics is None or topic in topics)
     ]
-    if names.ALIGNMENT in types and names.TRACKER_POINT in wanted:
+    if names.ALIGNMENT in types and topics is not None and names.TRACKER_POINT in topics:
         wanted.append(names.ALIGNMENT)
     wanted = list(dict.fromkeys(wanted))
     decoders = {topic: TopicDecoder(topic, types[topic], str(path)) for topic in wanted}

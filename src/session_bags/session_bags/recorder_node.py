@@ -1,0 +1,221 @@
+"""Node that records a session."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import rclpy.clock
+from std_srvs.srv import Trigger
+
+from session_bags.cdr import stamp_in
+from session_bags.drops import DropCounter
+from session_bags.graph_types import has_header, message_class
+from session_bags.writer import SessionWriter
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.parameters import Parameter, Value
+from stage_core.twin_file import TwinFile
+from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run
+
+_NAME = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]*')
+DROPPED_KEY = 'dropped'
+
+PARAMETERS = (
+    Parameter('directory', 'bags', 'Folder that new bags are written to', read_only=True),
+    Parameter('name', 'session', 'Name of the next bag; a number is added where it exists'),
+    Parameter('topics', list(topics.SESSION_TOPICS), 'Topics to record', read_only=True),
+    Parameter('twin', '', 'Nominal twin file to keep in the bag; none where empty'),
+    Parameter(
+        'chunk_period', 0.5, 'A kill loses at most this much', 's', 0.05, 1.0, read_only=True
+    ),
+)
+
+
+class SessionRecorder(StageNode):
+    """Subscribes to the session's topics and writes them between ``~/start`` and ``~/stop``."""
+
+    def __init__(self) -> None:
+        super().__init__('session_recorder', PARAMETERS)
+        wrong = self.parameters_changed({'name': self.value('name')})
+        if wrong:
+            raise StageError(f'parameter of session_recorder: {wrong}')
+        self._writer: SessionWriter | None = None
+        self._failure = ''
+        self._drops: dict[str, DropCounter] = {}
+        self._latched: dict[str, bytes] = {}
+        self._pending = set(self.value('topics'))
+        self._topic_subscriptions: dict[str, Any] = {}
+        self._subscribe()
+        self.create_service(Trigger, '~/start', self._on_start)
+        self.create_service(Trigger, '~/stop', self._on_stop)
+        self.diagnostics.task('recording', self._status)
+        # A steady clock: chunks close although simulated time stands still.
+        steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
+        self.create_timer(0.5 * self.value('chunk_period'), self._flush, clock=steady)
+        self.create_timer(1.0, self._watch_graph, clock=steady)
+
+    def parameters_changed(self, changed: dict[str, Value]) -> str | None:
+        """Refuse a name that could leave the directory."""
+        name = changed.get('name')
+        if isinstance(name, str) and not _NAME.fullmatch(name):
+            return (
+                f'name must be letters, digits, dots, dashes and underscores, got {name!r}: '
+                'bags are written to the parameter directory only'
+            )
+        return None
+
+    def _subscribe(self) -> None:
+        """Subscribe to what has a known type; other topics once somebody publishes them."""
+        found: dict[str, list[str]] = {}
+        if self._pending - topics.TOPIC_TYPES.keys():
+            found = dict(self.get_topic_names_and_types())
+        for topic in sorted(self._pending):
+            type_name = topics.TOPIC_TYPES.get(topic) or next(iter(found.get(topic, ())), None)
+            if type_name is None:
+                continue
+            self._pending.discard(topic)
+            self._drops[topic] = DropCounter()
+            self._topic_subscriptions[topic] = self.create_subscription(
+                message_class(type_name),
+                topic,
+                self._callback(topic, type_name),
+                LATCHED_QOS if topic in topics.LATCHED else STATE_QOS,
+                raw=True,
+            )
+
+    def _callback(self, topic: str, type_name: str) -> Any:
+        header = has_header(type_name)
+        latched = topic in topics.LATCHED
+
+        def arrived(*given: Any) -> None:
+            data, info = given if len(given) == 2 else given[0]
+            if latched:
+                self._latched[topic] = data
+            if self._writer is not None:
+                self._drops[topic].add(info['publication_sequence_number'])
+                self._write(topic, type_name, data, header, info)
+
+        # rclpy counts the arguments to see that the callback wants the message's information;
+        # its EventsExecutor (7.1) then hands both over as one tuple.
+        arrived.__signature__ = inspect.signature(lambda data, info: None)  # type: ignore[attr-defined]
+        return arrived
+
+    def _write(
+        self, topic: str, type_name: str, data: bytes, header: bool, info: dict[str, int]
+    ) -> None:
+        assert self._writer is not None
+        stamp = stamp_in(data) if header else info['source_timestamp']
+        log_time = info['received_timestamp']
+        if self.value('use_sim_time'):
+            # On one time line with the stamps, whatever the pace of the simulation.
+            log_time = stamp if header else self.get_clock().now().nanoseconds
+            stamp = log_time
+        try:
+            self._writer.add_topic(topic, type_name)
+            self._writer.write(topic, data, log_time, stamp, info['publication_sequence_number'])
+        except StageError as error:
+            self._fail(error)
+
+    def _fail(self, error: StageError) -> None:
+        self._failure = str(error)
+        self._writer = None
+        self.get_logger().error(self._failure)
+
+    def _flush(self) -> None:
+        if self._writer is not None:
+            try:
+                self._writer.flush_old()
+            except StageError as error:
+                self._fail(error)
+
+    def _watch_graph(self) -> None:
+        if self._pending:
+            self._subscribe()
+        for topic, counter in self._drops.items():
+            if self.count_publishers(topic) > 1:
+                counter.several_publishers = True
+
+    def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._writer is not None:
+            response.message = f'already recording to {self._writer.path}: stop first'
+            return response
+        try:
+            self._writer = self._open()
+        except StageError as error:
+            response.message = str(error)
+            return response
+        self._failure = ''
+        for topic in self._drops:
+            self._drops[topic] = DropCounter()
+        now = self.get_clock().now().nanoseconds
+        for topic, data in self._latched.items():
+            # Every bag stands alone: it begins with the alignment and model in force.
+            self._writer.add_topic(topic)
+            self._writer.write(topic, data, now)
+        response.success = True
+        response.message = str(self._writer.path)
+        self.get_logger().info(f'recording to {self._writer.path}')
+        return response
+
+    def _open(self) -> SessionWriter:
+        twin = TwinFile.load(self.value('twin')) if self.value('twin') else None
+        directory, name = Path(self.value('directory')), self.value('name')
+        path, number = directory / name, 0
+        while path.exists():
+            number += 1
+            path = directory / f'{name}_{number}'
+        return SessionWriter(path, twin, chunk_period=self.value('chunk_period'))
+
+    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._writer is None:
+            response.message = self._failure or 'not recording: start first'
+            return response
+        try:
+            response.message = self._close()
+            response.success = True
+        except StageError as error:
+            self._fail(error)
+            response.message = self._failure
+        return response
+
+    def _close(self) -> str:
+        """Finish the bag; one line on what it holds."""
+        assert self._writer is not None
+        writer, self._writer = self._writer, None
+        drops = {topic: c.known_drops for topic, c in self._drops.items() if c.received}
+        writer.close({DROPPED_KEY: json.dumps(drops)})
+        counted = sum(drop or 0 for drop in drops.values())
+        return f'{writer.path}: {sum(writer.counts.values())} messages, {counted} dropped'
+
+    def _status(self) -> tuple[bytes, str, dict[str, Any]]:
+        if self._failure:
+            return ERROR, self._failure, {}
+        if self._writer is None:
+            return OK, 'not recording', {}
+        values: dict[str, Any] = {'bag': self._writer.path}
+        for topic, counter in self._drops.items():
+            if counter.received:
+                known = 'unknown' if counter.known_drops is None else counter.known_drops
+                values[topic] = f'{counter.received} received, {known} dropped'
+        dropped = sum(c.known_drops or 0 for c in self._drops.values())
+        if dropped:
+            return WARN, f'{dropped} messages dropped: lower the load of this machine', values
+        return OK, 'recording', values
+
+    def shutdown(self) -> None:
+        """Finish the open bag."""
+        if self._writer is not None:
+            try:
+                self.get_logger().info(self._close())
+            except StageError as error:
+                self._fail(error)
+
+
+def main() -> None:
+    """Run the node."""
+    sys.exit(run(SessionRecorder))
