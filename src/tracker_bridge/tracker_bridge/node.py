@@ -1,0 +1,222 @@
+"""Node `tracker_bridge`: a laser tracker's stream to /tracker/point, and its alignment."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import PointStamped, TransformStamped
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run, set_stamp
+from tracker_bridge.bridge import Bridge, Limits
+from tracker_bridge.joint_cdr import stamp_and_position
+from tracker_bridge.parameters import PARAMETERS
+from tracker_bridge.registration import register
+from tracker_bridge.rest import RestPairs, RestRules
+from tracker_bridge.sa_text import SaFormat
+from tracker_bridge.samples import Sample
+from tracker_bridge.sources.base import Source
+from tracker_bridge.sources.emscon import EmsconSource
+from tracker_bridge.sources.sa_text import SaTextSource
+
+COMPLAINT_PERIOD = 5.0
+ALIGN_POLL = 0.05
+# In lockstep a world that waits sends nothing: then everything has arrived.
+QUIET_TIME = 0.4
+ALIGN_TIMEOUT = 3.0
+
+
+class TrackerBridge(StageNode):
+    """Publishes tracker points as measured and answers `~/align` and `~/reset`."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__('tracker_bridge', PARAMETERS, **options)
+        self._lock = threading.Lock()
+        value = self.value
+        self._bridge = Bridge(
+            Limits(
+                rate=value('rate'),
+                gap=value('limits.gap'),
+                age=value('limits.age'),
+                jump=value('limits.jump'),
+                identical=value('limits.identical'),
+                quantum=value('limits.quantum'),
+            ),
+            'ros' if value('source') == 'replay' else value('source_clock'),
+        )
+        self._pairs = RestPairs(
+            RestRules(
+                tolerance=value('rest.tolerance'),
+                shortest=value('rest.shortest'),
+                settle=value('rest.settle'),
+                guard=value('rest.guard'),
+                longest=value('rest.longest'),
+            )
+        )
+        self._arrived = time.monotonic()
+        self._alignment = ''
+        self._source = self._make_source()
+        self._points = self.create_publisher(PointStamped, topics.TRACKER_POINT, STATE_QOS)
+        self._transforms = self.create_publisher(TransformStamped, topics.ALIGNMENT, LATCHED_QOS)
+        self.create_subscription(
+            JointState, topics.JOINT_STATES, self._on_joint_states, STATE_QOS, raw=True
+        )
+        self.create_service(Trigger, '~/align', self._on_align)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self._steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
+        self.create_timer(COMPLAINT_PERIOD, self._complain, clock=self._steady)
+        self.diagnostics.hardware_id = f'{value("source")} {value("host")}:{value("port")}'
+        self.diagnostics.task('connection', self._connection_status)
+        self.diagnostics.task('stream', self._stream_status)
+        self.diagnostics.task('alignment', self._alignment_status)
+        self._source.start()
+
+    def _make_source(self) -> Source:
+        value = self.value
+        kind, host, port = value('source'), value('host'), value('port')
+        if kind == 'emscon':
+            separation = 1.0 / value('rate') if value('rate') else 0.01
+            return EmsconSource(self._take, host, port, separation)
+        if kind == 'sa_text':
+            labels = value('sa.labels')
+            if len(labels) != 3 or len(set(labels)) != 3:
+                raise StageError('sa.labels must hold three different labels, for x, y and z')
+            form = SaFormat(tuple(labels), value('sa.decimal_comma'), value('sa.unit'))
+            return SaTextSource(self._take, host, port, form)
+        # Reading bags loads more than the other sources need.
+        from tracker_bridge.sources.replay import ReplaySource
+
+        return ReplaySource(self._take, value('bag'), value('replay_rate'))
+
+    def _take(self, sample: Sample) -> None:
+        """Publish what a sample gives; called in the source's thread."""
+        with self._lock:
+            self._arrived = time.monotonic()
+            accepted = self._bridge.process(sample)
+            for stamp, point in accepted:
+                self._pairs.add_point(stamp, point)
+        for stamp, (x, y, z) in accepted:
+            message = PointStamped()
+            message.header.frame_id = topics.TRACKER_FRAME
+            set_stamp(message.header, stamp)
+            message.point.x, message.point.y, message.point.z = x, y, z
+            self._points.publish(message)
+
+    def _on_joint_states(self, data: bytes) -> None:
+        try:
+            stamp, position = stamp_and_position(data)
+        except ValueError:
+            return
+        if position and all(abs(value) < 1e6 for value in position):
+            with self._lock:
+                self._arrived = time.monotonic()
+                self._pairs.add_stage(stamp, position)
+
+    async def _on_align(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        await self._until_arrived()
+        try:
+            with self._lock:
+                pairs = self._pairs.pairs()
+            result = register([p.tracker for p in pairs], [p.stage for p in pairs])
+        except StageError as error:
+            response.message = str(error)
+            return response
+        message = TransformStamped()
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.frame_id = topics.STAGE_FRAME
+        message.child_frame_id = topics.TRACKER_FRAME
+        translation, rotation = message.transform.translation, message.transform.rotation
+        translation.x, translation.y, translation.z = result.transform.translation.tolist()
+        rotation.x, rotation.y, rotation.z, rotation.w = result.transform.quaternion().tolist()
+        self._transforms.publish(message)
+        self._alignment = result.summary()
+        self.get_logger().info(self._alignment)
+        response.success, response.message = True, self._alignment
+        return response
+
+    async def _until_arrived(self) -> None:
+        """Wait until both streams have passed the present time, or nothing comes any more."""
+        asked = self.get_clock().now().nanoseconds
+        deadline = time.monotonic() + ALIGN_TIMEOUT
+        while time.monotonic() < deadline:
+            with self._lock:
+                newest = (self._bridge.last_stamp or 0, self._pairs.last_stage or 0)
+                quiet = time.monotonic() - self._arrived > QUIET_TIME
+            if min(newest) > asked or quiet:
+                return
+            await self._pause(ALIGN_POLL)
+
+    async def _pause(self, seconds: float) -> None:
+        over: Future = Future()
+        timer = self.create_timer(seconds, lambda: over.set_result(None), clock=self._steady)
+        await over
+        self.destroy_timer(timer)
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._lock:
+            self._pairs.clear()
+            self._bridge.reset()
+            self._source.new_session()
+        response.success, response.message = True, 'pairs and counters cleared'
+        return response
+
+    def _complain(self) -> None:
+        if self._source.trouble:
+            self.get_logger().warning(self._source.trouble)
+
+    def _connection_status(self) -> tuple[bytes, str, dict[str, Any]]:
+        source = self._source
+        if source.connected:
+            return (
+                (WARN, source.trouble, source.counters)
+                if source.trouble
+                else (
+                    OK,
+                    'connected',
+                    source.counters,
+                )
+            )
+        return ERROR, source.trouble or 'not connected yet', source.counters
+
+    def _stream_status(self) -> tuple[bytes, str, dict[str, Any]]:
+        with self._lock:
+            complaints = self._bridge.complaints()
+            values: dict[str, Any] = self._bridge.values()
+        if isinstance(self._source, SaTextSource):
+            quantum = self._source.decoder.quantum
+            values['quantum'] = f'{quantum:.2e}'
+            if self.value('limits.quantum') < quantum < 1.0:
+                complaints.append(
+                    f'numbers are displayed in steps of {quantum * 1e6:.1f} um: '
+                    'raise the decimals in SpatialAnalyzer'
+                )
+        return (WARN, '; '.join(complaints), values) if complaints else (OK, 'fine', values)
+
+    def _alignment_status(self) -> tuple[bytes, str, dict[str, Any]]:
+        with self._lock:
+            values = {
+                'rests': len(self._pairs),
+                'rests_without_points': self._pairs.without_points,
+            }
+        return OK, self._alignment or 'not aligned yet', values
+
+    def shutdown(self) -> None:
+        """Leave the tracker."""
+        self._source.stop()
+
+
+def main() -> int:
+    """Run the node."""
+    return run(TrackerBridge)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,166 @@
+"""Pairs of stage position and tracker point, collected while the stage is at rest.
+
+Everything is decided from stamps: the same two streams give the same pairs, however they were
+interleaved on arrival.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stage_core.clocks import NANOSECONDS
+from tracker_bridge.samples import Point
+
+MAXIMUM_POINTS = 20_000
+FEWEST_POINTS = 3
+
+
+@dataclass(frozen=True)
+class RestRules:
+    """What counts as a rest, and which part of it is used.
+
+    Attributes
+    ----------
+    tolerance
+        Largest distance of the encoder from where the rest began, per axis [m].
+    shortest
+        Least length of a rest [s].
+    settle, guard
+        Parts at its beginning and end that are not used [s]: the stage still settles, and the
+        tracker's clock is not known to better than some milliseconds.
+    longest
+        A longer rest is used up to this length [s].
+    """
+
+    tolerance: float = 3e-6
+    shortest: float = 0.15
+    settle: float = 0.05
+    guard: float = 0.02
+    longest: float = 2.0
+
+
+@dataclass
+class _Rest:
+    """A rest in progress; positions younger than the guard wait in `recent`."""
+
+    begin: int
+    anchor: tuple[float, ...]
+    end: int
+    total: NDArray[np.float64]
+    count: int
+    recent: deque[tuple[int, tuple[float, ...]]]
+
+
+@dataclass(frozen=True)
+class RestPair:
+    """Mean stage position and mean tracker point of one rest [m], with the number of points."""
+
+    begin: int
+    end: int
+    stage: NDArray[np.float64]
+    tracker: NDArray[np.float64]
+    count: int
+
+
+class RestPairs:
+    """Collect pairs from the streams of stage positions and tracker points.
+
+    Parameters
+    ----------
+    rules
+        What counts as a rest.
+    capacity
+        Most pairs kept; the oldest go first.
+    """
+
+    def __init__(self, rules: RestRules | None = None, capacity: int = 1000) -> None:
+        self.rules = rules or RestRules()
+        self._pairs: deque[RestPair] = deque(maxlen=capacity)
+        self._waiting: deque[tuple[int, int, NDArray[np.float64]]] = deque(maxlen=capacity)
+        self._points: deque[tuple[int, Point]] = deque(maxlen=MAXIMUM_POINTS)
+        self._rest: _Rest | None = None
+        self.last_stage: int | None = None
+        self.without_points = 0
+
+    def clear(self) -> None:
+        """Forget every pair; a rest in progress begins anew."""
+        self._pairs.clear()
+        self._waiting.clear()
+        self._points.clear()
+        self._rest = None
+        self.without_points = 0
+
+    def __len__(self) -> int:
+        """Return the number of complete pairs."""
+        return len(self._pairs)
+
+    def add_stage(self, stamp: int, position: tuple[float, ...]) -> None:
+        """Take an encoder reading [m] of a stamp [ns]; stamps that do not increase are ignored."""
+        if self.last_stage is not None and stamp <= self.last_stage:
+            return
+        self.last_stage = stamp
+        rest, tolerance = self._rest, self.rules.tolerance
+        if rest is None or any(
+            abs(value - anchor) > tolerance
+            for value, anchor in zip(position, rest.anchor, strict=True)
+        ):
+            if rest is not None:
+                self._close(rest)
+            self._rest = _Rest(stamp, position, stamp, np.zeros(len(position)), 0, deque())
+            return
+        if stamp - rest.begin > round(self.rules.longest * NANOSECONDS):
+            return
+        rest.end = stamp
+        rest.recent.append((stamp, position))
+        self._use(rest)
+
+    def _window(self, rest: _Rest) -> tuple[int, int]:
+        settle, guard = self.rules.settle, self.rules.guard
+        return rest.begin + round(settle * NANOSECONDS), rest.end - round(guard * NANOSECONDS)
+
+    def _use(self, rest: _Rest) -> None:
+        begin, end = self._window(rest)
+        while rest.recent and rest.recent[0][0] <= end:
+            stamp, position = rest.recent.popleft()
+            if stamp >= begin:
+                rest.total += position
+                rest.count += 1
+
+    def _close(self, rest: _Rest) -> None:
+        if rest.end - rest.begin >= round(self.rules.shortest * NANOSECONDS) and rest.count:
+            self._waiting.append((*self._window(rest), rest.total / rest.count))
+
+    def add_point(self, stamp: int, point: Point) -> None:
+        """Take a tracker point [m] of a stamp [ns]; completes the rests that end before it."""
+        self._points.append((stamp, point))
+        while self._waiting and stamp >= self._waiting[0][1]:
+            interval = self._waiting.popleft()
+            pair = self._pair(*interval)
+            if pair is None:
+                self.without_points += 1
+            else:
+                self._pairs.append(pair)
+            while self._points and self._points[0][0] < interval[1]:
+                self._points.popleft()
+
+    def _pair(self, begin: int, end: int, stage: NDArray[np.float64]) -> RestPair | None:
+        inside = [point for stamp, point in self._points if begin <= stamp <= end]
+        if len(inside) < FEWEST_POINTS:
+            return None
+        place = np.zeros(3)
+        place[: len(stage)] = stage
+        return RestPair(begin, end, place, np.mean(inside, axis=0), len(inside))
+
+    def pairs(self) -> list[RestPair]:
+        """Return all pairs, with those of rests that still last or whose points still come."""
+        found: list[RestPair | None] = list(self._pairs)
+        found += [self._pair(*interval) for interval in self._waiting]
+        rest = self._rest
+        shortest = round(self.rules.shortest * NANOSECONDS)
+        if rest is not None and rest.count and rest.end - rest.begin >= shortest:
+            found.append(self._pair(*self._window(rest), rest.total / rest.count))
+        return [pair for pair in found if pair is not None]

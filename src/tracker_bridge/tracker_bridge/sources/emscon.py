@@ -1,0 +1,206 @@
+"""TPI client: connects, sets the tracker up, streams, and connects again when it breaks."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+
+from stage_core.errors import StageError
+from tracker_bridge import tpi
+from tracker_bridge.samples import Sample
+from tracker_bridge.sources.base import Deliver, Source
+
+CONNECT_TIMEOUT = 2.0
+ANSWER_TIMEOUT = 10.0
+INITIALIZE_TIMEOUT = 300.0
+FIRST_BACKOFF = 0.2
+LONGEST_BACKOFF = 2.0
+# Events this soon after the set-up are echoes of its own commands [s].
+ECHO_TIME = 1.0
+# The thread looks this often whether it shall end.
+POLL = 0.2
+# Another client has changed what the numbers mean: they must not be read any more.
+SPOILING = {
+    tpi.Event.UNITS_CHANGED: 'the units',
+    tpi.Event.COORDINATE_SYSTEM_CHANGED: 'the coordinate system',
+    tpi.Event.TRANSFORMATION_CHANGED: 'the transformation',
+}
+NOT_MEASURING = (tpi.Event.MEASUREMENT_NOT_READY, tpi.Event.COUNT_REACHED)
+
+
+class TrackerLost(StageError):
+    """The connection cannot be used any more; the source opens a new one."""
+
+
+class EmsconSource(Source):
+    """Stream of continuous-time measurements over TPI, in metres.
+
+    The tracker is initialised only when it says that it is not: initialising moves its head.
+
+    Parameters
+    ----------
+    host, port
+        The tracker's controller.
+    separation
+        Time between two points [s], whole milliseconds.
+    """
+
+    def __init__(self, deliver: Deliver, host: str, port: int, separation: float = 0.01) -> None:
+        super().__init__(deliver)
+        self.address = (host, port)
+        self._separation_ms = max(1, round(separation * 1000))
+        self._socket = socket.socket()
+        self._splitter = tpi.StreamSplitter()
+        self._metres = 1.0
+        self._ready = 0.0
+        self._receive_ns = 0
+
+    def run(self) -> None:
+        """Connect and stream until `stop`."""
+        backoff = FIRST_BACKOFF
+        while not self.ended.is_set():
+            try:
+                self._connect()
+                self._set_up()
+                self._ready = time.monotonic()
+                self.connected, self.trouble = True, ''
+                backoff = FIRST_BACKOFF
+                while not self.ended.is_set():
+                    for packet in self._receive():
+                        self._take(packet)
+            except (OSError, StageError) as error:
+                self.trouble = self._explain(error)
+            finally:
+                self._leave()
+            if not self.ended.wait(backoff):
+                self.count('reconnects')
+            backoff = min(2.0 * backoff, LONGEST_BACKOFF)
+
+    def _leave(self) -> None:
+        if self.connected and self.ended.is_set():
+            with contextlib.suppress(OSError):
+                self._socket.sendall(tpi.encode_command(tpi.Command.STOP_MEASUREMENT))
+        self.connected = False
+        self._socket.close()
+
+    def _explain(self, error: Exception) -> str:
+        host, port = self.address
+        if isinstance(error, StageError):
+            return f'tracker at {host}:{port}: {error}'
+        reason = getattr(error, 'strerror', None) or str(error) or type(error).__name__
+        return (
+            f'no tracker at {host}:{port} ({reason}): check that the tracker controller is on and '
+            'the parameters host and port'
+        )
+
+    def _connect(self) -> None:
+        self._socket = socket.create_connection(self.address, timeout=CONNECT_TIMEOUT)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.settimeout(POLL)
+        self._splitter = tpi.StreamSplitter()
+
+    def _set_up(self) -> None:
+        self._command(tpi.set_units(tpi.LengthUnit.METRE))
+        self._metres = tpi.METRES_PER_UNIT[tpi.LengthUnit.METRE]
+        mode = tpi.CONTINUOUS_TIME_MODE
+        self._command(tpi.encode_command(tpi.Command.SET_MEASUREMENT_MODE, mode))
+        self._command(
+            tpi.encode_command(
+                tpi.Command.SET_CONTINUOUS_TIME_MODE_PARAMS, self._separation_ms, 0, 0, 0
+            )
+        )
+        self._command(
+            tpi.encode_command(tpi.Command.SET_COORDINATE_SYSTEM_TYPE, tpi.CARTESIAN_RIGHT_HANDED)
+        )
+        # Keep the last position, send events unsolicited; no transformation is applied.
+        settings = (1, 0, 0, 1, 1, 0, 0, 0, 0)
+        self._command(tpi.encode_command(tpi.Command.SET_SYSTEM_SETTINGS, *settings))
+        start = tpi.encode_command(tpi.Command.START_MEASUREMENT)
+        status = self._answer(start)
+        if status == tpi.ResultStatus.NOT_INITIALISED:
+            initialize = tpi.encode_command(tpi.Command.INITIALIZE)
+            self._command(initialize, INITIALIZE_TIMEOUT)
+            status = self._answer(start)
+        if status == tpi.ResultStatus.BUSY:
+            self._command(tpi.encode_command(tpi.Command.STOP_MEASUREMENT))
+            status = self._answer(start)
+        if status != tpi.ResultStatus.OK:
+            raise TrackerLost(f'StartMeasurement was refused with status {status}')
+
+    def _command(self, packet: bytes, timeout: float = ANSWER_TIMEOUT) -> None:
+        status = self._answer(packet, timeout)
+        if status != tpi.ResultStatus.OK:
+            code = tpi.decode_command(packet).command
+            raise TrackerLost(
+                f'command {code} was refused with status {status}: see the tracker controller'
+            )
+
+    def _answer(self, packet: bytes, timeout: float = ANSWER_TIMEOUT) -> int:
+        """Send a command and return the status of its answer; other packets are skipped."""
+        code = tpi.decode_command(packet).command
+        self._socket.sendall(packet)
+        deadline = time.monotonic() + timeout
+        status: int | None = None
+        while status is None and not self.ended.is_set():
+            for received in self._receive():
+                if (
+                    isinstance(received, (tpi.Answer, tpi.ErrorPacket))
+                    and received.command == code
+                ):
+                    status = received.status
+                elif status is not None:
+                    # Points that follow the answer to StartMeasurement at once.
+                    self._take(received)
+            if status is None and time.monotonic() > deadline:
+                raise TrackerLost(
+                    f'command {code} was not answered in {timeout:.0f} s: check that the port is '
+                    "the tracker's TPI port"
+                )
+        if status is None:
+            raise TrackerLost('stopped')
+        return status
+
+    def _receive(self) -> list[tpi.ServerPacket]:
+        try:
+            data = self._socket.recv(65536)
+        except TimeoutError:
+            return []
+        self._receive_ns = time.time_ns()
+        if not data:
+            raise TrackerLost('the tracker closed the connection: check that it is on')
+        return [tpi.decode(packet) for packet in self._splitter.feed(data)]
+
+    def _take(self, packet: tpi.ServerPacket) -> None:
+        if isinstance(packet, tpi.MultiMeasurement):
+            self._take_points(packet)
+        elif isinstance(packet, tpi.StatusChange):
+            self._take_event(packet.event)
+        elif isinstance(packet, tpi.ErrorPacket):
+            self.count('errors')
+            self.trouble = f'tracker error {packet.status} of command {packet.command}'
+
+    def _take_points(self, packet: tpi.MultiMeasurement) -> None:
+        if packet.status != tpi.ResultStatus.OK:
+            self.count('bad_packets')
+            return
+        self.trouble = ''
+        times = packet.times_ns().tolist()
+        statuses = packet.points['status'].tolist()
+        values = (packet.points['values'] * self._metres).tolist()
+        for time_ns, status, (x, y, z) in zip(times, statuses, values, strict=True):
+            self.deliver(Sample((x, y, z), self._receive_ns, time_ns, status))
+
+    def _take_event(self, event: int) -> None:
+        self.count(f'event_{event}')
+        if event in SPOILING and time.monotonic() - self._ready > ECHO_TIME:
+            raise TrackerLost(
+                f'another client changed {SPOILING[tpi.Event(event)]}: setting the tracker up anew'
+            )
+        if event == tpi.Event.SERVER_CLOSING:
+            raise TrackerLost('the tracker server closes: start it again')
+        if event in NOT_MEASURING:
+            self.trouble = 'the tracker does not measure (beam lost?): put the reflector back'
+        elif event == tpi.Event.MEASUREMENT_READY:
+            self.trouble = ''
