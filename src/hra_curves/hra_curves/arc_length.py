@@ -125,6 +125,7 @@ class ArcLength:
         """
         if not (speed > 0.0 and period > 0.0):
             raise StageError(f'feed {speed} m/s and period {period} s must be positive')
-        count = int(np.ceil(self.total / (speed * period)))
+        # A whole number of steps, to rounding, needs no further one.
+        count = int(np.ceil(self.total / (speed * period) - 1e-9))
         times = np.arange(count + 1, dtype=np.float64) * period
         return times, self.parameter(np.minimum(speed * times, self.total))
