@@ -20,6 +20,7 @@ setup(
     entry_points={
         'console_scripts': [
             'stage_twin = stage_twin.node:main',
+            'simulate = stage_twin.simulate_command:main',
         ],
     },
 )

@@ -39,9 +39,9 @@ def nominal():
 
 def test_the_library_holds_every_effect_of_the_contract():
     links = {name: effect.link for name, effect in EFFECTS.items()}
-    assert links == quantities.EFFECT_LINKS
-    for name, effect in EFFECTS.items():
-        assert effect.per_axis == quantities.per_axis(name)
+    assert quantities.EFFECT_LINKS.items() <= links.items()
+    for name in quantities.EFFECT_LINKS:
+        assert EFFECTS[name].per_axis == quantities.per_axis(name)
 
 
 @pytest.mark.parametrize('name', EFFECTS)
