@@ -6,6 +6,7 @@ from typing import Any
 
 from calibrator.models.base import CalibrationModel
 from calibrator.models.black_box import GaussianProcess, GradientBoosting, Perceptron
+from calibrator.models.it2fls import FuzzySystem, Hybrid
 from calibrator.models.linear import Affine, Identity, Polynomial
 from calibrator.models.structured import Structured
 from stage_core.errors import StageError
@@ -17,6 +18,8 @@ METHODS: dict[str, type[CalibrationModel]] = {
         Affine,
         Polynomial,
         Structured,
+        FuzzySystem,
+        Hybrid,
         Perceptron,
         GaussianProcess,
         GradientBoosting,

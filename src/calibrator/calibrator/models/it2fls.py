@@ -1,0 +1,176 @@
+"""Interval type-2 fuzzy system trained by a particle swarm (paper 1), and the hybrid with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from calibrator.consequents import evaluate, fit_consequents
+from calibrator.it2_sets import AntecedentSets, vector_bounds
+from calibrator.models.base import Array, CalibrationModel, from_json, scaling_of, to_json
+from calibrator.models.structured import Structured
+from calibrator.pso import SwarmOptions, SwarmResult, minimise
+from calibrator.type_reduction import REDUCTIONS
+from stage_core.errors import StageError
+
+
+class FuzzySystem(CalibrationModel):
+    """One interval type-2 TSK system per axis; all axes share the antecedents.
+
+    Options: `rules` M, `particles` and `iterations` of the swarm (the paper's: 1000 and 200),
+    `reduction` of `type_reduction.REDUCTIONS`, `patience`, `threads`, `seed`. The attributes
+    `progress` and `abort` are passed on to the swarm; an aborted training raises.
+    """
+
+    method = 'it2fls'
+    summary = 'interval type-2 fuzzy system trained by a particle swarm (paper 1)'
+    defaults = {
+        'rules': 5,
+        'particles': 30,
+        'iterations': 100,
+        'reduction': 'maclaurin',
+        'patience': 0,
+        'threads': 0,
+        'seed': 0,
+    }
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        if self.options['reduction'] not in REDUCTIONS:
+            raise StageError(
+                f'there is no type reduction {self.options["reduction"]}: choose one of '
+                f'{", ".join(REDUCTIONS)}'
+            )
+        self.progress: Callable[[int, float], None] | None = None
+        self.abort: Callable[[], bool] | None = None
+        self.swarm: SwarmResult | None = None
+
+    def parameter_count(self, axes: int, sensors: int) -> int:
+        """Consequents of one output; the antecedents are searched, not solved."""
+        return int(self.options['rules']) * (axes + 1)
+
+    def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
+        # Only here: importing the compiled loops costs a second that prediction need not pay.
+        from calibrator.swarm_fitness import SwarmFitness
+
+        centre, half = scaling_of(command)
+        mean, deviation = error.mean(axis=0), error.std(axis=0)
+        deviation = np.where(deviation > 0.0, deviation, 1.0)
+        inputs, targets = (command - centre) / half, (error - mean) / deviation
+        rules, reduction = int(self.options['rules']), str(self.options['reduction'])
+        low, high = vector_bounds(rules, self.axes)
+        options = SwarmOptions(
+            particles=int(self.options['particles']),
+            iterations=int(self.options['iterations']),
+            patience=int(self.options['patience']),
+            seed=int(self.options['seed']),
+        )
+        fitness = SwarmFitness(inputs, targets, reduction, int(self.options['threads']))
+        self.swarm = minimise(fitness, low, high, options, self.progress, self.abort)
+        if self.swarm.reason == 'aborted':
+            raise StageError('the training was aborted: the model in use before stays')
+        sets = AntecedentSets.from_vector(self.swarm.position, rules, self.axes)
+        lower, upper = sets.firing(inputs)
+        theta = [
+            fit_consequents(lower, upper, inputs, targets[:, axis], reduction)[0]
+            for axis in range(self.axes)
+        ]
+        self.state.update(
+            centre=centre,
+            half=half,
+            mean=mean,
+            deviation=deviation,
+            antecedents=self.swarm.position,
+            theta=np.array(theta),
+        )
+
+    def firing(self, command: Array) -> tuple[Array, Array, Array]:
+        """Scaled inputs (n, axes) and the lower and upper firing strengths (n, rules)."""
+        inputs = (command - self.state['centre']) / self.state['half']
+        sets = AntecedentSets.from_vector(
+            self.state['antecedents'], int(self.options['rules']), self.axes
+        )
+        return (inputs, *sets.firing(inputs))
+
+    def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
+        inputs, lower, upper = self.firing(command)
+        outputs = [
+            evaluate(lower, upper, inputs, theta, str(self.options['reduction']))
+            for theta in self.state['theta']
+        ]
+        return self.state['mean'] + self.state['deviation'] * np.column_stack(outputs)
+
+    def describe(self) -> str:
+        """Rules, type reduction and swarm."""
+        o = self.options
+        return (
+            f'{self.method}: {self.summary}, {o["rules"]} rules, {o["reduction"]} reduction, '
+            f'{o["particles"]} x {o["iterations"]} swarm'
+        )
+
+
+class Hybrid(CalibrationModel):
+    """The structured model first, an interval type-2 system on what it leaves."""
+
+    method = 'hybrid'
+    summary = 'structured model, then interval type-2 system on the rest'
+    defaults = {**FuzzySystem.defaults, **Structured.defaults}
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.structured = Structured(**{k: self.options[k] for k in Structured.defaults})
+        self.fuzzy = FuzzySystem(**{k: self.options[k] for k in FuzzySystem.defaults})
+
+    @property
+    def progress(self) -> Callable[[int, float], None] | None:
+        """Called after each iteration of the swarm."""
+        return self.fuzzy.progress
+
+    @progress.setter
+    def progress(self, value: Callable[[int, float], None] | None) -> None:
+        self.fuzzy.progress = value
+
+    @property
+    def abort(self) -> Callable[[], bool] | None:
+        """Asked after each iteration of the swarm."""
+        return self.fuzzy.abort
+
+    @abort.setter
+    def abort(self, value: Callable[[], bool] | None) -> None:
+        self.fuzzy.abort = value
+
+    def parameter_count(self, axes: int, sensors: int) -> int:
+        """Those of the larger part; the parts are fitted one after the other."""
+        return max(
+            self.structured.parameter_count(axes, sensors), self.fuzzy.parameter_count(axes, 0)
+        )
+
+    def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
+        heat = temperatures if self.sensors else None
+        self.structured.fit(command, command + error, direction, heat)
+        rest = command + error - self.structured.predict(command, direction, heat)
+        self.fuzzy.fit(command, command + rest)
+        self.state['structured'] = self.structured.to_dict()
+        self.state['fuzzy'] = self.fuzzy.to_dict()
+
+    def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
+        if not self.structured.fitted:
+            self.structured = _part(Structured, self.state['structured'])
+            self.fuzzy = _part(FuzzySystem, self.state['fuzzy'])
+        heat = temperatures if self.sensors else None
+        return (
+            self.structured.predict(command, direction, heat)
+            + self.fuzzy.predict(command)
+            - 2.0 * command
+        )
+
+    def describe(self) -> str:
+        """Both parts."""
+        return f'{self.method}: {self.structured.describe()} + {self.fuzzy.describe()}'
+
+
+def _part(cls: type[Any], content: dict[str, Any]) -> Any:
+    """Rebuild a part, whose state may have been decoded together with the whole."""
+    return cls.from_dict({**content, 'state': to_json(from_json(content['state']))})

@@ -1,0 +1,236 @@
+"""Interval type-2 system: type reduction, compiled fitness, consequents and swarm vs oracles."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyit2fls import BMM_algorithm, EIASC_algorithm, KM_algorithm
+
+from calibrator import consequents, pso
+from calibrator.it2_sets import AntecedentSets, vector_bounds
+from calibrator.models import make_model
+from calibrator.swarm_fitness import SwarmFitness
+from calibrator.type_reduction import effective_weights, end_weights, interval
+from stage_core.errors import StageError
+
+
+def random_firing(seed, samples=20, rules=5):
+    generator = np.random.default_rng(seed)
+    upper = generator.uniform(0.05, 1.0, (samples, rules))
+    lower = upper * generator.uniform(0.1, 1.0, (samples, rules))
+    return lower, upper, generator.normal(0, 1, (samples, rules))
+
+
+@given(st.integers(0, 10_000), st.integers(1, 7))
+@settings(max_examples=25, deadline=None)
+def test_exact_interval_equals_brute_force(seed, rules):
+    lower, upper, outputs = random_firing(seed, 8, rules)
+    left, right = interval(lower, upper, outputs)
+    # The extrema of eq. 4 lie at vertices of the box of firing strengths: try all 2^M.
+    values = []
+    for corner in itertools.product([0, 1], repeat=rules):
+        w = np.where(np.array(corner), upper, lower)
+        values.append((w * outputs).sum(axis=1) / w.sum(axis=1))
+    np.testing.assert_allclose(left, np.min(values, axis=0), atol=1e-12)
+    np.testing.assert_allclose(right, np.max(values, axis=0), atol=1e-12)
+
+
+def test_reductions_equal_an_independent_library():
+    lower, upper, outputs = random_firing(1)
+    left, right = interval(lower, upper, outputs)
+    mixed = np.sum(effective_weights(lower, upper, outputs, 'biglarbegian') * outputs, axis=1)
+    for row in range(len(lower)):
+        # The library takes intervals [y_l, y_r, w_l, w_r] per rule.
+        table = np.column_stack([outputs[row], outputs[row], lower[row], upper[row]])
+        for algorithm in (KM_algorithm, EIASC_algorithm):
+            np.testing.assert_allclose(algorithm(table.copy()), (left[row], right[row]), atol=1e-9)
+        np.testing.assert_allclose(BMM_algorithm(table.copy(), (0.5, 0.5)), mixed[row], atol=1e-12)
+
+
+def test_maclaurin_reduction_equals_the_printed_equations():
+    lower, upper, outputs = random_firing(2)
+    weights = effective_weights(lower, upper, outputs, 'maclaurin')
+    for w_low, w_up, f, nu in zip(lower, upper, outputs, weights, strict=True):
+        delta = w_up - w_low
+        over = np.sign(f - (w_up @ f) / w_up.sum())  # eq. 7
+        right = (((w_up + w_low) @ f) + (over * delta) @ f) / (  # eq. 6
+            (w_up + w_low).sum() + (over * delta).sum()
+        )
+        under = np.sign(f - (w_low @ f) / w_low.sum())  # eq. 9
+        left = (((w_up + w_low) @ f) - (under * delta) @ f) / (  # eq. 8
+            (w_up + w_low).sum() - (under * delta).sum()
+        )
+        np.testing.assert_allclose(nu @ f, 0.5 * (left + right), atol=1e-13)
+
+
+def test_nie_tan_is_the_mean_strength_and_all_agree_without_uncertainty():
+    lower, upper, outputs = random_firing(3)
+    nie_tan = effective_weights(lower, upper, outputs, 'nie_tan')
+    mean = 0.5 * (lower + upper)
+    np.testing.assert_allclose(nie_tan, mean / mean.sum(axis=1, keepdims=True), atol=1e-15)
+    type_one = upper / upper.sum(axis=1, keepdims=True)
+    for reduction in ('maclaurin', 'karnik_mendel', 'nie_tan', 'biglarbegian'):
+        np.testing.assert_allclose(
+            effective_weights(upper, upper, outputs, reduction), type_one, atol=1e-14
+        )
+    with pytest.raises(StageError, match='no type reduction centroid'):
+        effective_weights(lower, upper, outputs, 'centroid')
+
+
+def test_equal_outputs_take_the_mean_strength():
+    lower, upper, _ = random_firing(4, samples=3)
+    left, right = end_weights(lower, upper, np.full((3, 5), 0.7), exact=False)
+    np.testing.assert_allclose(left, right)
+
+
+def test_firing_far_from_all_rules_stays_finite():
+    sets = AntecedentSets(np.zeros((3, 2)), np.full((3, 2), 0.1), np.full((3, 2), 0.01))
+    lower, upper = sets.firing(np.array([[80.0, -90.0], [0.0, 0.0]]))
+    assert np.isfinite(lower).all() and (lower > 0).all() and (upper >= lower).all()
+
+
+def test_firing_equals_equations_22_and_23():
+    generator = np.random.default_rng(0)
+    sets = AntecedentSets.from_vector(generator.uniform(-0.5, 0.0, 30), 5, 2)
+    points = generator.uniform(-1, 1, (4, 2))
+    lower, upper = sets.firing(points)
+    for i, j in itertools.product(range(4), range(5)):
+        expected_low = np.prod(np.exp(-(((points[i] - sets.centres[j]) / sets.lower[j]) ** 2)))
+        expected_up = np.prod(np.exp(-(((points[i] - sets.centres[j]) / sets.upper[j]) ** 2)))
+        strongest = max(
+            np.prod(np.exp(-(((points[i] - sets.centres[k]) / sets.upper[k]) ** 2)))
+            for k in range(5)
+        )
+        np.testing.assert_allclose(lower[i, j], expected_low / strongest, rtol=1e-12)
+        np.testing.assert_allclose(upper[i, j], expected_up / strongest, rtol=1e-12)
+
+
+def ridge_reference(vector, inputs, targets, rules, reduction):
+    """The compiled fitness in plain NumPy: normal equations, one pass of signs."""
+    lower, upper = AntecedentSets.from_vector(vector, rules, inputs.shape[1]).firing(inputs)
+    plain = 'biglarbegian' if reduction == 'biglarbegian' else 'nie_tan'
+    total = 0.0
+    for target in targets.T:
+        weights = effective_weights(lower, upper, np.zeros_like(lower), plain)
+        errors = []
+        for _ in range(2 if reduction == 'maclaurin' else 1):
+            phi = consequents.regressors(weights, inputs)
+            gram = phi.T @ phi
+            gram += 1e-10 * np.trace(gram) / len(gram) * np.eye(len(gram))
+            theta = np.linalg.solve(gram, phi.T @ target)
+            f = consequents.rule_outputs(theta, inputs)
+            weights = effective_weights(lower, upper, f, reduction)
+            errors.append(np.mean((target - (weights * f).sum(axis=1)) ** 2))
+        total += min(errors)
+    return total
+
+
+@pytest.mark.parametrize('reduction', ['maclaurin', 'nie_tan', 'biglarbegian'])
+@pytest.mark.parametrize('shape', [(700, 2, 4), (150, 1, 3), (300, 3, 2)])
+def test_compiled_fitness_equals_numpy(reduction, shape):
+    samples, count, rules = shape
+    generator = np.random.default_rng(5)
+    inputs = generator.uniform(-1, 1, (samples, count))
+    targets = np.column_stack([np.sin(3 * inputs[:, 0]), inputs.sum(axis=1) ** 2])
+    targets += generator.normal(0, 0.1, targets.shape)
+    low, high = vector_bounds(rules, count)
+    # Overlapping sets of medium width: elsewhere a sign hangs on the last digits of a solution
+    # that the data barely determine, and two correct programs part ways.
+    size = rules * count
+    low[size : 2 * size], high[size : 2 * size] = np.log(0.5), np.log(0.9)
+    low[2 * size :] = np.log(0.7)
+    swarm = generator.uniform(low, high, (12, len(low)))
+    one = SwarmFitness(inputs, targets, reduction, threads=1)(swarm)
+    expected = [ridge_reference(v, inputs, targets, rules, reduction) for v in swarm]
+    np.testing.assert_allclose(one, expected, rtol=1e-6)
+    np.testing.assert_array_equal(SwarmFitness(inputs, targets, reduction, 3)(swarm), one)
+
+
+def test_consequents_recover_a_planted_system():
+    generator = np.random.default_rng(6)
+    inputs = generator.uniform(-1, 1, (400, 2))
+    sets = AntecedentSets(
+        generator.uniform(-1, 1, (3, 2)), np.full((3, 2), 0.7), np.full((3, 2), 0.5)
+    )
+    lower, upper = sets.firing(inputs)
+    theta = generator.normal(0, 1, 9)
+    target = consequents.evaluate(lower, upper, inputs, theta, 'nie_tan')
+    found, error = consequents.fit_consequents(lower, upper, inputs, target, 'nie_tan')
+    np.testing.assert_allclose(found, theta, atol=1e-9)
+    assert error < 1e-20
+
+
+def test_swarm_finds_the_minimum_and_repeats_with_its_seed():
+    def sphere(x):
+        return ((x - 0.3) ** 2).sum(axis=1)
+
+    low, high = np.full(6, -1.0), np.full(6, 1.0)
+    options = pso.SwarmOptions(particles=30, iterations=150, seed=4)
+    first = pso.minimise(sphere, low, high, options)
+    np.testing.assert_allclose(first.position, 0.3, atol=1e-4)
+    assert (np.diff(first.history) <= 0).all() and first.reason == 'iterations'
+    again = pso.minimise(sphere, low, high, options)
+    np.testing.assert_array_equal(first.position, again.position)
+    edge = pso.minimise(lambda x: x.sum(axis=1), low, high, options)
+    np.testing.assert_allclose(edge.position, -1.0, atol=1e-6)
+
+
+def test_swarm_aborts_stops_early_and_reports_progress():
+    seen = []
+    low, high = np.zeros(2), np.ones(2)
+
+    def fitness(x):
+        return np.where(x[:, 0] > 0.99, np.nan, 1.0 + x[:, 1] * 1e-9)
+
+    result = pso.minimise(
+        fitness, low, high, pso.SwarmOptions(patience=5), progress=lambda i, v: seen.append(i)
+    )
+    assert result.reason == 'no improvement' and seen == [1, 2, 3, 4, 5]
+    result = pso.minimise(fitness, low, high, abort=lambda: True)
+    assert result.reason == 'aborted' and len(result.history) == 1
+    with pytest.raises(StageError, match='finite'):
+        pso.minimise(lambda x: np.full(len(x), np.nan), low, high)
+
+
+def test_condition_of_equation_27():
+    # At w = 0.7298 the printed bound is 0.169: it forbids the constriction setting.
+    margin = pso.stability_margin(pso.SwarmOptions(cognitive=0.0, social=0.0))
+    assert abs(margin - 0.169) < 5e-4
+    with pytest.warns(UserWarning, match='may diverge'):
+        pso.minimise(
+            lambda x: x[:, 0],
+            np.zeros(1),
+            np.ones(1),
+            pso.SwarmOptions(iterations=1, inertia=0.9, cognitive=2.0, social=2.0),
+        )
+
+
+def test_training_reports_progress_and_can_be_aborted():
+    generator = np.random.default_rng(9)
+    command = generator.uniform(0, 0.05, (200, 2))
+    measured = command + 1e-5 * np.sin(200 * command)
+    model = make_model('it2fls', particles=10, iterations=10)
+    steps = []
+    model.progress = lambda step, value: steps.append(value)
+    model.fit(command, measured)
+    assert len(steps) == 10 and steps[-1] <= steps[0]
+    model = make_model('it2fls', particles=10, iterations=10)
+    model.abort = lambda: True
+    with pytest.raises(StageError, match='aborted'):
+        model.fit(command, measured)
+    assert not model.fitted
+
+
+def test_karnik_mendel_training_evaluates_the_exact_reduction():
+    generator = np.random.default_rng(10)
+    command = generator.uniform(0, 0.05, (200, 2))
+    measured = command + 1e-5 * np.sin(200 * command)
+    model = make_model('it2fls', reduction='karnik_mendel', particles=6, iterations=3)
+    model.fit(command, measured)
+    inputs, lower, upper = model.firing(command)
+    f = consequents.rule_outputs(model.state['theta'][0], inputs)
+    left, right = interval(lower, upper, f)
+    expected = model.state['mean'][0] + model.state['deviation'][0] * 0.5 * (left + right)
+    np.testing.assert_allclose((model.predict(command) - command)[:, 0], expected, atol=1e-15)
