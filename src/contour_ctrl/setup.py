@@ -20,6 +20,7 @@ setup(
     entry_points={
         'console_scripts': [
             'contour_ctrl = contour_ctrl.node:main',
+            'excite = contour_ctrl.excite_node:main',
         ],
     },
 )

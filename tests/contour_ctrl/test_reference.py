@@ -188,7 +188,8 @@ def test_nurbs_files(tmp_path: Path) -> None:
 
 def test_braked_reference_stops_on_the_path() -> None:
     ref = reference.plan(ALL['circle'], 0.05)
-    stop = ref.braked(700, 0.2)
+    stop, faded = ref.braked(700, 0.2, ref.velocity)
+    assert faded[0] == pytest.approx(ref.velocity[700]) and np.abs(faded[-1]).max() < 1e-12
     assert stop.position[0] == pytest.approx(ref.position[700])
     assert stop.velocity[0] == pytest.approx(ref.velocity[700])
     assert np.abs(stop.velocity[-1]).max() < 1e-12

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from contour_ctrl.contour_error import of_record
+from contour_ctrl.figures import Figures, figures
 from contour_ctrl.learning import Learner
 from contour_ctrl.tick import EX, QX, Controller, tick
 from stage_core.twin_file import TwinFile
@@ -74,30 +73,6 @@ def _run(
             force[axis, k] = velocity_loop(axes[axis], period, loop[axis], command[axis])
         if k + 1 < count:
             advance(axes, transitions, schedule, state, force, k, external[k])
-
-
-@dataclass(frozen=True)
-class Figures:
-    """Errors of one run [m]: tracking per axis (2,), contour; RMS, AIAE (eq. 31), maximum."""
-
-    tracking_rms: FloatArray
-    tracking_aiae: FloatArray
-    tracking_max: FloatArray
-    contour_rms: float
-    contour_aiae: float
-    contour_max: float
-
-
-def figures(tracking: FloatArray, contour: FloatArray) -> Figures:
-    """Eqs. 13, 31 and 32 of tracking errors (n, 2) and contour errors (n,) [m]."""
-    return Figures(
-        np.sqrt(np.mean(tracking**2, axis=0)),
-        np.mean(np.abs(tracking), axis=0),
-        np.max(np.abs(tracking), axis=0),
-        float(np.sqrt(np.mean(contour**2))),
-        float(np.mean(np.abs(contour))),
-        float(np.max(np.abs(contour))),
-    )
 
 
 class Rehearsal:

@@ -1,0 +1,257 @@
+"""Every parameter of the contour controller, and the objects that are made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from contour_ctrl import cmac, curves, nurbs, reinforcement
+from contour_ctrl.feedrate import AxisLimits
+from contour_ctrl.friction import LuGre
+from contour_ctrl.learning import LearningSettings
+from contour_ctrl.reference import Reference, plan
+from contour_ctrl.sequence import RunSettings
+from contour_ctrl.tick import Gains
+from stage_core.errors import StageError
+from stage_core.parameters import Parameter
+from stage_core.quantities import AXES
+
+Values = Callable[[str], Any]
+
+BASES = ('p_ff', 'ccc', 'cccmac')
+#: Feedback law, then what learns between the iterations.
+SCHEMES = tuple(base + learning for base in BASES for learning in ('', '+ilc', '+rilc'))
+
+
+def _axis_parameters(axis: str) -> list[Parameter]:
+    heavy = axis == 'x'
+    return [
+        Parameter(f'{axis}.position_gain', 40.0, 'K_p', '1/s', 1e-3, 1e4),
+        Parameter(f'{axis}.velocity_feedforward', 1.0, 'K_f', '', 0.0, 2.0),
+        Parameter(f'{axis}.acceleration_feedforward', 0.0, 'K_a', 's', 0.0, 1.0),
+        Parameter(f'{axis}.ilc_gain', 25.0, 'L_initial of the learning', '1/s', 0.0, 1e3),
+        Parameter(f'{axis}.max_velocity', 0.2, 'limit of the plan', 'm/s', 1e-6),
+        Parameter(f'{axis}.max_acceleration', 2.0, 'limit of the plan', 'm/s^2', 1e-4),
+        Parameter(f'{axis}.max_jerk', 500.0, 'limit of the plan', 'm/s^3', 1e-3),
+        Parameter(
+            f'{axis}.velocity_gain',
+            3600.0 if heavy else 1600.0,
+            "gain of the driver's velocity loop, for the friction term",
+            'N.s/m',
+            1e-6,
+        ),
+        Parameter(
+            f'{axis}.integral_gain',
+            90000.0 if heavy else 40000.0,
+            "integral gain of the driver's velocity loop",
+            'N/m',
+            0.0,
+        ),
+        Parameter(f'{axis}.coulomb', 0.0, 'LuGre F_c; 0 is no friction term', 'N', 0.0),
+        Parameter(f'{axis}.static', 0.0, 'LuGre F_s', 'N', 0.0),
+        Parameter(f'{axis}.stribeck_velocity', 0.005, 'LuGre v_s', 'm/s', 1e-6),
+        Parameter(f'{axis}.stiffness', 1e7, 'LuGre sigma_0', 'N/m', 1.0),
+    ]
+
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter('contour', 'circle', 'what to follow', choices=curves.NAMES),
+    Parameter('centre_x', 0.0, 'centre of the contour', 'm'),
+    Parameter('centre_y', 0.0, 'centre of the contour', 'm'),
+    Parameter('radius', 0.02, 'circle, star (outer points)', 'm', 1e-6),
+    Parameter('inner_radius', 0.01, 'star (inner points)', 'm', 1e-6),
+    Parameter('star_points', 5, 'star', '', 3, 50),
+    Parameter('side', 0.04, 'square', 'm', 1e-6),
+    Parameter('corner_radius', 0.004, 'square and star: least radius of curvature', 'm', 1e-7),
+    Parameter('width', 0.05, 'eight', 'm', 1e-6),
+    Parameter('height', 0.025, 'eight', 'm', 1e-6),
+    Parameter('curve_file', '', 'freeform, nurbs, hra: YAML file; empty: the topic ~/curve'),
+    Parameter('feed', 0.03, 'feed along the contour', 'm/s', 1e-6),
+    Parameter('reduce_feed', False, 'take the highest possible feed instead of refusing'),
+    Parameter('path_acceleration', 0.5, 'of the ramps along the contour', 'm/s^2', 1e-4),
+    Parameter('path_jerk', 20.0, 'of the ramps along the contour', 'm/s^3', 1e-3),
+    Parameter('laps', 1, 'laps of a closed contour per iteration', '', 1, 1000),
+    Parameter('iterations', 1, 'how often ~/run follows the contour', '', 1, 1000),
+    Parameter('scheme', 'ccc', 'control scheme', choices=SCHEMES),
+    Parameter(
+        'control_rate', 1000.0, 'ticks per second; about 50 on a Zaber wire', 'Hz', 1.0, 2000.0
+    ),
+    Parameter('cross_coupling', 20.0, 'K_c of ccc and cccmac', '1/s', 0.0, 1e4),
+    Parameter('estimator_steps', 2, 'of the contour error; 0 is the tangent', '', 0, 10),
+    Parameter('cmac_update', 'gradient', 'reading of eq. 19', choices=cmac.UPDATES),
+    Parameter('cmac_rate', 2000.0, 'gradient [1/s^2], literal [1/s]', '', 0.0),
+    Parameter('cmac_layers', 8, 'N_e', '', 1, 64),
+    Parameter('cmac_cells', 24, 'cells per layer and input', '', 2, 512),
+    Parameter('cmac_limit', 0.02, 'largest output of the CMAC', 'm/s', 1e-6),
+    Parameter('ilc_cutoff', 25.0, 'of the zero-phase filter Q', 'Hz', 1e-3),
+    Parameter('ilc_lead', 0, 'ticks by which the error is read ahead', '', 0, 1000),
+    Parameter(
+        'rilc_reading', 'recommended', 'reading of eqs. 12-16', choices=reinforcement.READINGS
+    ),
+    Parameter('rilc_floor', 0.1, 'smallest share of L_initial', '', 1e-3, 1.0),
+    Parameter('divergence', 3.0, 'times the best RMS that restores it; 0 is off', '', 0.0),
+    Parameter('start_tolerance', 1e-4, 'distance from the start to begin at', 'm', 1e-7),
+    Parameter('approach_timeout', 30.0, 'to reach the start', 's', 0.1),
+    Parameter('stop_time', 0.2, 'duration of a smooth stop', 's', 1e-3),
+    Parameter('encoder_timeout', 0.5, 'silence of the encoder that ends a run', 's', 0.01),
+    Parameter('lockstep_timeout', 20.0, 'the same on the wall clock in lockstep', 's', 0.1),
+    Parameter('use_model', True, 'apply the active calibration model'),
+    Parameter('machine', '', 'name of the stage that learned signals belong to'),
+    Parameter('session_folder', '', 'where learned signals are kept; empty is nowhere'),
+    Parameter('reuse_learned', False, 'start from the signal in session_folder'),
+    *(parameter for axis in AXES for parameter in _axis_parameters(axis)),
+)
+
+
+def _pair(value: Values, name: str) -> tuple[float, float]:
+    return float(value(f'x.{name}')), float(value(f'y.{name}'))
+
+
+def make_curve(value: Values, text: str | None = None) -> curves.Curve:
+    """Make the contour; `text` is YAML that came by topic for the kinds that need a file.
+
+    Raises
+    ------
+    StageError
+        What is wrong with the parameters or the file.
+    """
+    kind = value('contour')
+    centre = float(value('centre_x')), float(value('centre_y'))
+    if kind == 'circle':
+        return curves.circle(value('radius'), centre)
+    if kind == 'square':
+        return curves.square(value('side'), value('corner_radius'), centre)
+    if kind == 'star':
+        return curves.star(
+            value('radius'),
+            value('inner_radius'),
+            value('corner_radius'),
+            value('star_points'),
+            centre,
+        )
+    if kind == 'eight':
+        return curves.eight(value('width'), value('height'), centre)
+    origin = value('curve_file') or 'the curve on the topic ~/curve'
+    if value('curve_file'):
+        try:
+            text = Path(value('curve_file')).read_text(encoding='utf-8')
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, 'strerror', None) or str(error)
+            raise StageError(
+                f'cannot read the curve {origin} ({reason}): check the parameter curve_file'
+            ) from None
+    if text is None:
+        raise StageError(
+            f'the contour {kind} needs a curve: set curve_file or publish YAML on ~/curve'
+        )
+    if kind == 'nurbs':
+        return nurbs.from_text(text, origin)
+    return _curve_through_points(kind, text, origin)
+
+
+def _curve_through_points(kind: str, text: str, origin: str) -> curves.Curve:
+    """Contours from a YAML mapping: points [[x, y], ...] [m], closed (freeform), basis (hra)."""
+    try:
+        content = yaml.safe_load(text)
+        points = np.asarray(content['points'], dtype=float)
+    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+        raise StageError(
+            f'{origin}: give points as a list of [x, y] in metres under the key points'
+        ) from None
+    if kind == 'freeform':
+        return curves.freeform(points, bool(content.get('closed', True)))
+    try:
+        import hra_curves
+    except ImportError:
+        raise StageError('the contour hra needs the package hra_curves: build it') from None
+    name = content.get('basis')
+    basis = None if name is None else hra_curves.basis_named(str(name))
+    return (
+        hra_curves.interpolate(points)
+        if basis is None
+        else hra_curves.interpolate(points, basis=basis)
+    )
+
+
+def make_reference(value: Values, curve: curves.Curve) -> Reference:
+    """Plan the contour within the axes' limits."""
+    limits = AxisLimits(
+        _pair(value, 'max_velocity'), _pair(value, 'max_acceleration'), _pair(value, 'max_jerk')
+    )
+    return plan(
+        curve,
+        value('feed'),
+        1.0 / value('control_rate'),
+        limits,
+        value('path_acceleration'),
+        value('path_jerk'),
+        value('laps'),
+        value('reduce_feed'),
+    )
+
+
+def make_gains(value: Values) -> Gains:
+    """Gains of the scheme."""
+    base = value('scheme').split('+')[0]
+    settings = None
+    if base == 'cccmac':
+        settings = cmac.CmacSettings(
+            value('cmac_layers'),
+            value('cmac_cells'),
+            value('cmac_rate'),
+            limit=value('cmac_limit'),
+            mode=value('cmac_update'),
+        )
+    friction = None
+    if min(_pair(value, 'coulomb')) > 0.0:
+        models = [
+            LuGre(
+                value(f'{axis}.coulomb'),
+                max(value(f'{axis}.static'), value(f'{axis}.coulomb')),
+                value(f'{axis}.stribeck_velocity'),
+                value(f'{axis}.stiffness'),
+            )
+            for axis in AXES
+        ]
+        friction = models[0], models[1]
+    return Gains(
+        position=_pair(value, 'position_gain'),
+        velocity_feedforward=_pair(value, 'velocity_feedforward'),
+        acceleration_feedforward=_pair(value, 'acceleration_feedforward'),
+        cross_coupling=0.0 if base == 'p_ff' else float(value('cross_coupling')),
+        cmac=settings,
+        friction=friction,
+        velocity_gain=_pair(value, 'velocity_gain'),
+        integral_gain=_pair(value, 'integral_gain'),
+        estimator_steps=value('estimator_steps'),
+    )
+
+
+def make_learning(value: Values) -> LearningSettings | None:
+    """Settings of the learning, None where the scheme has none."""
+    learning = value('scheme').partition('+')[2]
+    if not learning:
+        return None
+    return LearningSettings(
+        _pair(value, 'ilc_gain'),
+        value('ilc_cutoff'),
+        value('ilc_lead'),
+        learning == 'rilc',
+        value('rilc_reading'),
+        value('rilc_floor'),
+        value('divergence'),
+    )
+
+
+def make_run_settings(value: Values, lockstep: bool) -> RunSettings:
+    """How a run approaches and stops."""
+    return RunSettings(
+        start_tolerance=value('start_tolerance'),
+        approach_timeout=value('approach_timeout'),
+        stop_time=value('stop_time'),
+        lockstep=lockstep,
+    )

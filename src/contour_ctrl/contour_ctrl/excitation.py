@@ -1,0 +1,152 @@
+"""A reference for identification: reversals at several speeds, then a multi-sine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contour_ctrl.feedrate import AxisLimits, SCurve
+from contour_ctrl.path import PathTable
+from contour_ctrl.reference import Reference
+from stage_core.errors import StageError
+
+FloatArray = NDArray[np.float64]
+
+#: Pauses between moves, so that stiction shows [s].
+PAUSE = 0.1
+#: Fade of the multi-sine at both ends [s].
+FADE = 0.5
+#: Frequencies [Hz] without common multiples below the record's length.
+FREQUENCIES = (0.31, 0.67, 1.13, 1.93, 3.17, 5.3, 8.9, 13.7)
+
+
+def excitation(
+    half_range: tuple[float, float],
+    centre: tuple[float, float] = (0.0, 0.0),
+    speeds: Sequence[float] = (0.002, 0.01, 0.04, 0.1),
+    multisine_time: float = 10.0,
+    period: float = 0.001,
+    limits: AxisLimits | None = None,
+    path_acceleration: float = 1.0,
+    path_jerk: float = 50.0,
+    seed: int = 0,
+) -> Reference:
+    """Reference from rest to rest at the centre.
+
+    For each speed [m/s]: x alone, y alone, and both diagonals, there and back; the slow speeds
+    travel a shorter way, so that each takes about as long as the fastest one or 2 s. Then sines of
+    `FREQUENCIES` with random phases (from `seed`) on both axes at once, each component with
+    the same share of half the speed, acceleration and travel that the limits allow.
+
+    Raises
+    ------
+    StageError
+        A range, speed or duration that cannot be executed.
+    """
+    if min(half_range) <= 0.0 or not speeds or min(speeds) <= 0.0:
+        raise StageError('the excitation needs positive half_range_x, half_range_y and speeds')
+    bounds = AxisLimits() if limits is None else limits
+    reach = np.asarray(half_range, dtype=float)
+    pieces = []
+    for speed in speeds:
+        way = np.minimum(reach, max(2.0 * speed, 1e-3))
+        corners = way * np.array(
+            [
+                (0, 0),
+                (1, 0),
+                (-1, 0),
+                (0, 0),
+                (0, 1),
+                (0, -1),
+                (0, 0),
+                (1, 1),
+                (-1, -1),
+                (0, 0),
+                (1, -1),
+                (-1, 1),
+                (0, 0),
+            ]
+        )
+        for start, stop in zip(corners[:-1], corners[1:], strict=True):
+            pieces.append(_straight(start, stop, speed, path_acceleration, path_jerk, period))
+    if multisine_time > 2.0 * FADE:
+        pieces.append(_multisine(reach, multisine_time, period, bounds, seed))
+    position, velocity, acceleration = (
+        np.concatenate([piece[i] for piece in pieces]) for i in range(3)
+    )
+    jerk = np.diff(acceleration, axis=0, append=0.0) / period
+    excess, name, _ = bounds.excess(velocity, acceleration, jerk)
+    if excess > 1.0:
+        raise StageError(f'the excitation exceeds the {name}: lower its speeds')
+    grid = np.linspace(0.0, 1.0, 8)[:, None] * np.array([1.0, 0.0])
+    return Reference(
+        period=period,
+        position=position + np.asarray(centre),
+        velocity=velocity,
+        acceleration=acceleration,
+        angle=np.arctan2(velocity[:, 1], velocity[:, 0]),
+        arc=np.zeros(len(position)),
+        # Motion along a line and back has no contour: the tick takes the tangent estimate.
+        path=PathTable.from_points(grid, 1.0, False),
+        feed=float(np.linalg.norm(velocity, axis=1).max()),
+        fluctuation=0.0,
+    )
+
+
+def _straight(
+    start: FloatArray,
+    stop: FloatArray,
+    speed: float,
+    acceleration: float,
+    jerk: float,
+    period: float,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    length = float(np.linalg.norm(stop - start))
+    direction = (stop - start) / length
+    profile = SCurve.plan(length, speed, acceleration, jerk)
+    time = period * np.arange(int(np.ceil((profile.duration + PAUSE) / period)))
+    arc, rate, change = profile.at(time)
+    return (
+        start + arc[:, None] * direction,
+        rate[:, None] * direction,
+        change[:, None] * direction,
+    )
+
+
+def _multisine(
+    reach: FloatArray, duration: float, period: float, limits: AxisLimits, seed: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    generator = np.random.default_rng(seed)
+    time = period * np.arange(int(np.ceil(duration / period)) + 1)
+    edge = np.clip(np.minimum(time, time[-1] - time) / FADE, 0.0, 1.0)
+    # Quintic smooth step and its derivatives: no step in velocity or acceleration.
+    sign = np.where(time < 0.5 * time[-1], 1.0, -1.0) / FADE * (edge < 1.0)
+    fade = edge**3 * (10.0 - 15.0 * edge + 6.0 * edge**2)
+    fade_1 = sign * 30.0 * edge**2 * (1.0 - edge) ** 2
+    fade_2 = 60.0 * edge * (1.0 - edge) * (1.0 - 2.0 * edge) / FADE**2 * (edge < 1.0)
+    omega = 2.0 * np.pi * np.array(FREQUENCIES)
+    columns = []
+    for axis in range(2):
+        share = 0.5 / len(omega)
+        amplitude = share * np.minimum(
+            np.minimum(reach[axis], limits.speed[axis] / omega),
+            np.minimum(limits.acceleration[axis] / omega**2, limits.jerk[axis] / omega**3),
+        )
+        phase = generator.uniform(0.0, 2.0 * np.pi, len(omega))
+        angle = omega * time[:, None] + phase
+        wave = np.sin(angle) @ amplitude
+        wave_1 = np.cos(angle) @ (amplitude * omega)
+        wave_2 = -np.sin(angle) @ (amplitude * omega**2)
+        columns.append(
+            (
+                fade * wave,
+                fade * wave_1 + fade_1 * wave,
+                fade * wave_2 + 2.0 * fade_1 * wave_1 + fade_2 * wave,
+            )
+        )
+    position, velocity, acceleration = (
+        np.column_stack([columns[axis][i] for axis in range(2)]) for i in range(3)
+    )
+    return position, velocity, acceleration

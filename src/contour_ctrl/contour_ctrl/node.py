@@ -1,0 +1,192 @@
+"""The contour controller's node: parameters, `~/run`, `~/abort`, progress."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from contour_ctrl import contour_parameters as parameters
+from contour_ctrl import storage
+from contour_ctrl.curves import circle
+from contour_ctrl.figures import Figures
+from contour_ctrl.learning import Learner
+from contour_ctrl.reference import Reference, plan
+from contour_ctrl.sequence import ContourRun
+from contour_ctrl.streaming_node import StreamingNode
+from contour_ctrl.tick import Controller, Gains
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_driver.deferred_service import create_deferred_service
+from stage_node.node import ERROR, LATCHED_QOS, OK, run
+
+
+class ContourCtrl(StreamingNode):
+    """Follows a contour as often as asked, and learns in between."""
+
+    def __init__(self) -> None:
+        super().__init__('contour_ctrl', parameters.PARAMETERS)
+        self._model: dict[str, Any] = {}
+        self._curve_text: str | None = None
+        self._progress: list[Figures] = []
+        self._last_message = ''
+        self._last_failed = False
+        self._digest = ''
+        self.create_subscription(String, topics.MODEL, self._on_model, LATCHED_QOS)
+        self.create_subscription(String, '~/curve', self._on_curve, LATCHED_QOS)
+        create_deferred_service(self, Trigger, '~/run', lambda _: self._run())
+        self.create_service(Trigger, '~/abort', self._on_abort)
+        self.diagnostics.task('contour', self._contour_status)
+        # Compiles every kernel now, so that the first tick does not.
+        Controller(plan(circle(0.001), 0.01), Gains())
+
+    def shutdown(self) -> None:
+        """Leave the stage with a target to rest at."""
+        if self.course is not None:
+            self._fault('the contour controller shuts down')
+
+    def silence_limit(self) -> float:
+        """Silence of the encoder that ends a run [s] of wall time."""
+        return float(self.value('lockstep_timeout' if self.lockstep else 'encoder_timeout'))
+
+    def run_ended(self, course: ContourRun) -> None:
+        """Keep the best of what was learned; remember the outcome for the diagnostics."""
+        self._last_message, self._last_failed = course.message, not course.success
+        self._missed_before = course.missed
+        folder = self.value('session_folder')
+        if not (course.success and folder):
+            return
+        signal = np.zeros_like(course.controller.learned)
+        if course.learner is not None:
+            signal = course.learner.best
+        storage.save(
+            Path(folder) / storage.FILE_NAME,
+            storage.Learned(self._digest, self.value('machine'), signal, course.best_weights),
+            {'scheme': self.value('scheme'), 'result': course.message},
+        )
+
+    def _run(self) -> Future[str]:
+        if self.running:
+            return _failed('a contour is being followed already: call ~/abort first')
+        try:
+            return self.begin(self._prepare())
+        except StageError as error:
+            return _failed(str(error))
+
+    def _prepare(self) -> ContourRun:
+        """Plan the contour and everything that its ticks need."""
+        reference = self._reference()
+        invert = self._inverse_model()
+        if invert is not None:
+            reference = reference.corrected(invert)
+        controller = Controller(reference, parameters.make_gains(self.value))
+        settings = parameters.make_learning(self.value)
+        learner = None
+        if settings is not None:
+            learner = Learner(len(reference), reference.period, settings)
+        self._digest = reference.digest()
+        if self.value('reuse_learned'):
+            self._reload(controller, learner)
+        self._progress.clear()
+        self.get_logger().info(
+            f'{self.value("contour")}: {len(reference)} ticks per iteration, feed '
+            f'{reference.feed:g} m/s, fluctuation {100.0 * reference.fluctuation:.2g} %'
+        )
+        return ContourRun(
+            controller,
+            learner,
+            self.value('iterations'),
+            parameters.make_run_settings(self.value, self.lockstep),
+            self._on_iteration,
+        )
+
+    def _reference(self) -> Reference:
+        curve = parameters.make_curve(self.value, self._curve_text)
+        return parameters.make_reference(self.value, curve)
+
+    def _reload(self, controller: Controller, learner: Learner | None) -> None:
+        if not self.value('session_folder'):
+            raise StageError('reuse_learned needs the parameter session_folder')
+        path = Path(self.value('session_folder')) / storage.FILE_NAME
+        known = storage.load(path, self._digest, self.value('machine'))
+        if known.signal.shape != controller.learned.shape:
+            raise StageError(f'{path} has another number of ticks: delete it')
+        if learner is not None:
+            controller.learned[:] = known.signal
+            learner.learned[:] = known.signal
+        if known.weights.shape == controller.weights.shape:
+            controller.weights[:] = known.weights
+
+    def _inverse_model(self) -> Callable[[np.ndarray], np.ndarray] | None:
+        """Return the inverse of the active calibration model, None where none is active."""
+        if not (self.value('use_model') and self._model.get('active')):
+            return None
+        path = self._model.get('file')
+        if not path:
+            raise StageError(f'{topics.MODEL} is active but names no file: retrain the calibrator')
+        try:
+            from calibrator import model_file
+        except ImportError:
+            raise StageError(
+                'a calibration model is active but the package calibrator is missing: '
+                'build it or set use_model to false'
+            ) from None
+        return model_file.load(path).invert
+
+    def _on_iteration(self, index: int, result: Figures) -> None:
+        self._progress.append(result)
+        self.get_logger().info(f'iteration {index}: {result.sentence()}')
+
+    def _on_model(self, message: String) -> None:
+        try:
+            content = json.loads(message.data)
+        except ValueError:
+            content = None
+        if not isinstance(content, dict):
+            self.get_logger().error(f'{topics.MODEL} holds no JSON object: it is ignored')
+            return
+        self._model = content
+
+    def _on_curve(self, message: String) -> None:
+        self._curve_text = message.data
+
+    def _on_abort(self, _: Any, response: Any) -> Any:
+        response.success = self.running
+        response.message = 'stopping' if self.running else 'nothing to abort: no run is under way'
+        self.stop_run('aborted by request')
+        return response
+
+    def _contour_status(self) -> tuple[bytes, str, dict[str, Any]]:
+        values: dict[str, Any] = {'scheme': self.value('scheme'), 'contour': self.value('contour')}
+        for index, result in enumerate(self._progress[-20:]):
+            number = max(len(self._progress) - 20, 0) + index + 1
+            values[f'iteration {number}'] = result.sentence()
+        course = self.course
+        if course is not None:
+            values['tick'] = f'{course.tick + 1} of {len(course.controller)}'
+            number = len(course.results) + 1
+            return OK, f'iteration {number} of {course.iterations}: {course.phase.value}', values
+        if self._last_failed:
+            return ERROR, self._last_message, values
+        return OK, self._last_message or 'idle', values
+
+
+def _failed(reason: str) -> Future[str]:
+    done: Future[str] = Future()
+    done.set_exception(StageError(reason))
+    return done
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(ContourCtrl, args)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,219 @@
+"""What every node that streams set-points shares: from encoder to set-point, and timing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from concurrent.futures import Future
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Vector3Stamped
+from rclpy.clock import Clock, ClockType
+from sensor_msgs.msg import JointState
+
+from contour_ctrl.sequence import ContourRun, SetPoint
+from contour_ctrl.tick import CONTOUR, EX
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.parameters import Parameter
+from stage_core.quantities import AXES
+from stage_node.node import (
+    OK,
+    SETPOINT_QOS,
+    STATE_QOS,
+    WARN,
+    StageNode,
+    joint_state,
+    set_stamp,
+    stamp_of,
+)
+
+#: Lockstep: without a message for this wall time the world stands still [s].
+QUIET_TIME = 0.3
+#: Without a first message of the encoder for this wall time no run starts [s].
+FIRST_MESSAGE_TIMEOUT = 10.0
+
+
+class StreamingNode(StageNode):
+    """Feeds encoder messages to a `ContourRun` and publishes what it answers.
+
+    The set-point goes out in the subscription's callback, before anything else is done.
+    """
+
+    def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
+        super().__init__(name, parameters)
+        self.course: ContourRun | None = None
+        self._answer: Future[str] | None = None
+        self._arrived = time.monotonic()
+        self._indices: tuple[int, int] | None = None
+        self._jitter = np.zeros(4096)
+        self._jitter_count = 0
+        self._missed_before = 0
+        self._first_seen = False
+        self._begun = False
+        self._costs = np.zeros(4096)
+        self._both = joint_state(0, AXES, position=(0.0, 0.0), velocity=(0.0, 0.0))
+        self._position_only = joint_state(0, AXES, position=(0.0, 0.0))
+        self._error = Vector3Stamped()
+        self._error.header.frame_id = topics.STAGE_FRAME
+        self._setpoints = self.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
+        self._errors = self.create_publisher(Vector3Stamped, topics.CONTOUR_ERROR, STATE_QOS)
+        self.create_subscription(JointState, topics.JOINT_STATES, self._on_state, STATE_QOS)
+        # Virtual time stands still in lockstep: the guard runs on the machine's own clock.
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._guard = self.create_timer(0.05, self._watch, clock=clock)
+        self.diagnostics.task('timing', self._timing_status)
+
+    @property
+    def lockstep(self) -> bool:
+        """Whether time is simulated; then identical runs give identical results."""
+        return bool(self.get_parameter('use_sim_time').value)
+
+    @property
+    def running(self) -> bool:
+        """Whether a run is under way."""
+        return self.course is not None
+
+    def begin(self, course: ContourRun) -> Future[str]:
+        """Start a run; the future holds its message, or its StageError."""
+        self.course = course
+        self._answer = Future()
+        self._arrived = time.monotonic()
+        self._first_seen = False
+        self._missed_before = 0
+        self._begun = False
+        self._watch()
+        return self._answer
+
+    def stop_run(self, reason: str) -> None:
+        """Stop the run smoothly."""
+        if self.course is not None:
+            self._publish(self.course.abort(reason))
+            self._conclude()
+
+    def run_ended(self, course: ContourRun) -> None:
+        """Hook: called once when a run is over, before it is answered."""
+
+    def silence_limit(self) -> float:
+        """Silence of the encoder that ends a run [s] of wall time."""
+        return 0.5
+
+    def _on_state(self, message: JointState) -> None:
+        now = time.monotonic()
+        course = self.course
+        if course is None or not self._begun:
+            return
+        if self._indices is None:
+            self._indices = _axis_places(message.name)
+            if self._indices is None:
+                self._fault(
+                    f'{topics.JOINT_STATES} names the axes {list(message.name)}, x and y are '
+                    'needed: see the parameter axes of the driver'
+                )
+                return
+        place_x, place_y = self._indices
+        stamp = stamp_of(message.header)
+        if len(message.position) <= max(place_x, place_y):
+            self._fault(f'{topics.JOINT_STATES} holds no position for each axis')
+            return
+        point = course.on_state(stamp, message.position[place_x], message.position[place_y])
+        self._publish(point)
+        if point is not None and point.velocity is not None:
+            self._publish_error(course, stamp)
+            slot = self._jitter_count % len(self._jitter)
+            self._jitter[slot] = now - self._arrived
+            self._costs[slot] = time.monotonic() - now
+            self._jitter_count += 1
+        self._arrived = now
+        self._first_seen = True
+        if course.done:
+            self._conclude()
+
+    def _publish(self, point: SetPoint | None) -> None:
+        if point is None or point.position is None:
+            return
+        message = self._position_only if point.velocity is None else self._both
+        set_stamp(message.header, point.stamp)
+        message.position[0], message.position[1] = point.position
+        if point.velocity is not None:
+            message.velocity[0], message.velocity[1] = point.velocity
+        self._setpoints.publish(message)
+
+    def _publish_error(self, course: ContourRun, stamp: int) -> None:
+        row = course.newest_record()
+        set_stamp(self._error.header, stamp)
+        vector = self._error.vector
+        vector.x, vector.y, vector.z = float(row[EX]), float(row[EX + 1]), float(row[CONTOUR])
+        self._errors.publish(self._error)
+
+    def _watch(self) -> None:
+        """Guard: silence starts a contour in lockstep, and ends a run where it is a loss."""
+        course = self.course
+        if course is None:
+            return
+        silence = time.monotonic() - self._arrived
+        if not self._begun:
+            # A set-point that nobody has subscribed to yet would be lost.
+            if self._setpoints.get_subscription_count() > 0:
+                self._begun = True
+                self._arrived = time.monotonic()
+                self._publish(course.begin(self.get_clock().now().nanoseconds))
+            elif silence > FIRST_MESSAGE_TIMEOUT:
+                self._fault(f'nobody listens to {topics.SETPOINT}: is stage_driver running?')
+            return
+        if course.waits_for_quiet:
+            if silence > QUIET_TIME:
+                self._publish(course.world_is_quiet())
+            return
+        limit = self.silence_limit() if self._first_seen else FIRST_MESSAGE_TIMEOUT
+        if silence > limit:
+            self._fault(course.silence(silence))
+
+    def _fault(self, reason: str) -> None:
+        if self.course is not None:
+            self._publish(self.course.fault(self.get_clock().now().nanoseconds, reason))
+            self._conclude()
+
+    def _conclude(self) -> None:
+        course, answer = self.course, self._answer
+        if course is None or answer is None or not course.done:
+            return
+        self.course = self._answer = None
+        try:
+            self.run_ended(course)
+        except StageError as error:
+            answer.set_exception(error)
+            return
+        if course.success:
+            self.get_logger().info(course.message)
+            answer.set_result(course.message)
+        else:
+            self.get_logger().error(course.message)
+            answer.set_exception(StageError(course.message))
+
+    def _timing_status(self) -> tuple[bytes, str, dict[str, Any]]:
+        count = min(self._jitter_count, len(self._jitter))
+        if count == 0:
+            return OK, 'no ticks yet', {}
+        missed = self.course.missed if self.course is not None else self._missed_before
+        intervals, costs = 1e3 * self._jitter[:count], 1e6 * self._costs[:count]
+        values = {
+            'ticks': self._jitter_count,
+            'missed_ticks': missed,
+            'interval_median_ms': f'{np.median(intervals):.3f}',
+            'interval_p99_ms': f'{np.percentile(intervals, 99):.3f}',
+            'interval_max_ms': f'{intervals.max():.3f}',
+            'callback_median_us': f'{np.median(costs):.0f}',
+            'callback_p99_us': f'{np.percentile(costs, 99):.0f}',
+        }
+        if missed:
+            return WARN, f'{missed} ticks missed', values
+        return OK, 'every tick answered', values
+
+
+def _axis_places(names: Sequence[str]) -> tuple[int, int] | None:
+    found = {name: index for index, name in enumerate(names)}
+    if not all(axis in found for axis in AXES):
+        return None
+    return found[AXES[0]], found[AXES[1]]

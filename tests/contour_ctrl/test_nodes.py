@@ -1,0 +1,206 @@
+"""The nodes as processes against a driver that steps a small plant in lockstep."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from contour_ctrl import storage
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_node.client_node import GraphClient
+from stage_node.node import SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
+
+MS = 1_000_000
+RADIUS = 0.002
+
+
+class LockstepDriver:
+    """A driver and plant in one: velocities are followed to 90 %, position moves at once."""
+
+    def __init__(self, client: GraphClient) -> None:
+        node = client.node
+        self.q = np.array([0.001, 0.0])
+        self.stamp = 1_000 * MS
+        self.streamed: list[tuple[float, ...]] = []
+        self.moves: list[tuple[float, ...]] = []
+        self.errors: list[tuple[float, float, float]] = []
+        self.last = -1
+        self.streaming = threading.Event()
+        self.break_at: int | None = None
+        self.clock = node.create_publisher(Clock, topics.CLOCK, 10)
+        self.states = node.create_publisher(JointState, topics.JOINT_STATES, STATE_QOS)
+        client.watch(JointState, topics.SETPOINT, SETPOINT_QOS, self.on_setpoint)
+
+    def on_setpoint(self, message: JointState) -> None:
+        stamp = stamp_of(message.header)
+        if stamp == self.last:
+            return
+        self.last = stamp
+        if message.velocity:
+            if stamp != self.stamp:
+                return
+            self.streaming.set()
+            self.streamed.append((*message.position, *message.velocity))
+            self.q = self.q + 0.9e-3 * np.array(message.velocity)
+            self.advance()
+            return
+        self.moves.append(tuple(message.position))
+        start, goal = self.q.copy(), np.array(message.position)
+        for share in (*np.linspace(0.1, 1.0, 10), *np.ones(150)):
+            self.q = start + share * (goal - start)
+            self.advance()
+
+    def advance(self) -> None:
+        self.stamp += MS
+        clock = Clock()
+        clock.clock.sec, clock.clock.nanosec = divmod(self.stamp, 1_000_000_000)
+        self.clock.publish(clock)
+        q = np.round(self.q * 1e6) / 1e6
+        if self.break_at is not None and len(self.streamed) == self.break_at:
+            q[0] = float('nan')
+        self.states.publish(joint_state(self.stamp, ('x', 'y'), q, (0.0, 0.0)))
+
+
+@pytest.fixture
+def driver(ros_env: dict[str, str]) -> Iterator[tuple[GraphClient, LockstepDriver]]:
+    with GraphClient('fake_driver') as client:
+        yield client, LockstepDriver(client)
+
+
+def start(module: str, environment: dict[str, str], **parameters: Any) -> subprocess.Popen[str]:
+    command = [sys.executable, '-m', module, '--ros-args', '-p', 'use_sim_time:=true']
+    for name, value in parameters.items():
+        command += ['-p', f'{name.replace("__", ".")}:={value}']
+    return subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+
+
+def end(process: subprocess.Popen[str]) -> str:
+    if process.poll() is None:
+        process.terminate()
+    try:
+        return process.communicate(timeout=20)[0]
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.communicate()[0]
+
+
+def test_contour_node_learns_repeats_itself_aborts_and_faults(
+    ros_env: dict[str, str], driver: tuple[GraphClient, LockstepDriver], tmp_path: Path
+) -> None:
+    client, plant = driver
+    process = start(
+        'contour_ctrl.node',
+        ros_env,
+        contour='circle',
+        radius=RADIUS,
+        feed=0.03,
+        iterations=3,
+        scheme='cccmac+rilc',
+        session_folder=tmp_path / 'session',
+        machine='fake',
+    )
+    try:
+        with pytest.raises(StageError, match='curve_file'):
+            client.wait_for_service('/contour_ctrl/run', 40.0)
+            client.set_parameters('/contour_ctrl', contour='nurbs')
+            client.trigger('/contour_ctrl/run', 20.0)
+        client.set_parameters('/contour_ctrl', contour='circle')
+        with pytest.raises(StageError, match='nothing to abort'):
+            client.trigger('/contour_ctrl/abort', 20.0)
+        message = client.trigger('/contour_ctrl/run', 60.0)
+        assert '3 iterations; first: tracking RMS' in message and 'best, iteration' in message
+        first = list(plant.streamed)
+        assert plant.moves[0] == pytest.approx((RADIUS, 0.0))
+        assert plant.moves[-1] == pytest.approx((RADIUS, 0.0))
+        assert len(first) % 3 == 0 and len(first) > 1000
+        radius = np.hypot(*np.array(first)[:, :2].T)
+        assert radius == pytest.approx(RADIUS, rel=1e-9)
+        saved = tmp_path / 'session' / storage.FILE_NAME
+        assert saved.is_file()
+
+        plant.streamed.clear()
+        again = client.trigger('/contour_ctrl/run', 60.0)
+        # The plant starts at the start point now: same ticks, same set-points, same figures.
+        assert again == message
+        assert plant.streamed == first
+
+        client.set_parameters('/contour_ctrl', reuse_learned=True, feed=0.029)
+        with pytest.raises(StageError, match='another contour'):
+            client.trigger('/contour_ctrl/run', 20.0)
+        client.set_parameters('/contour_ctrl', reuse_learned=False, feed=0.03)
+
+        plant.streamed.clear()
+        plant.streaming.clear()
+        failures: list[str] = []
+
+        def run() -> None:
+            try:
+                client.trigger('/contour_ctrl/run', 60.0)
+            except StageError as error:
+                failures.append(str(error))
+
+        waiting = threading.Thread(target=run)
+        waiting.start()
+        assert plant.streaming.wait(30.0)
+        assert client.trigger('/contour_ctrl/abort', 20.0) == 'stopping'
+        waiting.join(60.0)
+        assert 'aborted by request' in failures[0]
+        speed = np.hypot(*np.array(plant.streamed)[:, 2:].T)
+        assert speed[-1] < 2e-3 and np.abs(np.diff(speed)).max() < 3e-3
+
+        plant.streamed.clear()
+        plant.break_at = 300
+        with pytest.raises(StageError, match='encoder position is not a number'):
+            client.trigger('/contour_ctrl/run', 60.0)
+        assert len(plant.streamed) == 300
+    finally:
+        output = end(process)
+    assert process.returncode == 0, output
+
+
+def test_excite_streams_once_and_ends(
+    ros_env: dict[str, str], driver: tuple[GraphClient, LockstepDriver]
+) -> None:
+    _, plant = driver
+    process = start(
+        'contour_ctrl.excite_node',
+        ros_env,
+        half_range_x=0.004,
+        half_range_y=0.004,
+        speeds='[0.08]',
+        multisine_time=1.5,
+    )
+    try:
+        output = process.communicate(timeout=60)[0]
+    finally:
+        end(process)
+    assert process.returncode == 0, output
+    points = np.array(plant.streamed)
+    assert points[:, :2].max(axis=0) == pytest.approx([0.004, 0.004], abs=1e-4)
+    assert points[:, :2].min(axis=0) == pytest.approx([-0.004, -0.004], abs=1e-4)
+    assert plant.moves[0] == pytest.approx((0.0, 0.0)) and len(plant.moves) == 2
+
+
+def test_an_unknown_scheme_is_one_line_and_exit_status_two(ros_env: dict[str, str]) -> None:
+    process = start('contour_ctrl.node', ros_env, scheme='pid')
+    try:
+        output = process.communicate(timeout=60)[0]
+    finally:
+        end(process)
+    assert process.returncode == 2
+    assert 'scheme must be one of p_ff, ' in output and 'Traceback' not in output
