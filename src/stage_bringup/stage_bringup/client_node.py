@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 #: The encoder counts as at rest while it stays within this band [m].
 REST_BAND = 4.0e-6
+#: So near to its reference [m] the stage has arrived.
+ARRIVED = 1.0e-4
 #: A set-point that got lost is sent again after this wall time [s]; duplicates do no harm.
 RESEND = 5.0
 
@@ -35,9 +37,13 @@ class SessionClient(GraphClient):
     def __init__(self, settle_time: float, use_sim_time: bool) -> None:
         super().__init__('session', use_sim_time)
         self.settle_time = settle_time
+        # In lockstep the driver's own dwell is the rule: nothing may depend on what an encoder
+        # count does in its last milliseconds.
+        self._watch_encoder = not use_sim_time
         self._last_stamp = 0
         self._last_target_stamp = 0
-        self._rest_since: int | None = None
+        self._reference_since = 0
+        self._rest_since = 0
         self._rest_position: Array | None = None
         self._reference: tuple[float, ...] | None = None
         self._points: deque[tuple[int, float, float, float]] = deque(maxlen=4000)
@@ -52,7 +58,7 @@ class SessionClient(GraphClient):
         reference = tuple(message.position)
         if reference != self._reference:
             self._reference = reference
-            self._rest_since = stamp_of(message.header)
+            self._reference_since = stamp_of(message.header)
 
     def _on_state(self, message: JointState) -> None:
         stamp = stamp_of(message.header)
@@ -92,8 +98,14 @@ class SessionClient(GraphClient):
         waited = 0.0
 
         def at_rest() -> bool:
-            since = max(self._rest_since or sent, sent)
-            return self._last_stamp > sent and self._last_stamp - since >= settle
+            if self._last_stamp <= sent or self._reference is None:
+                return False
+            if self._last_stamp - max(self._reference_since, sent) < settle:
+                return False
+            if not self._watch_encoder or self._rest_position is None:
+                return True
+            arrived = np.abs(self._rest_position - np.array(self._reference)).max() < ARRIVED
+            return bool(arrived) and self._last_stamp - self._rest_since >= 0.4 * settle
 
         while not at_rest():
             if waited >= timeout:

@@ -67,7 +67,8 @@ def commands(options: Options) -> list[NodeCommand]:
     pty = options.out / 'zaber_port'
     backend = 'zaber' if stepper else 'servo'
     driver: dict[str, object] = {'backend': backend, 'twin': nominal}
-    driver |= {'port': pty} if stepper else {'drive_port': drive_port}
+    # The position loop forgets a move's lag within 0.3 s; the rest of the dwell is measured.
+    driver |= {'port': pty} if stepper else {'drive_port': drive_port, 'settle_time': 0.5}
     return [
         NodeCommand(
             'stage_twin',

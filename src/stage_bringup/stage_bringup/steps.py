@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,7 @@ from stage_bringup.plan import alignment_points, calibration_grid, heldout_point
 from stage_bringup.processes import Processes
 from stage_bringup.table import Row, as_dict, heldout_rows, render
 from stage_core import topics
+from stage_core.errors import StageError
 from stage_core.quantities import MICROMETRE
 
 Array = NDArray[np.float64]
@@ -73,7 +75,7 @@ class Session:
         ):
             at = self.client.go_to(self.centre + point, MOVE_TIMEOUT, self.processes.check)
             if measure:
-                raw = self.client.measure(at, 0.5 * self.client.settle_time, MOVE_TIMEOUT)
+                raw = self.client.measure(at, 0.4 * self.client.settle_time, MOVE_TIMEOUT)
                 measured.append(self.client.alignment().apply(raw)[:2])
         return np.array(measured)
 
@@ -132,13 +134,27 @@ def _start(session: Session) -> None:
     ):
         client.wait_for_service(service, 90.0, check)
     client.set_bool('/stage_driver/enable', True, 60.0)
-    client.trigger('/stage_driver/home', 120.0)
+    _home(session)
     client.wait_for_subscribers(topics.TARGET, 1, 30.0)
-    low = [client.parameter('/stage_driver', f'{axis}.limit_min') for axis in 'xy']
-    high = [client.parameter('/stage_driver', f'{axis}.limit_max') for axis in 'xy']
+    low = [client.parameter('/stage_driver', f'{axis}.limit_lower') for axis in 'xy']
+    high = [client.parameter('/stage_driver', f'{axis}.limit_upper') for axis in 'xy']
     session.centre = 0.5 * (np.array(low) + np.array(high))
     session.half_range = min(0.04, 0.4 * float(np.min(np.array(high) - np.array(low))))
     client.settle_time = float(client.parameter('/stage_driver', 'settle_time'))
+
+
+def _home(session: Session) -> None:
+    # The driver answers requests before it has found its drive: the plant may start later.
+    deadline = time.monotonic() + 60.0
+    while True:
+        try:
+            session.client.trigger('/stage_driver/home', 120.0)
+            return
+        except StageError:
+            session.processes.check()
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.5)
 
 
 def _align(session: Session) -> None:

@@ -1,0 +1,120 @@
+"""Reference of nodes, parameters, topics and services, generated from the code.
+
+``python -m stage_bringup.reference docs/reference.md`` writes it; a test compares.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from stage_core import topics
+from stage_core.parameters import Parameter
+
+#: Executable -> module of its node.
+NODES = {
+    'stage_driver': 'stage_driver.node',
+    'tracker_bridge': 'tracker_bridge.node',
+    'calibrator': 'calibrator.node',
+    'contour_ctrl': 'contour_ctrl.node',
+    'stage_twin': 'stage_twin.node',
+    'session_recorder': 'session_bags.recorder_node',
+    'session_player': 'session_bags.player_node',
+    'gap_diagnosis': 'gap_diagnosis.node',
+}
+_PUBLISHES, _SUBSCRIBES = 'create_publisher', 'create_subscription'
+
+
+def _topic(node: ast.expr) -> str | None:
+    """Topic of an argument: a literal or a constant of stage_core.topics."""
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+        return getattr(topics, node.attr, None) if node.value.id == 'topics' else None
+    if isinstance(node, ast.Name):
+        found = getattr(topics, node.id, None)
+        return found if isinstance(found, str) else None
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value if node.value[:1] in '/~' else None
+    return None
+
+
+def interfaces(source: str) -> dict[str, set[str]]:
+    """Publishers, subscribers and services that a node's source creates."""
+    found: dict[str, set[str]] = {'publishes': set(), 'subscribes': set(), 'services': set()}
+    for call in (n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Call)):
+        name = call.func.attr if isinstance(call.func, ast.Attribute) else None
+        name = call.func.id if isinstance(call.func, ast.Name) else name
+        if name is None:
+            continue
+        named = [t for t in map(_topic, call.args) if t]
+        if name == _PUBLISHES:
+            found['publishes'].update(named)
+        elif name == _SUBSCRIBES:
+            found['subscribes'].update(named)
+        elif 'service' in name and any(t.startswith('~/') for t in named):
+            found['services'].update(t for t in named if t.startswith('~/'))
+    return found
+
+
+def _range(parameter: Parameter) -> str:
+    if parameter.choices:
+        return ', '.join(f'`{c}`' for c in parameter.choices)
+    low, high = parameter.minimum, parameter.maximum
+    if low is None and high is None:
+        return ''
+    return f'{"" if low is None else f"{low:g}"} … {"" if high is None else f"{high:g}"}'.strip()
+
+
+def parameter_table(parameters: Sequence[Parameter]) -> list[str]:
+    """Rows of a Markdown table of parameters."""
+    rows = ['| parameter | default | unit | range | description |', '|---|---|---|---|---|']
+    for p in sorted(parameters, key=lambda p: p.name):
+        default = ', '.join(map(str, p.default)) if isinstance(p.default, list) else p.default
+        rows.append(
+            f'| `{p.name}` | {default if default != "" else "(empty)"} | {p.unit} | {_range(p)} '
+            f'| {p.description.replace("|", "/")} |'
+        )
+    return rows
+
+
+def render() -> str:
+    """The whole reference as Markdown."""
+    lines = [
+        '# Reference',
+        '',
+        'Generated from the code by `make reference`.',
+        '',
+        '## Topics',
+        '',
+        '| topic | type |',
+        '|---|---|',
+        *(f'| `{name}` | {kind} |' for name, kind in topics.TOPIC_TYPES.items()),
+    ]
+    for executable, module_name in NODES.items():
+        module = importlib.import_module(module_name)
+        source = Path(str(module.__file__)).read_text(encoding='utf-8')
+        lines += [
+            '',
+            f'## {executable}',
+            '',
+            f'`ros2 run {module_name.split(".")[0]} {executable}`',
+        ]
+        for what, names in interfaces(source).items():
+            if names:
+                lines += ['', f'{what}: ' + ', '.join(f'`{n}`' for n in sorted(names))]
+        lines += ['', *parameter_table(module.PARAMETERS)]
+    return '\n'.join(lines) + '\n'
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the reference to the path given."""
+    path = Path((list(arguments) if arguments is not None else sys.argv[1:])[0])
+    path.write_text(render(), encoding='utf-8')
+    print(f'wrote {path}')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
