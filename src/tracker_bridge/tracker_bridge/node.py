@@ -9,7 +9,6 @@ from typing import Any
 
 import rclpy
 from geometry_msgs.msg import PointStamped, TransformStamped
-from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -66,13 +65,13 @@ class TrackerBridge(StageNode):
         self._source = self._make_source()
         self._points = self.create_publisher(PointStamped, topics.TRACKER_POINT, STATE_QOS)
         self._transforms = self.create_publisher(TransformStamped, topics.ALIGNMENT, LATCHED_QOS)
-        self.create_subscription(
+        self._joint_states = self.create_subscription(
             JointState, topics.JOINT_STATES, self._on_joint_states, STATE_QOS, raw=True
         )
         self.create_service(Trigger, '~/align', self._on_align)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        self._steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
-        self.create_timer(COMPLAINT_PERIOD, self._complain, clock=self._steady)
+        steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
+        self.create_timer(COMPLAINT_PERIOD, self._complain, clock=steady)
         self.diagnostics.hardware_id = f'{value("source")} {value("host")}:{value("port")}'
         self.diagnostics.task('connection', self._connection_status)
         self.diagnostics.task('stream', self._stream_status)
@@ -120,8 +119,8 @@ class TrackerBridge(StageNode):
                 self._arrived = time.monotonic()
                 self._pairs.add_stage(stamp, position)
 
-    async def _on_align(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        await self._until_arrived()
+    def _on_align(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._until_arrived()
         try:
             with self._lock:
                 pairs = self._pairs.pairs()
@@ -142,23 +141,25 @@ class TrackerBridge(StageNode):
         response.success, response.message = True, self._alignment
         return response
 
-    async def _until_arrived(self) -> None:
-        """Wait until both streams have passed the present time, or nothing comes any more."""
+    def _until_arrived(self) -> None:
+        """Wait until both streams have passed the present time, or nothing comes any more.
+
+        The executor is busy with the service meanwhile, so the joint states are taken here.
+        """
         asked = self.get_clock().now().nanoseconds
         deadline = time.monotonic() + ALIGN_TIMEOUT
         while time.monotonic() < deadline:
+            with self._joint_states.handle:
+                while (
+                    taken := self._joint_states.handle.take_message(JointState, True)
+                ) is not None:
+                    self._on_joint_states(taken[0])
             with self._lock:
                 newest = (self._bridge.last_stamp or 0, self._pairs.last_stage or 0)
                 quiet = time.monotonic() - self._arrived > QUIET_TIME
             if min(newest) > asked or quiet:
                 return
-            await self._pause(ALIGN_POLL)
-
-    async def _pause(self, seconds: float) -> None:
-        over: Future = Future()
-        timer = self.create_timer(seconds, lambda: over.set_result(None), clock=self._steady)
-        await over
-        self.destroy_timer(timer)
+            time.sleep(ALIGN_POLL)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
