@@ -200,7 +200,9 @@ class ContourRun:
         if anchor is None or max(abs(qx - anchor[1]), abs(qy - anchor[2])) > settings.rest_motion:
             self._anchor = anchor = (stamp, qx, qy)
         distance = max(abs(qx - self._target[0]), abs(qy - self._target[1]))
-        resting = stamp - anchor[0] >= settings.rest_time * NANOSECONDS
+        # In lockstep a world that stands still is at rest, however its last ticks crept.
+        since = self._sent if settings.lockstep else anchor[0]
+        resting = stamp - since >= settings.rest_time * NANOSECONDS
         self._ready = resting and distance <= settings.start_tolerance
         if self._ready and not settings.lockstep:
             return self._start(stamp, qx, qy)

@@ -30,7 +30,7 @@ from stage_node.node import (
 )
 
 #: Lockstep: without a message for this wall time the world stands still [s].
-QUIET_TIME = 0.3
+QUIET_TIME = 0.5
 #: Without a first message of the encoder for this wall time no run starts [s].
 FIRST_MESSAGE_TIMEOUT = 10.0
 
