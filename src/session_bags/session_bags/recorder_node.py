@@ -24,11 +24,15 @@ from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, 
 
 _NAME = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]*')
 DROPPED_KEY = 'dropped'
+_ALL = '*'
 
 PARAMETERS = (
     Parameter('directory', 'bags', 'Folder that new bags are written to', read_only=True),
     Parameter('name', 'session', 'Name of the next bag; a number is added where it exists'),
-    Parameter('topics', list(topics.SESSION_TOPICS), 'Topics to record', read_only=True),
+    Parameter(
+        'topics', list(topics.SESSION_TOPICS), 'Topics to record; * for all', read_only=True
+    ),
+    Parameter('autostart', False, 'Record from the beginning', read_only=True),
     Parameter('twin', '', 'Nominal twin file to keep in the bag; none where empty'),
     Parameter(
         'chunk_period', 0.5, 'A kill loses at most this much', 's', 0.05, 1.0, read_only=True
@@ -58,6 +62,8 @@ class SessionRecorder(StageNode):
         steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
         self.create_timer(0.5 * self.value('chunk_period'), self._flush, clock=steady)
         self.create_timer(1.0, self._watch_graph, clock=steady)
+        if self.value('autostart'):
+            self._start()
 
     def parameters_changed(self, changed: dict[str, Value]) -> str | None:
         """Refuse a name that could leave the directory."""
@@ -74,6 +80,8 @@ class SessionRecorder(StageNode):
         found: dict[str, list[str]] = {}
         if self._pending - topics.TOPIC_TYPES.keys():
             found = dict(self.get_topic_names_and_types())
+        if _ALL in self._pending:
+            self._pending |= found.keys() - self._topic_subscriptions.keys() - {topics.CLOCK}
         for topic in sorted(self._pending):
             type_name = topics.TOPIC_TYPES.get(topic) or next(iter(found.get(topic, ())), None)
             if type_name is None:
@@ -145,10 +153,15 @@ class SessionRecorder(StageNode):
             response.message = f'already recording to {self._writer.path}: stop first'
             return response
         try:
-            self._writer = self._open()
+            response.message = str(self._start())
+            response.success = True
         except StageError as error:
             response.message = str(error)
-            return response
+        return response
+
+    def _start(self) -> Path:
+        """Open a new bag and begin it with the latched messages; its path."""
+        self._writer = self._open()
         self._failure = ''
         for topic in self._drops:
             self._drops[topic] = DropCounter()
@@ -157,10 +170,8 @@ class SessionRecorder(StageNode):
             # Every bag stands alone: it begins with the alignment and model in force.
             self._writer.add_topic(topic)
             self._writer.write(topic, data, now)
-        response.success = True
-        response.message = str(self._writer.path)
         self.get_logger().info(f'recording to {self._writer.path}')
-        return response
+        return self._writer.path
 
     def _open(self) -> SessionWriter:
         twin = TwinFile.load(self.value('twin')) if self.value('twin') else None

@@ -1,0 +1,149 @@
+"""A short-lived node that looks at the graph."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from stage_core.errors import StageError
+from stage_node.node import local_graph
+
+#: Discovery has settled when nothing new was seen for this long [s].
+_QUIET = 0.6
+#: Announcements that were missed are repeated every three seconds.
+_LONGEST = 4.0
+
+
+@contextmanager
+def node(name: str = '') -> Iterator[Any]:
+    """A hidden node, spun in a thread of its own."""
+    import rclpy
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+    local_graph()
+    rclpy.init(args=[], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    looker = rclpy.create_node(
+        name or f'_ros2cli_{os.getpid()}',
+        start_parameter_services=False,
+        enable_rosout=False,
+    )
+    executor = SingleThreadedExecutor()
+    executor.add_node(looker)
+
+    def spin() -> None:
+        with suppress(ExternalShutdownException):
+            executor.spin()
+
+    thread = threading.Thread(target=spin, daemon=True)
+    thread.start()
+    try:
+        yield looker
+    finally:
+        executor.shutdown(timeout_sec=1.0)
+        thread.join(timeout=2.0)
+        looker.destroy_node()
+        rclpy.try_shutdown()
+
+
+def settle(looker: Any, spin_time: float | None = None) -> None:
+    """Wait until discovery has settled, or for exactly `spin_time` [s]."""
+    if spin_time is not None:
+        time.sleep(spin_time)
+        return
+    begin = changed = time.monotonic()
+    last: Any = None
+    while time.monotonic() - begin < _LONGEST:
+        seen = (
+            sorted(looker.get_node_names_and_namespaces()),
+            sorted(looker.get_topic_names_and_types()),
+            sorted(looker.get_service_names_and_types()),
+        )
+        alone = len(seen[0]) <= 1
+        if seen != last:
+            last, changed = seen, time.monotonic()
+        elif not alone and time.monotonic() - changed >= _QUIET:
+            return
+        time.sleep(0.05)
+
+
+def wait_until(found: Callable[[], Any], timeout: float, absent: str) -> Any:
+    """The first true value of ``found()``.
+
+    Raises
+    ------
+    StageError
+        With the text `absent`, after `timeout` [s].
+    """
+    deadline = time.monotonic() + timeout
+    while True:
+        value = found()
+        if value:
+            return value
+        if time.monotonic() > deadline:
+            raise StageError(absent)
+        time.sleep(0.05)
+
+
+def hidden(name: str) -> bool:
+    """Whether a part of a name begins with an underscore."""
+    return any(part.startswith('_') for part in name.split('/'))
+
+
+def full_name(name: str) -> str:
+    """A name with its leading slash."""
+    return name if name.startswith('/') else '/' + name
+
+
+def node_names(looker: Any, include_hidden: bool = False) -> list[str]:
+    """Full names of the nodes on the graph, sorted."""
+    names = [
+        f'{namespace.rstrip("/")}/{name}'
+        for name, namespace in looker.get_node_names_and_namespaces()
+    ]
+    return sorted(name for name in names if include_hidden or not hidden(name))
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """Node name and namespace of a full name."""
+    namespace, _, base = full_name(name).rpartition('/')
+    return base, namespace or '/'
+
+
+def require_node(looker: Any, name: str, timeout: float = 6.0) -> str:
+    """Full name of a node that is on the graph.
+
+    Raises
+    ------
+    StageError
+        If it does not appear.
+    """
+    wanted = full_name(name)
+    wait_until(lambda: wanted in node_names(looker, True), timeout, 'Node not found')
+    return wanted
+
+
+def call(looker: Any, service_type: Any, name: str, request: Any, timeout: float = 10.0) -> Any:
+    """Call a service of the graph.
+
+    Raises
+    ------
+    StageError
+        If the service does not appear or does not answer.
+    """
+    client = looker.create_client(service_type, name)
+    if not client.wait_for_service(timeout_sec=timeout):
+        raise StageError(f'service {name} is not available: is its node running?')
+    return answer(client.call_async(request), name)
+
+
+def answer(future: Any, name: str, timeout: float = 3600.0) -> Any:
+    """Response of a call that was sent."""
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    if not done.wait(timeout):
+        raise StageError(f'service {name} did not answer')
+    return future.result()

@@ -1,0 +1,133 @@
+"""Messages from YAML and to YAML, and their classes by name."""
+
+from __future__ import annotations
+
+import array
+import importlib
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import yaml
+
+from stage_core.errors import StageError
+
+
+def interface(name: str, kind: str) -> Any:
+    """Class of ``pkg/msg/Type`` or ``pkg/srv/Type``; the middle part may be left out.
+
+    Raises
+    ------
+    StageError
+        If it is not installed.
+    """
+    parts = name.split('/')
+    if len(parts) == 2:
+        parts.insert(1, kind)
+    try:
+        package, middle, type_name = parts
+        return getattr(importlib.import_module(f'{package}.{middle}'), type_name)
+    except (ValueError, ImportError, AttributeError) as error:
+        raise StageError(
+            f"The passed {kind} type '{name}' is invalid: name an installed one"
+        ) from error
+
+
+def fill(message: Any, text: str) -> Any:
+    """Fill a message from YAML, as ``"{data: true}"``.
+
+    Raises
+    ------
+    StageError
+        If the text is no YAML mapping, or names a field or value that does not fit.
+    """
+    try:
+        values = yaml.safe_load(text) if text.strip() else {}
+    except yaml.YAMLError as error:
+        raise StageError(f'the values are not YAML: {" ".join(str(error).split())}') from error
+    if values is None:
+        values = {}
+    if not isinstance(values, Mapping):
+        raise StageError(f'the passed value needs to be a dictionary in YAML format, got {text!r}')
+    _set_fields(message, values)
+    return message
+
+
+def _set_fields(message: Any, values: Mapping[str, Any]) -> None:
+    types = message.get_fields_and_field_types()
+    for name, value in values.items():
+        if name not in types:
+            known = ', '.join(types) or 'none'
+            raise StageError(f'{type(message).__name__} has no field {name}: it has {known}')
+        current = getattr(message, name)
+        try:
+            if hasattr(current, 'get_fields_and_field_types'):
+                _set_fields(current, value or {})
+            else:
+                setattr(message, name, _convert(value, current, types[name]))
+        except (AssertionError, TypeError, ValueError, AttributeError) as error:
+            raise StageError(f'{name} is a {types[name]}, got {value!r}') from error
+
+
+def _convert(value: Any, current: Any, type_name: str) -> Any:
+    """A value as the field wants it."""
+    element = re.fullmatch(r'sequence<([^,>]+)(?:, \d+)?>|([^\[]+)\[\d+\]', type_name)
+    if element is not None:
+        inner = element[1] or element[2]
+        if '/' in inner:
+            items = []
+            for entry in value:
+                item = interface(inner, 'msg')()
+                _set_fields(item, entry)
+                items.append(item)
+            return items
+        return [_convert(entry, None, inner) for entry in value]
+    if type_name in ('float', 'double') and not isinstance(value, bool):
+        return float(value)
+    if type_name == 'octet':
+        return bytes([value])
+    if isinstance(current, str) and not isinstance(value, str):
+        return str(value)
+    return value
+
+
+def to_plain(message: Any) -> Any:
+    """A message as plain mappings, lists and numbers."""
+    if hasattr(message, 'get_fields_and_field_types'):
+        return {
+            name: to_plain(getattr(message, name)) for name in message.get_fields_and_field_types()
+        }
+    if isinstance(message, (list, tuple, array.array)):
+        return [to_plain(item) for item in message]
+    if isinstance(message, np.ndarray):
+        return message.tolist()
+    if isinstance(message, bytes):
+        return message[0] if len(message) == 1 else list(message)
+    return message
+
+
+def to_yaml(message: Any) -> str:
+    """A message as ``ros2 topic echo`` prints it."""
+    return yaml.safe_dump(to_plain(message), sort_keys=False, default_flow_style=False, width=1e9)
+
+
+def from_plain_field(message: Any, path: str) -> Any:
+    """The part of a message that a path like ``header.stamp.sec`` names.
+
+    Raises
+    ------
+    StageError
+        If there is no such field.
+    """
+    for name in path.split('.'):
+        base, _, rest = name.partition('[')
+        try:
+            message = getattr(message, base)
+            for number in re.findall(r'(\d+)\]', rest):
+                message = message[int(number)]
+        except (AttributeError, IndexError, TypeError) as error:
+            raise StageError(
+                f"Invalid field '{path}': the message has none of that name"
+            ) from error
+    return message
