@@ -66,7 +66,6 @@ def running(loop):
         yield loop
     finally:
         loop.stop()
-        loop.drive.close()
         assert loop.failure is None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from stage_core import drive_link
 from stage_core.clocks import NANOSECONDS
@@ -42,7 +42,6 @@ class _Loop(threading.Thread):
         self.ticks = 0
         self.stamp = 0
         self.origin = 0
-        self.late_forces = 0
         self.braked = 0
         self.braking = False
         self.failure: BaseException | None = None
@@ -61,16 +60,41 @@ class _Loop(threading.Thread):
         raise NotImplementedError
 
     def stop(self) -> None:
-        """End the thread."""
+        """End the thread and close the drive link."""
         self._ended.set()
         if self.is_alive():
             self.join(timeout=5.0)
+        self.drive.close()
 
     def reset(self, timeout: float = 2.0) -> bool:
         """Put the stage at rest at zero; ticks start anew. Return whether it was done in time."""
         self._reset_done.clear()
         self._reset_wanted.set()
         return self._reset_done.wait(timeout)
+
+    def summary(self) -> str:
+        """Return where the devices are, in one line."""
+        return f'drive link on 127.0.0.1:{self.drive.port}'
+
+    def status(self) -> tuple[bool, str, dict[str, Any]]:
+        """Return whether all is well, a sentence, and values for /diagnostics."""
+        values: dict[str, Any] = {
+            'ticks': self.ticks,
+            'time': f'{self.stamp / NANOSECONDS:.3f}',
+            'braked_ticks': self.braked,
+            'refused_datagrams': self.drive.refused,
+            **self._counters(),
+        }
+        if self.failure is not None:
+            return False, f'the plant has stopped: {self.failure}', values
+        if not self.drive.connected:
+            return False, 'waits for a driver on the drive link', values
+        if self.braking:
+            return False, 'no force from the driver: dynamic braking', values
+        return True, 'running', values
+
+    def _counters(self) -> dict[str, Any]:
+        raise NotImplementedError
 
     def _apply_reset(self) -> int:
         """Do a wanted reset; return the flags of the next encoder datagram."""
@@ -123,7 +147,16 @@ class RealTimeLoop(_Loop):
     ) -> None:
         super().__init__(machine, drive, tracker)
         self.pacer = Pacer(machine.period)
+        self.late_forces = 0
         self._watchdog_ticks = max(1, round(watchdog / machine.period))
+
+    def _counters(self) -> dict[str, Any]:
+        return {
+            'late_forces': self.late_forces,
+            'missed_ticks': self.pacer.missed,
+            'worst_lateness': f'{self.pacer.worst:.6f}',
+            'pauses': self.pacer.pauses,
+        }
 
     def _run(self) -> None:
         self.stamp = self.origin = time.time_ns()
@@ -175,7 +208,7 @@ class LockstepLoop(_Loop):
         drive: DriveSocket,
         tracker: TrackerOutput | None,
         publish_clock: Callable[[int], None],
-        watchdog: float = 2.0,
+        watchdog: float = 8.0,
         clock_interval: int = 1,
     ) -> None:
         super().__init__(machine, drive, tracker)
@@ -184,6 +217,9 @@ class LockstepLoop(_Loop):
         self._published: int | None = None
         self._watchdog = watchdog
         self.repeated = 0
+
+    def _counters(self) -> dict[str, Any]:
+        return {'repeated_encoders': self.repeated}
 
     def _run(self) -> None:
         self.stamp = self.origin = LOCKSTEP_START_NS

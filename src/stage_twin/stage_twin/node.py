@@ -6,6 +6,7 @@ import sys
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
@@ -13,15 +14,15 @@ from std_srvs.srv import Trigger
 from stage_core import topics
 from stage_core.clocks import NANOSECONDS, split_stamp
 from stage_core.drive_link import DEFAULT_PORT
-from stage_core.errors import StageError
 from stage_core.parameters import Parameter, Value
 from stage_core.twin_file import TwinFile
-from stage_node.node import ERROR, OK, WARN, StageNode, run
+from stage_node.node import OK, WARN, StageNode, run
 from stage_twin.emulators.drive import DriveSocket
 from stage_twin.emulators.tracker import FAULTS, TrackerInstrument
 from stage_twin.emulators.tracker_server import SaTextSender, TrackerServer
 from stage_twin.loops import LockstepLoop, RealTimeLoop
 from stage_twin.machine import ServoMachine
+from stage_twin.stepper_loop import StepperLoop
 
 PARAMETERS = (
     Parameter('twin', '', 'YAML file of the emulated machine; empty: the nominal servo twin'),
@@ -70,8 +71,9 @@ PARAMETERS = (
     Parameter('watchdog', 0.02, 'real time: no force for this long brakes', 's', 0.001, 10.0),
     Parameter(
         'lockstep_watchdog',
-        2.0,
-        'lockstep: no force for this long (wall clock) brakes a moving stage',
+        8.0,
+        'lockstep: no force for this long (wall clock) brakes a moving stage; longer than the '
+        "driver's own timeout",
         's',
         0.05,
         600.0,
@@ -89,20 +91,54 @@ class StageTwin(StageNode):
         path = self.value('twin')
         twin = TwinFile.load(path) if path else TwinFile.nominal_servo()
         self._tracker: TrackerServer | SaTextSender | None = None
-        # Everything is compiled before a socket opens: the first client meets a ready machine.
-        machine = ServoMachine(twin, seed=self.value('seed'), noise=self.value('noise'))
-        self._drive = DriveSocket(len(machine.axes), self.value('drive_port'))
-        self._tracker = self._open_tracker(machine)
-        self._loop = self._make_loop(machine)
+        self._clock_publisher: Publisher | None = None
+        if self.value('clock') == 'lockstep':
+            self._clock_publisher = self.create_publisher(
+                Clock, topics.CLOCK, QoSProfile(depth=10)
+            )
+        if twin.kind == 'stepper':
+            self._loop: RealTimeLoop | LockstepLoop | StepperLoop = self._make_stepper(twin)
+        else:
+            self._loop = self._make_servo(twin)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.diagnostics.task('plant', self._plant_status)
         self.diagnostics.task('tracker', self._tracker_status)
         self._loop.start()
-        self.get_logger().info(self._summary())
+        self.get_logger().info(
+            f'{self.value("clock")}, axes {" ".join(twin.axes)}, {self._loop.summary()}, '
+            f'{self._tracker_summary()}'
+        )
 
-    def _open_tracker(self, machine: ServoMachine) -> TrackerServer | SaTextSender | None:
+    def _make_servo(self, twin: TwinFile) -> RealTimeLoop | LockstepLoop:
+        # Everything is compiled before a socket opens: the first client meets a ready machine.
+        machine = ServoMachine(twin, seed=self.value('seed'), noise=self.value('noise'))
+        drive = DriveSocket(len(machine.axes), self.value('drive_port'))
+        self._tracker = self._open_tracker(twin)
+        if self.value('clock') == 'realtime':
+            return RealTimeLoop(machine, drive, self._tracker, self.value('watchdog'))
+        return LockstepLoop(
+            machine,
+            drive,
+            self._tracker,
+            self._publish_clock,
+            self.value('lockstep_watchdog'),
+            self.value('clock_interval'),
+        )
+
+    def _make_stepper(self, twin: TwinFile) -> StepperLoop:
+        self._tracker = self._open_tracker(twin)
+        return StepperLoop(
+            twin,
+            self._tracker,
+            self.value('seed'),
+            self.value('noise'),
+            self.value('pty_link'),
+            self._publish_clock if self._clock_publisher else None,
+        )
+
+    def _open_tracker(self, twin: TwinFile) -> TrackerServer | SaTextSender | None:
         protocol, port = self.value('tracker_protocol'), self.value('tracker_port')
-        if protocol == 'none' or machine.twin.tracker is None:
+        if protocol == 'none' or twin.tracker is None:
             return None
         if protocol != 'emscon':
             return SaTextSender(port, protocol.removeprefix('sa_'))
@@ -110,39 +146,19 @@ class StageTwin(StageNode):
             clock_offset_ns=round(self.value('tracker_clock_offset') * NANOSECONDS),
             packet_points=self.value('tracker_packet_points'),
         )
-        try:
-            return TrackerServer(instrument, port)
-        except StageError:
-            self._drive.close()
-            raise
+        return TrackerServer(instrument, port)
 
-    def _make_loop(self, machine: ServoMachine) -> LockstepLoop | RealTimeLoop:
-        if self.value('clock') == 'realtime':
-            return RealTimeLoop(machine, self._drive, self._tracker, self.value('watchdog'))
-        self._clock_publisher = self.create_publisher(Clock, topics.CLOCK, QoSProfile(depth=10))
-        return LockstepLoop(
-            machine,
-            self._drive,
-            self._tracker,
-            self._publish_clock,
-            self.value('lockstep_watchdog'),
-            self.value('clock_interval'),
-        )
+    def _tracker_summary(self) -> str:
+        if isinstance(self._tracker, TrackerServer):
+            return f'tracker TPI on 127.0.0.1:{self._tracker.port}'
+        if self._tracker is not None:
+            return f'tracker text to 127.0.0.1:{self.value("tracker_port")}'
+        return 'no tracker'
 
     def _publish_clock(self, stamp: int) -> None:
-        seconds, nanoseconds = split_stamp(stamp)
-        self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
-
-    def _summary(self) -> str:
-        tracker = 'no tracker'
-        if isinstance(self._tracker, TrackerServer):
-            tracker = f'tracker TPI on 127.0.0.1:{self._tracker.port}'
-        elif self._tracker is not None:
-            tracker = f'tracker text to 127.0.0.1:{self.value("tracker_port")}'
-        return (
-            f'{self.value("clock")}, drive link on 127.0.0.1:{self._drive.port}, {tracker}, '
-            f'axes {" ".join(self._loop.machine.axes)}'
-        )
+        if self._clock_publisher is not None:
+            seconds, nanoseconds = split_stamp(stamp)
+            self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
 
     def parameters_changed(self, changed: dict[str, Value]) -> str | None:
         """Switch a tracker fault; everything else is read when the node starts."""
@@ -156,29 +172,12 @@ class StageTwin(StageNode):
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._loop.reset()
-        response.message = 'at rest at 0' if response.success else 'the plant thread is not alive'
+        response.message = 'reset' if response.success else 'the plant does not answer'
         return response
 
     def _plant_status(self) -> tuple[bytes, str, dict[str, Any]]:
-        loop = self._loop
-        values: dict[str, Any] = {
-            'ticks': loop.ticks,
-            'time': f'{loop.stamp / NANOSECONDS:.3f}',
-            'late_forces': loop.late_forces,
-            'braked_ticks': loop.braked,
-            'refused_datagrams': self._drive.refused,
-        }
-        if isinstance(loop, RealTimeLoop):
-            values['missed_ticks'] = loop.pacer.missed
-            values['worst_lateness'] = f'{loop.pacer.worst:.6f}'
-            values['pauses'] = loop.pacer.pauses
-        if loop.failure is not None:
-            return ERROR, f'the plant has stopped: {loop.failure}', values
-        if not self._drive.connected:
-            return WARN, 'waits for a driver on the drive link', values
-        if loop.braking:
-            return WARN, 'no force from the driver: dynamic braking', values
-        return OK, 'running', values
+        well, message, values = self._loop.status()
+        return OK if well else WARN, message, values
 
     def _tracker_status(self) -> tuple[bytes, str, dict[str, Any]]:
         if self._tracker is None:
@@ -194,7 +193,6 @@ class StageTwin(StageNode):
         self._loop.stop()
         if self._tracker is not None:
             self._tracker.close()
-        self._drive.close()
 
 
 def main() -> int:
