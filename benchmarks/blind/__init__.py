@@ -1,0 +1,1 @@
+"""Blind check of the gap diagnosis: sessions whose effects are withheld from it."""

@@ -1,0 +1,48 @@
+"""Command line: ``python -m gap_diagnosis diagnose --bag BAG --twin TWIN --out DIR``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from gap_diagnosis.service import run
+from stage_core.errors import command_line
+
+
+@command_line
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Diagnose sessions and write the report; exit status 2 for input that cannot be."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    # `ros2 run gap_diagnosis diagnose --bag …` names the command by the executable.
+    if words[:1] == ['diagnose']:
+        words = words[1:]
+    parser = argparse.ArgumentParser(
+        prog='gap_diagnosis diagnose',
+        description='Where the gap between sessions and their twin lies, which effect causes it, '
+        'and how far it shrinks with that effect in the twin.',
+    )
+    parser.add_argument('--bag', action='append', required=True, help='session bag, repeatable')
+    parser.add_argument(
+        '--holdout', action='append', default=[], help='held-out session bag, repeatable'
+    )
+    parser.add_argument('--twin', required=True, help='twin file of the nominal machine')
+    parser.add_argument('--out', required=True, help='directory for the report')
+    parser.add_argument('--seed', type=int, default=0, help='of bootstrap and permutations')
+    parser.add_argument('--quiet', action='store_true', help='no progress on stderr')
+    options = parser.parse_args(words)
+    verdict = run(
+        options.bag,
+        options.holdout,
+        options.twin,
+        Path(options.out),
+        seed=options.seed,
+        quiet=options.quiet,
+    )
+    print(verdict)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

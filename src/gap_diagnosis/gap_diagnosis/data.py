@@ -1,0 +1,339 @@
+"""From a session to the arrays of a diagnosis, and the checks that a session has to pass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stage_core import topics
+from stage_core.clocks import to_seconds
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+from stage_core.twin_file import ForceAxis, ServoAxis, TwinFile
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+MINIMUM_DURATION = 8.0  # s; below it no held-out window has a reversal of its own
+MINIMUM_TRAVEL = 2.0e-4  # m; less is no motion for a friction or a pitch error
+EXCITATION_HINT = 'record one that has it with `ros2 run contour_ctrl excite`'
+PREFIX = 0.15  # share of a held-out session in which its nuisances are refitted, unscored
+
+
+@dataclass(frozen=True)
+class Record:
+    """One session on the regular grid of control ticks; positions [m], forces [N].
+
+    Arrays of shape (n, a) have one column per axis of `axes`; tracker arrays have m rows.
+    """
+
+    name: str
+    axes: tuple[str, ...]
+    period: float
+    time: Array
+    reference: Array
+    reference_velocity: Array
+    velocity_command: Array
+    force: Array
+    encoder: Array
+    temperature: Array | None
+    tracker_time: Array | None
+    tracker: Array | None
+    held_out_session: bool = False
+    moving: tuple[bool, ...] = ()
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def duration(self) -> float:
+        """Length of the session [s]."""
+        return float(self.time[-1] - self.time[0] + self.period)
+
+    def column(self, axis: str) -> int:
+        """Column of an axis in the arrays."""
+        return self.axes.index(axis)
+
+
+def held_out_windows(record: Record) -> list[tuple[float, float]]:
+    """Windows [s] that no fit sees.
+
+    The last third of each block of about 5 s (10 s of a session beyond two minutes); of a
+    held-out session everything after the prefix in which its own nuisances are refitted.
+    """
+    if record.held_out_session:
+        return [(float(record.time[0] + PREFIX * record.duration), float(record.time[-1]))]
+    blocks = max(3, round(record.duration / (5.0 if record.duration < 120.0 else 10.0)))
+    length = record.duration / blocks
+    return [((i + 2.0 / 3.0) * length, (i + 1.0) * length) for i in range(blocks)]
+
+
+def inside(time: Array, windows: list[tuple[float, float]]) -> Mask:
+    """Which of the times (n,) [s] lie in one of the windows."""
+    mask = np.zeros(len(time), dtype=bool)
+    for start, stop in windows:
+        mask |= (time >= start) & (time < stop)
+    return mask
+
+
+def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Record:
+    """Arrays of a session, checked against the twin that is to explain it.
+
+    Raises
+    ------
+    StageError
+        If a topic is missing, holds NaNs or does not overlap the others in time, if the twin
+        belongs to another machine, or if the session is too short or lacks excitation.
+    """
+    if twin.kind == 'stepper':
+        raise StageError(
+            'a twin of kind stepper has no force to diagnose: give one of kind servo or '
+            'measured_force'
+        )
+    axes = session.axes
+    absent = [axis for axis in axes if axis not in twin.axes]
+    if absent:
+        raise StageError(
+            f'the twin has no axis {absent[0]} but {session.path} has: give the twin file of '
+            'this machine'
+        )
+    reference, command, states = (
+        _finite(session.require(topic, why), session.path)
+        for topic, why in (
+            (topics.REFERENCE, 'says what was asked for'),
+            (topics.COMMAND, 'holds the forces'),
+            (topics.JOINT_STATES, 'holds the encoders'),
+        )
+    )
+    start = session.start_ns
+    period = _period(reference, twin, session.path)
+    grid = _Grid(start, period, (reference, command, states), session.path)
+    effort_unit = np.array([getattr(twin.axes[axis], 'effort_unit', 1.0) for axis in axes])
+    encoder = grid.columns(states, 'position', axes)
+    record = Record(
+        name=session.path,
+        axes=axes,
+        period=period,
+        time=grid.time,
+        reference=grid.columns(reference, 'position', axes),
+        reference_velocity=grid.optional(reference, 'velocity', axes),
+        velocity_command=grid.optional(command, 'velocity', axes),
+        force=grid.columns(command, 'effort', axes) * effort_unit,
+        encoder=encoder,
+        temperature=_temperatures(session, axes, grid.time),
+        tracker_time=None,
+        tracker=None,
+        held_out_session=held_out,
+        moving=tuple(bool(m) for m in np.ptp(encoder, axis=0) > MINIMUM_TRAVEL),
+        warnings=grid.warnings,
+    )
+    _check_excitation(record)
+    if twin.kind == 'servo':
+        _check_controller(record, twin)
+    return _with_tracker(record, session)
+
+
+def _finite(series: Series, path: str) -> Series:
+    for name, values in series.values.items():
+        bad = int(np.count_nonzero(~np.isfinite(values)))
+        if bad:
+            raise StageError(
+                f'{path}: {series.topic} holds {bad} values of {name} that are not numbers: '
+                'record the session again or cut them out'
+            )
+    if len(series) > 1 and np.any(np.diff(series.stamps) < 0):
+        raise StageError(f'{path}: the stamps of {series.topic} run backwards: sort the bag')
+    return series
+
+
+def _period(reference: Series, twin: TwinFile, path: str) -> float:
+    if len(reference) < 3:
+        raise StageError(f'{path} is too short: it holds {len(reference)} messages of reference')
+    period = float(np.median(np.diff(reference.stamps))) * 1e-9
+    expected = twin.control_period
+    mean = float(reference.stamps[-1] - reference.stamps[0]) * 1e-9 / (len(reference) - 1)
+    if abs(period / expected - 1.0) > 0.2 and abs(mean / expected - 1.0) > 0.2:
+        raise StageError(
+            f'{path} has a control period of {1e3 * period:.3g} ms but the twin one of '
+            f'{1e3 * expected:.3g} ms: give the twin file of this machine'
+        )
+    return expected
+
+
+class _Grid:
+    """The control ticks that reference, command and joint states have in common."""
+
+    def __init__(self, start: int, period: float, series: tuple[Series, ...], path: str) -> None:
+        self.period, self.path = period, path
+        self.ticks = {s.topic: self._tick_numbers(s, start) for s in series}
+        first = max(int(t[0]) for t in self.ticks.values())
+        last = min(int(t[-1]) for t in self.ticks.values())
+        if last <= first:
+            raise StageError(
+                f'{path}: the stamps of {", ".join(self.ticks)} do not overlap in time: '
+                'all of them must be stamped by the same clock'
+            )
+        self.numbers = np.arange(first, last + 1)
+        self.time: Array = self.numbers.astype(np.float64) * period
+        duration = (last - first) * period
+        if duration < MINIMUM_DURATION:
+            raise StageError(
+                f'{path} is too short: {duration:.1f} s, a diagnosis needs at least '
+                f'{MINIMUM_DURATION:.0f} s; {EXCITATION_HINT}'
+            )
+        missing = max(1.0 - len(np.unique(t)) / (t[-1] - t[0] + 1) for t in self.ticks.values())
+        if missing > 0.2:
+            raise StageError(
+                f'{path} lacks {100 * missing:.0f} % of its control ticks: record it again'
+            )
+        self.warnings = (
+            (f'{100 * missing:.1f} % of the ticks are missing and were interpolated',)
+            if missing > 1e-3
+            else ()
+        )
+
+    def _tick_numbers(self, series: Series, start: int) -> NDArray[np.int64]:
+        seconds = to_seconds(series.stamps, start)
+        span = len(series) - 1
+        # Jittered stamps of a complete series are counted; with gaps they are rounded.
+        if span > 0 and abs((seconds[-1] - seconds[0]) / self.period - span) < 2.0:
+            return np.arange(span + 1) + int(
+                np.rint(np.median(seconds / self.period - np.arange(span + 1)))
+            )
+        return np.asarray(np.rint(seconds / self.period), dtype=np.int64)
+
+    def columns(self, series: Series, quantity: str, axes: tuple[str, ...]) -> Array:
+        """Quantity of each axis on the common ticks, shape (n, a)."""
+        values = series.columns(quantity, axes)
+        ticks = self.ticks[series.topic]
+        return np.column_stack(
+            [np.interp(self.numbers, ticks, values[:, i]) for i in range(len(axes))]
+        )
+
+    def optional(self, series: Series, quantity: str, axes: tuple[str, ...]) -> Array:
+        """As `columns`; NaN where the topic does not carry the quantity."""
+        if any(f'{quantity}.{axis}' not in series.values for axis in axes):
+            return np.full((len(self.numbers), len(axes)), np.nan)
+        return self.columns(series, quantity, axes)
+
+
+def _temperatures(session: Session, axes: tuple[str, ...], time: Array) -> Array | None:
+    sensors = session.temperatures()
+    columns = []
+    for axis in axes:
+        series = sensors.get(f'screw_{axis}')
+        if series is None or len(series) == 0:
+            return None
+        _finite(series, session.path)
+        seconds = to_seconds(series.stamps, session.start_ns)
+        columns.append(np.interp(time, seconds, series.values['temperature']))
+    return np.column_stack(columns)
+
+
+def _with_tracker(record: Record, session: Session) -> Record:
+    if not session.has(topics.TRACKER_POINT):
+        return record
+    series = _finite(session.series[topics.TRACKER_POINT], session.path)
+    seconds = to_seconds(series.stamps, session.start_ns)
+    points = session.table_points()
+    # Two ticks from the ends: the encoder is interpolated with its neighbours.
+    margin = 5 * record.period
+    use = (seconds >= record.time[0] + margin) & (seconds <= record.time[-1] - margin)
+    if np.count_nonzero(use) < 50:
+        raise StageError(
+            f'{session.path}: only {np.count_nonzero(use)} of {len(seconds)} points of '
+            f'{topics.TRACKER_POINT} lie in the time of the stage topics: the stamps do not '
+            'overlap, check the clock of the tracker bridge'
+        )
+    columns = [('x', 'y').index(axis) for axis in record.axes]
+    tracker = points[use][:, columns]
+    for i, axis in enumerate(record.axes):
+        if record.moving[i] and float(np.ptp(tracker[:, i])) < 0.01 * float(
+            np.ptp(record.encoder[:, i])
+        ):
+            raise StageError(
+                f'{session.path}: the tracker is frozen: {topics.TRACKER_POINT} does not move in '
+                f'{axis} while the encoder does; check the reflector and record again'
+            )
+    return Record(**{**record.__dict__, 'tracker_time': seconds[use], 'tracker': tracker})
+
+
+def _check_excitation(record: Record) -> None:
+    if not any(record.moving):
+        wanted = np.ptp(record.reference, axis=0)
+        cause = (
+            'the encoder is frozen while the reference moves'
+            if np.any(wanted > MINIMUM_TRAVEL)
+            else 'no axis moves: motion is missing'
+        )
+        raise StageError(f'{record.name} has no excitation: {cause}; {EXCITATION_HINT}')
+    for i, axis in enumerate(record.axes):
+        if not record.moving[i]:
+            continue
+        if reversals(record.encoder[:, i], 0.05 * float(np.ptp(record.encoder[:, i]))) < 2:
+            raise StageError(
+                f'{record.name} has not enough excitation: axis {axis} lacks reversals of its '
+                f'direction (at least 2); {EXCITATION_HINT}'
+            )
+
+
+def reversals(position: Array, threshold: float) -> int:
+    """Number of changes of direction of a position (n,) that go back by `threshold` [m]."""
+    count, direction, extreme = 0, 0, float(position[0])
+    for value in position[:: max(1, len(position) // 20000)]:
+        if direction >= 0 and value > extreme or direction <= 0 and value < extreme:
+            extreme = float(value)
+            if direction == 0 and abs(extreme - position[0]) > threshold:
+                direction = 1 if extreme > position[0] else -1
+        elif abs(value - extreme) > threshold:
+            count += int(direction != 0)
+            direction = 1 if value > extreme else -1
+            extreme = float(value)
+    return count
+
+
+def controller_force(record: Record, axis: ServoAxis, i: int) -> tuple[Array, Array]:
+    """Increment of velocity_gain · ev + I per tick that the law of section 5 asks for [N].
+
+    Returned beside the mask of the ticks at which the recorded force is not clipped. The
+    difference of consecutive ticks needs no knowledge of the integrator's start.
+    """
+    q = record.encoder[:, i]
+    decay = np.exp(-record.period * axis.velocity_filter)
+    from scipy.signal import lfilter
+
+    rate = np.diff(q, prepend=q[0]) / record.period
+    error = record.velocity_command[:, i] - lfilter([1.0 - decay], [1.0, -decay], rate)
+    increment = axis.velocity_gain * np.diff(error)
+    increment += axis.integral_gain * record.period * error[:-1]
+    return increment, np.diff(record.force[:, i])
+
+
+def _check_controller(record: Record, twin: TwinFile) -> None:
+    """Refuse a twin whose controller did not make the recorded forces."""
+    for i, name in enumerate(record.axes):
+        axis = twin.servo(name)
+        if not np.isfinite(record.velocity_command[:, i]).all():
+            raise StageError(
+                f'{record.name}: {topics.COMMAND} holds no velocity of axis {name}, which a twin '
+                'of kind servo needs: give a twin of kind measured_force'
+            )
+        if not record.moving[i]:
+            continue
+        expected, found = controller_force(record, axis, i)
+        force = record.force[1:, i]
+        free = (np.abs(force) < 0.98 * min(axis.force_limit, float(np.abs(force).max())))[5:]
+        wrong = (found - expected)[5:][free]
+        scale = float(np.sqrt(np.mean(found[5:][free] ** 2))) + 1e-12
+        # The median keeps interpolated ticks and jitter out of the judgement.
+        if float(np.median(np.abs(wrong))) > 0.25 * scale:
+            raise StageError(
+                f"{record.name}: the recorded forces of axis {name} do not follow the twin's "
+                'controller: the twin belongs to another machine (gains, filter or units)'
+            )
+
+
+def nominal_mass(axis: object) -> tuple[float, float]:
+    """Mass [kg] and viscous friction [N·s/m] of a servo or force axis."""
+    assert isinstance(axis, (ServoAxis, ForceAxis))
+    return axis.mass, axis.viscous

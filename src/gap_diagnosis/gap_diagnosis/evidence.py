@@ -1,0 +1,224 @@
+"""From gains to judgements: structure that remains, strength of a cause, probabilities, floors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.data import Record
+from gap_diagnosis.regression import Problem
+from gap_diagnosis.selection import Evidence, Selection
+from stage_core.quantities import UNKNOWN
+from stage_core.twin_file import TwinFile
+
+if TYPE_CHECKING:
+    from gap_diagnosis.diagnose import Channel, Part
+
+Array = NDArray[np.float64]
+
+NONE = 'none'
+
+#: Logistic of the log of (gain / least gain that counts): intercept and slope, fitted to the
+#: development cases of `benchmarks/blind` (never to the cases that are reported).
+CALIBRATION = (0.6, 1.1)
+
+#: Share of the gap that may stay structured before something unknown is named: models of
+#: friction and play are approximations of the real mechanisms.
+SERVO_STRUCTURE = 0.04
+TRACKER_STRUCTURE = 0.006
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Structured remainder of a part: its mean square, its share of the gap, the judgement."""
+
+    mean_square: float
+    share: float
+    structured: bool
+
+
+@dataclass
+class Cause:
+    """One entry of the report's list of causes."""
+
+    effect: str
+    probability: float
+    parameters: dict[str, tuple[float, float]]
+    gap_before: float
+    gap_after: float
+    interval: tuple[float, float]
+    status: str
+    alternatives: list[str] = field(default_factory=list)
+    strength: float = 0.0
+
+    @property
+    def shrink(self) -> float:
+        """1 - after / before."""
+        return 1.0 - self.gap_after / self.gap_before if self.gap_before > 0.0 else 0.0
+
+
+def structure(problem: Problem, selection: Selection, name: str) -> Structure:
+    """What of the residual is no noise.
+
+    The tracker's noise is white: the mean of the autocovariance at the first three lags is what
+    a model could still predict. The force balance has a known noise (the encoder's steps): what
+    exceeds it is structure.
+    """
+    rows = problem.held_out
+    residual = selection.fit.residual[rows]
+    gap = max(problem.mean_square(rows) - problem.floor**2, 1e-300)
+    if name == 'tracker':
+        remaining = float(np.mean([np.mean(residual[k:] * residual[:-k]) for k in (1, 2, 3)]))
+        remaining = max(remaining, _line(selection.fit.residual))
+        least = (0.30 * problem.floor) ** 2
+        share = min(max(remaining, 0.0) / gap, 1.0)
+        return Structure(remaining, share, remaining > least and share > TRACKER_STRUCTURE)
+    remaining = float(np.mean(residual**2)) - problem.floor**2
+    share = min(max(remaining, 0.0) / gap, 1.0)
+    return Structure(
+        remaining, share, remaining > 1.5 * problem.floor**2 and share > SERVO_STRUCTURE
+    )
+
+
+def _line(residual: Array) -> float:
+    """Mean square of the strongest spectral line, 0 where chance explains it (Fisher's g test)."""
+    power = np.abs(np.fft.rfft(residual - residual.mean()))[1:] ** 2
+    power /= 0.5 * len(residual) ** 2
+    top = int(np.argmax(power))
+    chance = len(power) * np.exp(-power[top] / max(float(np.median(power)) / np.log(2.0), 1e-300))
+    if chance > 1e-4:
+        return 0.0
+    return float(power[max(0, top - 2) : top + 3].sum())
+
+
+def strength(part: Part | None, name: str) -> float:
+    """Gain of an accepted effect over the least gain that counts."""
+    if part is None:
+        return 1e3
+    evidence = part.selection.evidence[name]
+    return evidence.gain / _least(part)
+
+
+def _least(part: Part) -> float:
+    selector = part.selector
+    return max(
+        selector.rules.of_gap * selector.gap, selector.rules.of_noise * selector.noise, 1e-300
+    )
+
+
+def logistic(ratio: float) -> float:
+    """Probability that an effect with this strength is at work."""
+    intercept, slope = CALIBRATION
+    return 1.0 / (1.0 + math.exp(-(intercept + slope * math.log(max(ratio, 1e-6)))))
+
+
+def rejected_causes(
+    parts: list[Part], accepted: list[str], structured: bool, before: float, after: float
+) -> list[Cause]:
+    """The candidates that were looked at and not taken, with what they would have gained."""
+    out = []
+    for part in parts:
+        evidence: dict[str, Evidence] = part.selection.rejected
+        for name, found in evidence.items():
+            if name in accepted:
+                continue
+            noise = part.selector.rules.of_noise * part.selector.noise
+            out.append(
+                Cause(
+                    effect=name,
+                    probability=0.0,
+                    parameters={},
+                    gap_before=after,
+                    gap_after=after,
+                    interval=(0.0, 0.0),
+                    status='below_noise' if 0.0 < found.gain < noise else 'rejected',
+                    strength=max(found.gain, 0.0) / _least(part) if found.admissible else 0.0,
+                )
+            )
+    for name in (UNKNOWN, NONE):
+        named = (name == UNKNOWN and structured) or (
+            name == NONE and not accepted and not structured
+        )
+        out.append(
+            Cause(name, 0.0, {}, after, after, (0.0, 0.0), 'accepted' if named else 'rejected')
+        )
+    return out
+
+
+def probabilities(
+    causes: list[Cause], others: list[Cause], parts: list[Part], structured: bool
+) -> list[Cause]:
+    """Fill in the probabilities and order the list: accepted first, then by probability."""
+    share: dict[str, float] = {}
+    for cause in causes:
+        whole = logistic(cause.strength)
+        rivals = cause.alternatives
+        cause.probability = whole * (0.6 if rivals else 1.0)
+        for rival in rivals:
+            share[rival] = max(share.get(rival, 0.0), 0.4 * whole / len(rivals))
+    remaining = max((p.structure.share for p in parts if p.structure.structured), default=0.0)
+    for cause in others:
+        if cause.effect == UNKNOWN:
+            cause.probability = 0.75 + 0.2 * min(remaining / 0.3, 1.0) if structured else 0.02
+        elif cause.effect == NONE:
+            cause.probability = 0.002 if causes or structured else 0.9
+        else:
+            # Not taken although it was looked at: at most a coin's chance beside the threshold.
+            cause.probability = max(
+                share.get(cause.effect, 0.0), 0.02 * min(cause.strength, 1.0) ** 2
+            )
+    everything = causes + others
+    if len(causes) + int(structured) <= 1:
+        total = sum(c.probability for c in everything) or 1.0
+        for cause in everything:
+            cause.probability /= total
+    return causes + sorted(others, key=lambda c: (c.status != 'accepted', -c.probability))
+
+
+def channel_floor(twin: TwinFile, channel: str, resolution: float | None = None) -> float:
+    """Noise floor of a channel: the encoder's step / √12, or the tracker's noise [m]."""
+    if channel.startswith('tracker'):
+        return twin.tracker.noise if twin.tracker is not None else 1.0e-6
+    step = resolution or float(getattr(twin.axes[channel[-1]], 'encoder_resolution', 1e-6))
+    return step / math.sqrt(12.0)
+
+
+def noise_floor(
+    twin: TwinFile, channels: dict[str, Channel], effects: dict[str, dict[str, float]]
+) -> float:
+    """Root mean of the floors of the position channels of the corrected twin [m]."""
+    squares = []
+    for name, channel in channels.items():
+        if channel.unit == 'm':
+            step = effects.get(f'encoder_quantisation.{name[-1]}', {}).get('resolution')
+            squares.append(channel_floor(twin, name, step) ** 2)
+    return math.sqrt(float(np.mean(squares)))
+
+
+def encoder_step(position: Array) -> float:
+    """Least common step of an encoder's changes (n,) [m]; 0 where there is none."""
+    changes = np.abs(np.diff(position))
+    changes = changes[changes > 1e-11]
+    if len(changes) < 100:
+        return 0.0
+    step = float(np.percentile(changes, 1.0))
+    multiples = changes / step
+    on_grid = np.abs(multiples - np.rint(multiples)) < 0.02 * np.maximum(1.0, multiples**0.5)
+    return step if float(np.mean(on_grid)) > 0.97 else 0.0
+
+
+def encoder_steps(
+    records: list[Record], twin: TwinFile
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """`encoder_quantisation` of each axis whose encoder counts coarser than the twin says."""
+    out = {}
+    for i, axis in enumerate(records[0].axes):
+        nominal = float(getattr(twin.axes[axis], 'encoder_resolution', 1e-6))
+        step = min(encoder_step(r.encoder[:, i]) for r in records)
+        if step > 1.5 * nominal:
+            out[f'encoder_quantisation.{axis}'] = {'resolution': (step, 1e-3 * step)}
+    return out

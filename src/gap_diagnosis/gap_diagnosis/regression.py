@@ -1,0 +1,285 @@
+"""Separable regression: candidate terms with few nonlinear parameters, linear in the rest.
+
+A residual is explained by a set of terms. Each term gives columns for its nonlinear
+parameters θ (a width, a delay, a corner velocity); the coefficients of the columns follow from
+linear least squares (variable projection, Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973).
+Evidence for a term is the gain of its set on rows that no fit has seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Theta = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One candidate effect as columns of a regression.
+
+    Attributes
+    ----------
+    name : effect with its axis, ``backlash.x``
+    columns : θ -> (n, k) columns for all rows of the problem
+    grid : starts for θ; a single empty tuple where the term is linear
+    lower, upper : bounds of θ
+    admissible : (θ, coefficients) -> whether they are physical
+    parameters : (θ, coefficients) -> parameters of the twin's effect
+    fixed : whether θ says everything (a width, a delay): the one column has coefficient 1
+    nuisances : indices of the columns whose coefficients belong to a session
+    """
+
+    name: str
+    columns: Callable[[Theta], Array]
+    parameters: Callable[[Theta, Array], dict[str, float]]
+    grid: tuple[Theta, ...] = ((),)
+    lower: Theta = ()
+    upper: Theta = ()
+    admissible: Callable[[Theta, Array], bool] = lambda theta, coefficients: True
+    fixed: bool = False
+    nuisances: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Rows of a residual: target (n,), which fit and which are held out, blocks and times."""
+
+    target: Array
+    fit: Mask
+    held_out: Mask
+    block: NDArray[np.int64]
+    time: Array
+    terms: dict[str, Term]
+    floor: float  # standard deviation of a row's noise, in the target's unit
+    crossable: bool = True  # False where the held-out rows are a session of their own
+
+    @property
+    def judged(self) -> Mask:
+        """Rows on which a gain is judged (see :class:`Fit`)."""
+        return (self.fit | self.held_out) if self.crossable else self.held_out
+
+    def mean_square(self, rows: Mask) -> float:
+        """Mean square of the unexplained target on some rows."""
+        return float(np.mean(self.target[rows] ** 2))
+
+
+@dataclass
+class Fit:
+    """A fitted set of terms; `residual` covers all rows.
+
+    `crossed` is the residual in which no row is judged by coefficients that it helped to fit:
+    held-out rows by those of the fit rows, and the other way round. Rare events (a few
+    reversals, one saturation) then count wherever they happen.
+    """
+
+    thetas: dict[str, Theta]
+    coefficients: dict[str, Array]
+    residual: Array
+    crossed: Array
+
+    def mean_square(self, problem: Problem) -> float:
+        """Mean square of the residual on the rows that judge."""
+        return float(np.mean(self.crossed[problem.judged] ** 2))
+
+
+class Regression:
+    """Fits sets of terms to one problem; columns are kept, as many sets share them."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._cache: dict[tuple[str, Theta], Array] = {}
+
+    def columns(self, name: str, theta: Theta) -> Array:
+        """Columns (n, k) of a term; the last few hundred are kept."""
+        key = (name, tuple(round(t, 15) for t in theta))
+        if key not in self._cache:
+            if len(self._cache) > 400:
+                self._cache.clear()
+            self._cache[key] = self.problem.terms[name].columns(theta)
+        return self._cache[key]
+
+    def linear(self, thetas: dict[str, Theta]) -> Fit:
+        """Coefficients of a set with its nonlinear parameters held."""
+        problem = self.problem
+        if not thetas:
+            return Fit({}, {}, problem.target.copy(), problem.target)
+        target = problem.target.copy()
+        coefficients: dict[str, Array] = dict.fromkeys(thetas, np.ones(1))
+        free: list[tuple[str, Array]] = []
+        for name, theta in thetas.items():
+            part = self.columns(name, theta)
+            if problem.terms[name].fixed:
+                target -= part[:, 0]
+            else:
+                free.append((name, part))
+        if not free:
+            return Fit(dict(thetas), coefficients, target, target)
+        matrix = np.hstack([part for _, part in free])
+        solution = _solve(matrix[problem.fit], target[problem.fit])
+        at = 0
+        for name, part in free:
+            coefficients[name] = solution[at : at + part.shape[1]]
+            at += part.shape[1]
+        residual = target - matrix @ solution
+        crossed = residual.copy()
+        if problem.crossable:
+            back = _solve(matrix[problem.held_out], target[problem.held_out])
+            crossed[problem.fit] = target[problem.fit] - matrix[problem.fit] @ back
+        return Fit(dict(thetas), coefficients, residual, crossed)
+
+    def warm_start(self, base: Fit, name: str) -> Theta:
+        """Grid point of a term that explains most of what a fitted set leaves on the fit rows.
+
+        Its columns are freed of what the set's columns explain (Frisch, Waugh, Lovell).
+        """
+        term = self.problem.terms[name]
+        if len(term.grid) == 1:
+            return term.grid[0]
+        rows = self.problem.fit
+        residual = base.residual[rows]
+        orthonormal: Array | None = None
+        free = [n for n in base.thetas if not self.problem.terms[n].fixed]
+        if free:
+            matrix = np.hstack([self.columns(n, base.thetas[n]) for n in free])[rows]
+            orthonormal, _ = np.linalg.qr(matrix / (np.linalg.norm(matrix, axis=0) + 1e-300))
+        best, gain = term.grid[0], -np.inf
+        for theta in term.grid:
+            columns = self.columns(name, theta)[rows]
+            if orthonormal is not None:
+                columns = columns - orthonormal @ (orthonormal.T @ columns)
+            if term.fixed:
+                # ||r||² - ||r - c||², r being free of the set's columns already.
+                explained = float(np.sum(columns[:, 0] * (2.0 * residual - columns[:, 0])))
+            else:
+                explained = float(residual @ columns @ _solve(columns, residual))
+            if explained > gain:
+                best, gain = theta, explained
+        return best
+
+    def refine(self, thetas: dict[str, Theta], names: Sequence[str], rounds: int = 12) -> Fit:
+        """Set with the nonlinear parameters of `names` at a least-squares minimum on the fit rows.
+
+        Bounded trust-region Gauss-Newton on θ scaled to its range.
+        """
+        terms = self.problem.terms
+        free = [(n, i) for n in names for i in range(len(terms[n].lower))]
+        if not free:
+            return self.linear(thetas)
+        low = np.array([terms[n].lower[i] for n, i in free])
+        span = np.array([terms[n].upper[i] for n, i in free]) - low
+        start = np.clip((np.array([thetas[n][i] for n, i in free]) - low) / span, 1e-4, 1 - 1e-4)
+
+        def unpack(z: Array) -> dict[str, Theta]:
+            values = {n: list(t) for n, t in thetas.items()}
+            for (n, i), value in zip(free, low + span * z, strict=True):
+                values[n][i] = float(value)
+            return {n: tuple(v) for n, v in values.items()}
+
+        rows = self.problem.fit
+
+        def residual(z: Array) -> Array:
+            return self.linear(unpack(z)).residual[rows]
+
+        scale = float(np.std(residual(start))) or 1.0
+        result = least_squares(
+            lambda z: residual(z) / scale,
+            start,
+            bounds=(0.0, 1.0),
+            diff_step=2e-3,
+            max_nfev=rounds,
+            xtol=1e-4,
+            ftol=1e-5,
+        )
+        return self.linear(unpack(np.asarray(result.x)))
+
+    def uncertainty(self, fit: Fit) -> dict[str, tuple[Array, Array]]:
+        """Standard deviations of (θ, coefficients) of each term of a fit.
+
+        Gauss-Newton covariance over all parameters together; the residual's autocorrelation is
+        in it through the means of blocks (sandwich estimate).
+        """
+        problem, rows = self.problem, self.problem.fit
+        jacobian, layout = [], []
+        for name, theta in fit.thetas.items():
+            columns = self.columns(name, theta)[rows]
+            coefficients = fit.coefficients[name]
+            for i in range(len(theta)):
+                term = problem.terms[name]
+                step = 1e-3 * (term.upper[i] - term.lower[i])
+                moved = list(theta)
+                moved[i] += step if theta[i] + step < term.upper[i] else -step
+                difference = self.columns(name, tuple(moved))[rows] - columns
+                jacobian.append(difference @ coefficients / (moved[i] - theta[i]))
+                layout.append((name, 0))
+            for k in range(0 if problem.terms[name].fixed else columns.shape[1]):
+                jacobian.append(columns[:, k])
+                layout.append((name, 1))
+        if not jacobian:
+            return {}
+        matrix = np.column_stack(jacobian)
+        scale = np.linalg.norm(matrix, axis=0) + 1e-300
+        matrix = matrix / scale
+        inverse = np.linalg.pinv(matrix.T @ matrix, rcond=1e-10)
+        scores = matrix * fit.residual[rows][:, None]
+        labels = np.unique(problem.block[rows], return_inverse=True)[1]
+        sums = np.zeros((int(labels.max()) + 1, matrix.shape[1]))
+        np.add.at(sums, labels, scores)
+        covariance = inverse @ (sums.T @ sums) @ inverse
+        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
+        out: dict[str, tuple[Array, Array]] = {}
+        for name in fit.thetas:
+            out[name] = (
+                np.array([d for d, at in zip(deviation, layout, strict=True) if at == (name, 0)]),
+                np.array([d for d, at in zip(deviation, layout, strict=True) if at == (name, 1)]),
+            )
+        return out
+
+
+def _solve(matrix: Array, target: Array) -> Array:
+    """Least squares through scaled normal equations, a tiny ridge against exact collinearity."""
+    scale = np.sqrt(np.einsum('ij,ij->j', matrix, matrix))
+    scale[scale == 0.0] = 1.0
+    gram = (matrix.T @ matrix) / np.outer(scale, scale)
+    gram[np.diag_indices_from(gram)] += 1e-10
+    return np.asarray(np.linalg.solve(gram, (matrix.T @ target) / scale) / scale)
+
+
+def block_gains(problem: Problem, base: Fit, other: Fit) -> Array:
+    """Mean-square gain of `other` over `base` per block, weighted by its rows."""
+    rows = problem.judged
+    gain = base.crossed[rows] ** 2 - other.crossed[rows] ** 2
+    labels = np.unique(problem.block[rows], return_inverse=True)[1]
+    sums = np.bincount(labels, weights=gain)
+    return np.asarray(sums * (len(sums) / len(gain)))
+
+
+def block_rms_gains(problem: Problem, base: Fit, other: Fit) -> Array:
+    """Gain of `other` over `base` in RMS per block.
+
+    A few reversals hold most of the squared gain; the root keeps them from deciding alone.
+    """
+    rows = problem.judged
+    labels = np.unique(problem.block[rows], return_inverse=True)[1]
+    count = np.bincount(labels)
+    before = np.sqrt(np.bincount(labels, weights=base.crossed[rows] ** 2) / count)
+    after = np.sqrt(np.bincount(labels, weights=other.crossed[rows] ** 2) / count)
+    return np.asarray(before - after)
+
+
+def bootstrap_interval(
+    gains: Array, seed: int, draws: int = 500, level: float = 0.95
+) -> tuple[float, float]:
+    """Percentile interval of the mean of block gains."""
+    generator = np.random.default_rng(seed)
+    picks = generator.integers(0, len(gains), (draws, len(gains)))
+    means = gains[picks].mean(axis=1)
+    tail = 50.0 * (1.0 - level)
+    low, high = np.percentile(means, [tail, 100.0 - tail])
+    return float(low), float(high)

@@ -1,0 +1,117 @@
+"""report.json: the diagnosis in the schema gap-report/1 of the contract."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.evidence import Cause
+from stage_core.quantities import split_effect
+from stage_twin.effects import EFFECTS
+
+SCHEMA = 'gap-report/1'
+MOST_CANDIDATES = 40
+
+
+def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The report as plain mappings."""
+    before, after = diagnosis.before, diagnosis.after
+    return {
+        'schema': SCHEMA,
+        'session': ', '.join(diagnosis.sessions),
+        'twin': diagnosis.twin_name,
+        'gap': {
+            'unit': 'm',
+            'metric': 'rms',
+            'heldout_windows': [[round(a, 6), round(b, 6)] for a, b in diagnosis.windows],
+            'before': before,
+            'after': after,
+            'noise_floor': diagnosis.noise_floor,
+            'shrink': 1.0 - after / before if before > 0.0 else 0.0,
+            'channels': {
+                name: {'before': c.rms('before'), 'after': c.rms('after'), 'unit': c.unit}
+                for name, c in diagnosis.channels.items()
+            },
+        },
+        'where': {
+            'link': diagnosis.link,
+            'axes': diagnosis.axes_share,
+            'conditions': [
+                {
+                    'name': c.name,
+                    'axis': c.axis,
+                    'link': c.link,
+                    'share': c.share,
+                    'p_value': c.p_value,
+                }
+                for c in diagnosis.conditions
+            ],
+        },
+        'causes': [_cause(c) for c in diagnosis.causes[:MOST_CANDIDATES]],
+        'verdict': diagnosis.verdict,
+        'unexplained': {'share': diagnosis.unexplained, 'structured': diagnosis.structured},
+        'warnings': diagnosis.warnings,
+    }
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    units = {}
+    definition = EFFECTS.get(split_effect(cause.effect)[0])
+    if definition is not None:
+        units = {p.name: p.unit for p in definition.parameters}
+    return {
+        'effect': cause.effect,
+        'probability': cause.probability,
+        'parameters': {
+            name: {'value': value, 'std': std, 'unit': units.get(name, '')}
+            for name, (value, std) in cause.parameters.items()
+        },
+        'gap_before': cause.gap_before,
+        'gap_after': cause.gap_after,
+        'shrink': cause.shrink,
+        'shrink_ci95': list(cause.interval),
+        'status': cause.status,
+        'alternatives': cause.alternatives,
+    }
+
+
+def sentence(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence, as the command prints it."""
+    micro = 1e6
+    shrink = 1.0 - diagnosis.after / diagnosis.before if diagnosis.before > 0.0 else 0.0
+    if not diagnosis.verdict:
+        return (
+            'no cause named: the twin explains the session to its noise floor ('
+            f'{diagnosis.before * micro:.2f} µm RMS, floor '
+            f'{diagnosis.noise_floor * micro:.2f} µm)'
+        )
+    names = ', '.join(diagnosis.verdict)
+    return (
+        f'{names}: the held-out gap shrinks from {diagnosis.before * micro:.2f} to '
+        f'{diagnosis.after * micro:.2f} µm RMS ({100.0 * shrink:.0f} %, floor '
+        f'{diagnosis.noise_floor * micro:.2f} µm)'
+    )
+
+
+def write(diagnosis: Diagnosis, directory: Path) -> Path:
+    """Write report.json and the corrected twin; returns the report's path."""
+    directory.mkdir(parents=True, exist_ok=True)
+    diagnosis.corrected_twin.save(directory / 'corrected_twin.yaml')
+    path = directory / 'report.json'
+    text = json.dumps(_finite(as_dict(diagnosis)), indent=2, allow_nan=False)
+    path.write_text(text + '\n', encoding='utf-8')
+    return path
+
+
+def _finite(value: Any) -> Any:
+    """JSON knows no NaN: a number that is not finite becomes null."""
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_finite(v) for v in value]
+    if isinstance(value, float):
+        return float(f'{value:.9g}') if math.isfinite(value) else None
+    return value

@@ -1,0 +1,289 @@
+"""Which effects: forward selection on held-out gain, leave-one-out, and rivals of each.
+
+A set grows by the effect whose joint fit gains most on rows that no fit has seen. An effect
+stays only while taking it out costs significantly (block bootstrap), while its parameters are
+physical, and while what it gains matters beside the noise and the gap. Effects that could take
+the place of an accepted one at no significant cost are its alternatives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gap_diagnosis.regression import (
+    Fit,
+    Problem,
+    Regression,
+    Theta,
+    block_gains,
+    block_rms_gains,
+    bootstrap_interval,
+)
+
+#: Effects that hold others as special cases: the holder must beat the plain one clearly.
+HOLDS: dict[str, tuple[str, ...]] = {
+    'asymmetric_friction': ('coulomb_friction', 'viscous_friction', 'force_offset'),
+    'stribeck_friction': ('coulomb_friction',),
+    'cable_force': ('force_offset',),
+    'angular_error': ('scale_error',),
+}
+
+#: With a free gain, mass and friction the equation of motion has the trivial solution 0 = 0:
+#: only one of the two scales of an axis can be judged at a time.
+EXCLUDES: dict[str, tuple[str, ...]] = {
+    'drive_gain': ('inertia_mismatch',),
+    'inertia_mismatch': ('drive_gain',),
+}
+
+#: Among effects that gain about the same, the one with fewer parameters is taken.
+ABOUT_THE_SAME = 0.98
+
+
+@dataclass(frozen=True)
+class Rules:
+    """When a gain counts.
+
+    Attributes
+    ----------
+    of_gap : least share of the whole gap's mean square above the noise
+    of_rest : least share of what the set without the effect leaves above the noise
+    of_noise : least share of the noise's mean square
+    level : of the bootstrap interval
+    largest : number of effects in a set
+    """
+
+    of_gap: float = 0.0005
+    of_rest: float = 0.10
+    of_noise: float = 0.03
+    level: float = 0.98
+    largest: int = 10
+
+
+@dataclass
+class Evidence:
+    """What speaks for one effect of the accepted set, or against a rejected one."""
+
+    name: str
+    gain: float
+    interval: tuple[float, float]
+    share: float  # of the residual that is left without it
+    admissible: bool
+    alternatives: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Selection:
+    """Accepted effects in the order of acceptance, the fit with all of them, and evidence."""
+
+    accepted: list[str]
+    fit: Fit
+    evidence: dict[str, Evidence]
+    rejected: dict[str, Evidence]
+
+
+class Selector:
+    """Selects effects for one problem; deterministic for a seed."""
+
+    def __init__(self, problem: Problem, rules: Rules, seed: int) -> None:
+        self.problem = problem
+        self.rules = rules
+        self.seed = seed
+        self.regression = Regression(problem)
+        self.noise = problem.floor**2
+        self.gap = max(problem.mean_square(problem.judged) - self.noise, 0.0)
+
+    def select(self) -> Selection:
+        """Run forward selection, pruning and the search for rivals."""
+        base = self.regression.linear({})
+        accepted: list[str] = []
+        rejected: dict[str, Evidence] = {}
+        while len(accepted) < self.rules.largest:
+            trials = self._trials(base, accepted)
+            if not accepted:
+                rejected = {name: evidence for name, (evidence, _) in trials.items()}
+            good = [
+                (evidence.gain, name)
+                for name, (evidence, _) in trials.items()
+                if self._counts(evidence, base)
+            ]
+            if not good:
+                rejected.update({n: e for n, (e, _) in trials.items()})
+                break
+            name = self._simplest(good)
+            accepted.append(name)
+            base = self.regression.refine(trials[name][1].thetas, accepted)
+            accepted, base = self._simplify(accepted, base)
+        accepted, base, evidence = self._prune(accepted, base)
+        self._rivals(accepted, base, evidence)
+        for name in accepted:
+            rejected.pop(name, None)
+        return Selection(accepted, base, evidence, rejected)
+
+    def _trials(self, base: Fit, accepted: list[str]) -> dict[str, tuple[Evidence, Fit]]:
+        out = {}
+        for name in self.problem.terms:
+            if name in accepted or self._barred(name, accepted):
+                continue
+            fit = self._with(base, name, self._replaced(name, accepted))
+            out[name] = (self._evidence(name, base, fit), fit)
+        return out
+
+    def _simplest(self, good: list[tuple[float, str]]) -> str:
+        """Of the effects that gain about as much as the best one, that with fewest parameters."""
+        most = max(good)[0]
+        terms = self.problem.terms
+
+        def size(name: str) -> int:
+            theta = terms[name].grid[0]
+            linear = 0 if terms[name].fixed else self.regression.columns(name, theta).shape[1]
+            return linear + len(terms[name].lower)
+
+        near = [(size(name), -gain, name) for gain, name in good if gain >= ABOUT_THE_SAME * most]
+        return min(near)[2]
+
+    def _with(self, base: Fit, name: str, without: tuple[str, ...] = ()) -> Fit:
+        """The set with one more effect, its own nonlinear parameters refined."""
+        if without:
+            base = self.regression.linear(
+                {n: t for n, t in base.thetas.items() if n not in without}
+            )
+        theta = self.regression.warm_start(base, name)
+        return self.regression.refine({**base.thetas, name: theta}, [name], rounds=8)
+
+    @staticmethod
+    def _barred(name: str, accepted: list[str]) -> bool:
+        """Whether an accepted effect holds this one as a special case or excludes it."""
+        effect, _, axis = name.partition('.')
+        others = [a.partition('.')[0] for a in accepted if a.partition('.')[2] == axis]
+        return any(
+            effect in HOLDS.get(other, ()) or effect in EXCLUDES.get(other, ()) for other in others
+        )
+
+    @staticmethod
+    def _replaced(name: str, accepted: list[str]) -> tuple[str, ...]:
+        """Accepted effects that this one holds as special cases."""
+        effect, _, axis = name.partition('.')
+        held = HOLDS.get(effect, ())
+        return tuple(
+            a for a in accepted if a.partition('.')[0] in held and a.partition('.')[2] == axis
+        )
+
+    def _admissible(self, fit: Fit, name: str) -> bool:
+        return bool(self.problem.terms[name].admissible(fit.thetas[name], fit.coefficients[name]))
+
+    def _evidence(self, name: str, base: Fit, fit: Fit) -> Evidence:
+        gain = float(block_gains(self.problem, base, fit).mean())
+        rest = max(base.mean_square(self.problem) - self.noise, 0.1 * self.noise)
+        gains = block_rms_gains(self.problem, base, fit)
+        return Evidence(
+            name,
+            gain,
+            bootstrap_interval(gains, self.seed, level=self.rules.level),
+            min(gain / rest, 1.0),
+            self._admissible(fit, name),
+        )
+
+    def _counts(self, evidence: Evidence, base: Fit) -> bool:
+        rest = max(base.mean_square(self.problem) - self.noise, 0.0)
+        rules = self.rules
+        least = max(rules.of_gap * self.gap, rules.of_rest * rest, rules.of_noise * self.noise)
+        return evidence.admissible and evidence.interval[0] > 0.0 and evidence.gain > least
+
+    def _simplify(self, accepted: list[str], base: Fit) -> tuple[list[str], Fit]:
+        """Drop plain effects that a later, richer one holds as special cases."""
+        for name in list(accepted):
+            held = self._replaced(name, [a for a in accepted if a != name])
+            if held:
+                accepted = [a for a in accepted if a not in held]
+        if len(accepted) < len(base.thetas):
+            base = self.regression.refine(
+                {n: t for n, t in base.thetas.items() if n in accepted}, accepted
+            )
+        return accepted, base
+
+    def _without(self, fit: Fit, name: str) -> Fit:
+        kept = {n: t for n, t in fit.thetas.items() if n != name}
+        return self.regression.refine(kept, list(kept), rounds=6)
+
+    def _prune(self, accepted: list[str], fit: Fit) -> tuple[list[str], Fit, dict[str, Evidence]]:
+        """Leave one out, the weakest first, until each one counts."""
+        while accepted:
+            evidence = {}
+            for name in accepted:
+                less = self._without(fit, name)
+                evidence[name] = self._evidence(name, less, fit)
+                evidence[name].admissible = self._admissible(fit, name)
+            weak = [
+                (evidence[n].gain, n)
+                for n in accepted
+                if not self._counts(evidence[n], self._without(fit, n))
+            ]
+            if not weak:
+                return accepted, fit, evidence
+            _, worst = min(weak)
+            accepted = [a for a in accepted if a != worst]
+            fit = self._without(fit, worst)
+        return accepted, fit, {}
+
+    def _rivals(self, accepted: list[str], fit: Fit, evidence: dict[str, Evidence]) -> None:
+        """Effects that do as well in the place of an accepted one."""
+        for name in accepted:
+            less = self._without(fit, name)
+            rest = max(less.mean_square(self.problem) - self.noise, 1e-300)
+            for rival in self.problem.terms:
+                if rival in accepted or self._barred(rival, [a for a in accepted if a != name]):
+                    continue
+                other = self._with(less, rival)
+                if not self._admissible(other, rival):
+                    continue
+                loss = block_gains(self.problem, other, fit)
+                gained = float(block_gains(self.problem, less, other).mean())
+                holder = name.partition('.')[0] in HOLDS.get(rival.partition('.')[0], ())
+                close = float(loss.mean()) < 0.05 * evidence[name].gain
+                low, _ = bootstrap_interval(loss, self.seed, level=self.rules.level)
+                if gained > 0.5 * rest and not holder and (close or low <= 0.0):
+                    evidence[name].alternatives.append(rival)
+
+
+def describe(
+    selection: Selection, regression: Regression
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """Parameters of each accepted effect as (value, standard deviation).
+
+    The deviations of parameters that are functions of coefficients follow by propagation with
+    central differences.
+    """
+    terms = regression.problem.terms
+    deviations = regression.uncertainty(selection.fit)
+    out: dict[str, dict[str, tuple[float, float]]] = {}
+    for name in selection.accepted:
+        theta = selection.fit.thetas[name]
+        c = selection.fit.coefficients[name]
+        theta_std, c_std = deviations[name]
+        values = terms[name].parameters(theta, c)
+        variance = dict.fromkeys(values, 0.0)
+        for i, std in enumerate(theta_std):
+            for key, slope in _change(terms[name].parameters, theta, c, i, float(std), True):
+                variance[key] += slope**2
+        for i, std in enumerate(c_std):
+            for key, slope in _change(terms[name].parameters, theta, c, i, float(std), False):
+                variance[key] += slope**2
+        out[name] = {k: (v, float(np.sqrt(variance[k]))) for k, v in values.items()}
+    return out
+
+
+def _change(
+    parameters: object, theta: Theta, c: np.ndarray, i: int, step: float, nonlinear: bool
+) -> list[tuple[str, float]]:
+    assert callable(parameters)
+    ends = []
+    for sign in (0.5, -0.5):
+        moved_theta, moved_c = list(theta), c.copy()
+        if nonlinear:
+            moved_theta[i] += sign * step
+        else:
+            moved_c[i] += sign * step
+        ends.append(parameters(tuple(moved_theta), moved_c))
+    return [(key, ends[0][key] - ends[1][key]) for key in ends[0]]

@@ -1,0 +1,63 @@
+"""One diagnosis from bags to report files; the command line and the node share it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from gap_diagnosis import experiments, page, report
+from gap_diagnosis.diagnose import diagnose, silent, to_stderr
+from session_bags.reader import read_session
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+
+TOPICS = (
+    topics.REFERENCE,
+    topics.COMMAND,
+    topics.JOINT_STATES,
+    topics.TEMPERATURE,
+    topics.TRACKER_POINT,
+    topics.ALIGNMENT,
+)
+
+
+def run(
+    bags: Sequence[str],
+    holdout: Sequence[str],
+    twin_path: str,
+    out: Path,
+    seed: int = 0,
+    quiet: bool = False,
+) -> str:
+    """Diagnose, write the report into `out`, and return the verdict line.
+
+    Raises
+    ------
+    StageError
+        For input that cannot be diagnosed; then no report is left in `out`.
+    """
+    progress = silent if quiet else to_stderr
+    # A report of an earlier run must not stand for an input that fails.
+    for name in ('report.json', 'report.html', 'corrected_twin.yaml', experiments.REFERENCE_FILE):
+        (out / name).unlink(missing_ok=True)
+    twin = TwinFile.load(twin_path)
+    sessions = []
+    for path in (*bags, *holdout):
+        if not Path(path).exists():
+            raise StageError(f'there is no bag {path}: give the directory of a recorded session')
+        progress(f'reading {path}')
+        sessions.append(read_session(path, topics=TOPICS))
+    found = diagnose(
+        sessions[: len(bags)],
+        sessions[len(bags) :],
+        twin,
+        twin_name=str(twin_path),
+        seed=seed,
+        progress=progress,
+    )
+    progress('writing the report')
+    report.write(found, out)
+    page.write(found, out)
+    experiments.write_reference(found, out)
+    return report.sentence(found)
