@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from stage_core import quantities
 from stage_core.errors import StageError
@@ -87,6 +89,32 @@ def test_every_parameter_moves_the_output(effect, parameter):
         for channel in ('encoder', 'table', 'tracker_points', 'tracker_stamps')
     ]
     assert max(changes) > 1e-10
+
+
+@st.composite
+def any_effects(draw):
+    effects = {}
+    for name in draw(st.lists(st.sampled_from(sorted(EFFECTS)), max_size=5, unique=True)):
+        effects[named(name)] = {
+            parameter.name: draw(st.floats(parameter.minimum, parameter.maximum))
+            for parameter in EFFECTS[name].parameters
+        }
+    return effects
+
+
+@settings(max_examples=60, deadline=None)
+@given(any_effects())
+def test_any_values_in_range_keep_the_stage_within_bounds(effects):
+    slippery = {'viscous_friction.x', 'asymmetric_friction.x'} & effects.keys()
+    try:
+        result = run(effects)
+    except StageError:
+        # The one refusal of values in range: friction that drives.
+        assert slippery
+        return
+    assert np.abs(result.encoder).max() < 3.0
+    assert np.isfinite(result.table).all()
+    assert np.isfinite(result.tracker_points).all()
 
 
 def test_no_effect_is_bit_identical_to_effects_at_zero(nominal):

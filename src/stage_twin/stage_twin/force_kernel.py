@@ -8,7 +8,8 @@ import numpy as np
 from numba import njit
 
 from stage_twin import layout as at
-from stage_twin.kernel import advance, bristle_stiffness, load_force, slide_bristle
+from stage_twin.friction import bristle_stiffness, slide_bristle
+from stage_twin.kernel import advance, load_force
 
 
 @njit(cache=True)

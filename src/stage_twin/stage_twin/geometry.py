@@ -23,7 +23,9 @@ def along_axis(row: np.ndarray, motor: float, played: float, rise: float) -> flo
     """
     position = played * (1.0 + row[at.SCALE])
     if row[at.CYCLIC_AMPLITUDE] != 0.0:
-        period = row[at.CYCLIC_PERIOD] if row[at.CYCLIC_PERIOD] > 0.0 else row[at.LEAD]
+        period = (
+            row[at.CYCLIC_PERIOD] if row[at.CYCLIC_PERIOD] > at.SHORTEST_LENGTH else row[at.LEAD]
+        )
         position += row[at.CYCLIC_AMPLITUDE] * math.sin(
             2.0 * math.pi * motor / period + row[at.CYCLIC_PHASE]
         )

@@ -15,195 +15,7 @@ import numpy as np
 from numba import njit
 
 from stage_twin import layout as at
-
-#: Longest substep while friction or a force over position is on [s].
-LONGEST_SUBSTEP = 2.5e-4
-#: Shortest pre-sliding displacement [m]; below it friction is dry for any encoder.
-SHORTEST_PRESLIDING = 1e-9
-#: Newton steps of the implicit friction law; the iteration is monotone and needs 1 to 5.
-FRICTION_STEPS = 12
-# Four states and the held force.
-_AUGMENTED = 5
-
-
-@njit(cache=True)
-def _exponential(matrix: np.ndarray) -> np.ndarray:
-    """exp of a small matrix by scaling, Taylor series and squaring."""
-    size = matrix.shape[0]
-    norm = np.abs(matrix).sum(axis=1).max()
-    halvings = 0
-    while norm > 0.25:
-        norm *= 0.5
-        halvings += 1
-    scaled = matrix / 2.0**halvings
-    result = np.eye(size)
-    term = np.eye(size)
-    for order in range(1, 14):
-        term = term @ scaled / order
-        result = result + term
-    for _ in range(halvings):
-        result = result @ result
-    return result
-
-
-@njit(cache=True)
-def discretise(
-    axes: np.ndarray, period: float, transitions: np.ndarray, schedule: np.ndarray
-) -> None:
-    """Exact transitions of the linear plant over one substep of each piece of a tick.
-
-    Parameters
-    ----------
-    axes : (n_axes, AXIS_WIDTH)
-    period : float
-        Tick [s].
-    transitions : (n_axes, PIECES, DIRECTIONS, MOTION, MOTION + 1), written
-        The last column is the gain of the held force.
-    schedule : (n_axes, 2 + 2 * PIECES), written
-        Whole ticks of delay, 1 where friction is on, then per piece the number of substeps
-        and the length of one [s].
-    """
-    for axis in range(axes.shape[0]):
-        row = axes[axis]
-        delay = row[at.DELAY] + row[at.DELAY_ADDED]
-        ticks = math.floor(delay / period + 1e-9)
-        fraction = max(0.0, delay - ticks * period)
-        if fraction < 1e-9 * period:
-            fraction = 0.0
-        rough = (
-            row[at.COULOMB] > 0.0
-            or row[at.ASYMMETRIC_POSITIVE] > 0.0
-            or row[at.ASYMMETRIC_NEGATIVE] > 0.0
-            or row[at.STRIBECK_COULOMB] > 0.0
-            or row[at.STRIBECK_BREAKAWAY] > 0.0
-        )
-        divided = (
-            rough
-            or row[at.RIPPLE_AMPLITUDE] != 0.0
-            or row[at.CABLE_STIFFNESS] != 0.0
-            or row[at.CABLE_CURVATURE] != 0.0
-            or row[at.VISCOUS_POSITIVE] != row[at.VISCOUS_NEGATIVE]
-        )
-        schedule[axis, 0] = ticks
-        schedule[axis, 1] = 1.0 if rough else 0.0
-        for piece in range(at.PIECES):
-            length = fraction if piece == 0 else period - fraction
-            count = 0
-            if length > 0.0:
-                count = max(1, math.ceil(length / LONGEST_SUBSTEP - 1e-9)) if divided else 1
-            step = length / count if count > 0 else 0.0
-            schedule[axis, 2 + 2 * piece] = count
-            schedule[axis, 3 + 2 * piece] = step
-            for direction in range(at.DIRECTIONS):
-                _transition(row, direction, step, transitions[axis, piece, direction])
-
-
-@njit(cache=True)
-def _transition(row: np.ndarray, direction: int, step: float, out: np.ndarray) -> None:
-    mass = row[at.MASS] * (1.0 + row[at.INERTIA_RATIO])
-    one_sided = row[at.VISCOUS_POSITIVE] if direction == 1 else row[at.VISCOUS_NEGATIVE]
-    viscous = row[at.VISCOUS] + row[at.VISCOUS_ADDED] + one_sided
-    carried = 0.0
-    stiffness = 0.0
-    damping = 0.0
-    if row[at.RESONANCE_FREQUENCY] > 0.0 and row[at.RESONANCE_RATIO] > 0.0:
-        natural = 2.0 * math.pi * row[at.RESONANCE_FREQUENCY]
-        carried = mass * row[at.RESONANCE_RATIO]
-        stiffness = carried * natural**2
-        damping = 2.0 * row[at.RESONANCE_DAMPING] * carried * natural
-    motor = mass - carried
-    system = np.zeros((_AUGMENTED, _AUGMENTED))
-    system[0, 1] = 1.0
-    system[1, 1] = -viscous / motor
-    system[1, 2] = stiffness / motor
-    system[1, 3] = damping / motor
-    system[1, 4] = 1.0 / motor
-    if carried > 0.0:
-        # Deflection = carried mass - motor; its acceleration is the difference of both.
-        system[2, 3] = 1.0
-        system[3, 1] = viscous / motor
-        system[3, 2] = -stiffness / carried - stiffness / motor
-        system[3, 3] = -damping / carried - damping / motor
-        system[3, 4] = -1.0 / motor
-    out[:, :] = _exponential(system * step)[: at.MOTION, :]
-
-
-@njit(cache=True, inline='always')
-def _sliding_force(row: np.ndarray, velocity: float, positive: bool) -> float:
-    """Friction in steady sliding, magnitude [N]."""
-    force = row[at.COULOMB] + row[at.STRIBECK_COULOMB]
-    if row[at.STRIBECK_BREAKAWAY] != 0.0:
-        ratio = velocity / row[at.STRIBECK_VELOCITY]
-        force += row[at.STRIBECK_BREAKAWAY] * math.exp(-ratio * ratio)
-    if positive:
-        return force + row[at.ASYMMETRIC_POSITIVE]
-    return force + row[at.ASYMMETRIC_NEGATIVE]
-
-
-@njit(cache=True)
-def bristle_stiffness(row: np.ndarray) -> float:
-    """Pre-sliding stiffness of all friction of an axis together [N/m]."""
-    mean = 0.5 * (row[at.ASYMMETRIC_POSITIVE] + row[at.ASYMMETRIC_NEGATIVE])
-    stribeck = row[at.STRIBECK_COULOMB]
-    if stribeck == 0.0:
-        stribeck = row[at.STRIBECK_BREAKAWAY]
-    return (
-        row[at.COULOMB] / max(row[at.COULOMB_PRESLIDING], SHORTEST_PRESLIDING)
-        + mean / max(row[at.ASYMMETRIC_PRESLIDING], SHORTEST_PRESLIDING)
-        + stribeck / max(row[at.STRIBECK_PRESLIDING], SHORTEST_PRESLIDING)
-    )
-
-
-@njit(cache=True)
-def slide_bristle(
-    row: np.ndarray, stiffness: float, bristle: float, velocity: float, step: float
-) -> float:
-    """Bristle deflection after `step` at constant velocity: dz/dt = v - |v| z / g, exact [m]."""
-    positive = velocity >= 0.0
-    reach = _sliding_force(row, velocity, positive) / stiffness
-    if reach <= 0.0:
-        return 0.0
-    end = reach if positive else -reach
-    return end + (bristle - end) * math.exp(-abs(velocity) * step / reach)
-
-
-@njit(cache=True)
-def _friction(
-    row: np.ndarray,
-    stiffness: float,
-    bristle: float,
-    velocity: float,
-    free: float,
-    gain: float,
-    step: float,
-) -> float:
-    """Bristle deflection at the end of a step whose end velocity friction itself decides.
-
-    Solves v = free - gain * stiffness * z(v), z(v) the exact bristle law over `step`. z grows
-    with v and its slope falls with |v|, so Newton from the side of standstill is monotone.
-    """
-    excess = free - gain * stiffness * bristle
-    positive = excess >= 0.0
-    sign = 1.0 if positive else -1.0
-    reach = _sliding_force(row, velocity, positive) / stiffness
-    if reach <= 0.0:
-        return 0.0
-    target = sign * free
-    start = sign * bristle
-    speed = max(0.0, sign * velocity)
-    end = start
-    for _ in range(FRICTION_STEPS):
-        decay = math.exp(-speed * step / reach)
-        end = reach + (start - reach) * decay
-        balance = speed + gain * stiffness * end - target
-        slope = 1.0 + gain * stiffness * (reach - start) * decay * step / reach
-        change = balance / slope
-        new_speed = max(0.0, speed - change)
-        if abs(new_speed - speed) <= 1e-12 + 1e-9 * speed:
-            speed = new_speed
-            break
-        speed = new_speed
-    return sign * (reach + (start - reach) * math.exp(-speed * step / reach))
+from stage_twin.friction import bristle_stiffness, solve_bristle
 
 
 @njit(cache=True)
@@ -211,12 +23,15 @@ def load_force(row: np.ndarray, position: float) -> float:
     """Force of offset, ripple and cable on the moving mass [N]."""
     force = row[at.FORCE_OFFSET]
     if row[at.RIPPLE_AMPLITUDE] != 0.0:
-        period = row[at.RIPPLE_PERIOD] if row[at.RIPPLE_PERIOD] > 0.0 else row[at.LEAD]
+        period = (
+            row[at.RIPPLE_PERIOD] if row[at.RIPPLE_PERIOD] > at.SHORTEST_LENGTH else row[at.LEAD]
+        )
         force += row[at.RIPPLE_AMPLITUDE] * math.sin(
             2.0 * math.pi * position / period + row[at.RIPPLE_PHASE]
         )
     stretch = position - row[at.CABLE_CENTRE]
-    return force - (row[at.CABLE_STIFFNESS] + row[at.CABLE_CURVATURE] * stretch) * stretch
+    stiffness = row[at.CABLE_STIFFNESS] + row[at.CABLE_HARDENING] * stretch * stretch
+    return force - stiffness * stretch
 
 
 @njit(cache=True)
@@ -279,7 +94,7 @@ def advance_axis(
                     + move[1, 3] * rate
                     + move[1, 4] * force
                 )
-                bristle = _friction(
+                bristle = solve_bristle(
                     row, stiffness, state[at.BRISTLE], velocity, free, move[1, 4], step
                 )
                 state[at.BRISTLE] = bristle
@@ -348,7 +163,9 @@ def advance(
 @njit(cache=True)
 def encoder(row: np.ndarray, position: float) -> float:
     """Encoder reading q [m] of a motor position."""
-    resolution = row[at.QUANTUM] if row[at.QUANTUM] > 0.0 else row[at.ENCODER_RESOLUTION]
+    resolution = (
+        row[at.QUANTUM] if row[at.QUANTUM] > at.SHORTEST_LENGTH else row[at.ENCODER_RESOLUTION]
+    )
     return float(np.rint(position / resolution)) * resolution
 
 

@@ -75,7 +75,7 @@ RIPPLE_PERIOD = AXIS_SLOTS['force_ripple', 'period']
 RIPPLE_PHASE = AXIS_SLOTS['force_ripple', 'phase']
 CABLE_STIFFNESS = AXIS_SLOTS['cable_force', 'stiffness']
 CABLE_CENTRE = AXIS_SLOTS['cable_force', 'centre']
-CABLE_CURVATURE = AXIS_SLOTS['cable_force', 'curvature']
+CABLE_HARDENING = AXIS_SLOTS['cable_force', 'hardening']
 DELAY_ADDED = AXIS_SLOTS['actuation_delay', 'delay']
 SATURATION = AXIS_SLOTS['force_saturation', 'limit']
 GAIN_ERROR = AXIS_SLOTS['drive_gain', 'error']
@@ -110,6 +110,9 @@ TRACKER_OFFSET_X = COMMON_SLOTS['tracker_misalignment', 'offset_x']
 TRACKER_OFFSET_Y = COMMON_SLOTS['tracker_misalignment', 'offset_y']
 TRACKER_LATENCY = COMMON_SLOTS['tracker_latency', 'latency']
 TRACKER_DRIFT = COMMON_SLOTS['tracker_clock_drift', 'drift']
+
+#: Spatial periods below this [m] stand for the lead, encoder steps below it for the file's own.
+SHORTEST_LENGTH = 1e-9
 
 # State of one axis of the plant.
 POSITION, VELOCITY, DEFLECTION, DEFLECTION_RATE, BRISTLE, PLAY, RISE = range(7)

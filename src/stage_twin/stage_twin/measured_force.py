@@ -15,7 +15,7 @@ from stage_core.errors import StageError
 from stage_core.twin_file import ForceAxis, TwinFile
 from stage_twin import layout
 from stage_twin.force_kernel import follow_hidden_states, needed_force, run_windows
-from stage_twin.packing import KernelArrays, pack
+from stage_twin.packing import KernelArrays, columns, pack
 
 #: Length of a window of the forward simulation [s].
 WINDOW = 0.1
@@ -109,7 +109,7 @@ def required_force(
         If shapes do not fit, values are not finite, or the twin is wrong.
     """
     arrays = pack(twin)
-    position = _checked('position', position, None, arrays)
+    position = columns('position', position, None, arrays)
     motion = motion or smooth_motion(position, arrays.period, smoothing)
     external = _external(external_force, position, arrays)
     return _required(arrays, motion, external, _hidden_states(arrays, motion))
@@ -142,8 +142,8 @@ def simulate_measured_force(
         If shapes do not fit, values are not finite, or the twin is wrong.
     """
     arrays = pack(twin)
-    position = _checked('position', position, None, arrays)
-    effort = _checked('effort', effort, position.shape[0], arrays)
+    position = columns('position', position, None, arrays)
+    effort = columns('effort', effort, position.shape[0], arrays)
     units = [a.effort_unit if isinstance(a, ForceAxis) else 1.0 for a in twin.axes.values()]
     force = effort * np.array(units)
     motion = motion or smooth_motion(position, arrays.period, smoothing)
@@ -214,15 +214,4 @@ def _required(
 def _external(given: np.ndarray | None, position: np.ndarray, arrays: KernelArrays) -> np.ndarray:
     if given is None:
         return np.zeros_like(position)
-    return _checked('external_force', given, position.shape[0], arrays)
-
-
-def _checked(name: str, values: np.ndarray, count: int | None, arrays: KernelArrays) -> np.ndarray:
-    values = np.ascontiguousarray(values, dtype=float)
-    width = len(arrays.names)
-    if values.ndim != 2 or values.shape[1] != width or count not in (None, values.shape[0]):
-        rows = 'n' if count is None else str(count)
-        raise StageError(f'{name} has shape {values.shape}: give ({rows}, {width})')
-    if not np.isfinite(values).all():
-        raise StageError(f'{name} holds values that are not finite: remove them first')
-    return values
+    return columns('external_force', given, position.shape[0], arrays)

@@ -9,7 +9,8 @@ import numpy as np
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ForceAxis, ServoAxis, StepperAxis, TwinFile
-from stage_twin import kernel, layout
+from stage_twin import layout
+from stage_twin.discretisation import discretise
 from stage_twin.effects import EFFECTS, Effect
 
 
@@ -26,7 +27,7 @@ class KernelArrays:
     period : float
         Control period [s].
     transitions, schedule
-        See :func:`stage_twin.kernel.discretise`.
+        See :func:`stage_twin.discretisation.discretise`.
     """
 
     names: tuple[str, ...]
@@ -114,7 +115,7 @@ def pack(twin: TwinFile) -> KernelArrays:
     )
     schedule = np.zeros((len(names), 2 + 2 * layout.PIECES))
     if twin.kind != 'stepper':
-        kernel.discretise(axes, twin.control_period, transitions, schedule)
+        discretise(axes, twin.control_period, transitions, schedule)
     return KernelArrays(names, axes, common, twin.control_period, transitions, schedule)
 
 
@@ -135,3 +136,22 @@ def _check_friction(names: tuple[str, ...], axes: np.ndarray) -> None:
             raise StageError(
                 f'axis {name}: viscous friction comes to {least:g} N·s/m: keep it at or above 0'
             )
+
+
+def columns(name: str, values: np.ndarray, count: int | None, arrays: KernelArrays) -> np.ndarray:
+    """An input of n ticks as a contiguous (n, n_axes) array of floats.
+
+    Raises
+    ------
+    StageError
+        If its shape is another, n is not `count`, or values are not finite.
+    """
+    values = np.ascontiguousarray(values, dtype=float)
+    width = len(arrays.names)
+    fits = values.ndim == 2 and values.shape[1] == width and values.shape[0] > 0
+    if not fits or count not in (None, values.shape[0]):
+        rows = 'n' if count is None else str(count)
+        raise StageError(f'{name} has shape {values.shape}: give ({rows}, {width})')
+    if not np.isfinite(values).all():
+        raise StageError(f'{name} holds values that are not finite: remove them first')
+    return values

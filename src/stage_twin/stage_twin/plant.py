@@ -9,6 +9,7 @@ import numpy as np
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 from stage_twin import kernel, layout
+from stage_twin.discretisation import discretise
 from stage_twin.geometry import table_point
 from stage_twin.packing import pack
 from stage_twin.tracker import sample_path, to_tracker_frame, true_time
@@ -176,7 +177,7 @@ class ServoPlant:
 
     def _change_period(self, dt: float) -> None:
         arrays = self._arrays
-        kernel.discretise(arrays.axes, dt, arrays.transitions, arrays.schedule)
+        discretise(arrays.axes, dt, arrays.transitions, arrays.schedule)
         self._period = dt
         depth = arrays.delay_ticks + 2
         if depth > self._forces.shape[1]:

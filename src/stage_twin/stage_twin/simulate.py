@@ -8,11 +8,10 @@ import numpy as np
 
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
-from stage_twin import layout
 from stage_twin.geometry import table_path
-from stage_twin.packing import KernelArrays, pack
+from stage_twin.packing import columns, pack
 from stage_twin.session_kernel import run_session
-from stage_twin.tracker import sample_path, to_tracker_frame, true_time
+from stage_twin.tracker import measure
 
 
 @dataclass(frozen=True)
@@ -87,14 +86,14 @@ def simulate(
     if twin.kind != 'servo':
         raise StageError(f'a session can be simulated with a servo twin, this one is {twin.kind}')
     arrays = pack(twin)
-    reference = _columns('reference', reference, None, arrays)
+    reference = columns('reference', reference, None, arrays)
     count = reference.shape[0]
-    reference_velocity = _columns('reference_velocity', reference_velocity, count, arrays)
+    reference_velocity = columns('reference_velocity', reference_velocity, count, arrays)
     zeros = np.zeros_like(reference)
     channels = np.zeros((6, *reference.shape))
     force = np.zeros((len(arrays.names), count))
     if measured_force is not None:
-        force[:] = _columns('measured_force', measured_force, count, arrays).T
+        force[:] = columns('measured_force', measured_force, count, arrays).T
     run_session(
         arrays.axes,
         arrays.transitions,
@@ -103,20 +102,20 @@ def simulate(
         reference[0].copy(),
         reference,
         reference_velocity,
-        zeros if compensation is None else _columns('compensation', compensation, count, arrays),
+        zeros if compensation is None else columns('compensation', compensation, count, arrays),
         force,
         measured_force is not None,
         zeros
         if external_force is None
-        else _columns('external_force', external_force, count, arrays),
+        else columns('external_force', external_force, count, arrays),
         channels,
     )
     rise = channels[5]
     if temperatures is not None:
-        rise = _columns('temperatures', temperatures, count, arrays) - twin.temperature_reference
+        rise = columns('temperatures', temperatures, count, arrays) - twin.temperature_reference
     table = np.zeros_like(reference)
     table_path(arrays.axes, arrays.common, channels[3], channels[4], rise, table)
-    stamps, points = _track(twin, arrays, table, tracker_times, seed, noise)
+    stamps, points = measure(twin, arrays, table, tracker_times, seed, noise)
     return SimulationResult(
         times=np.arange(count) * arrays.period,
         encoder=channels[0],
@@ -128,36 +127,3 @@ def simulate(
         tracker_stamps=stamps,
         tracker_points=points,
     )
-
-
-def _columns(name: str, values: np.ndarray, count: int | None, arrays: KernelArrays) -> np.ndarray:
-    values = np.ascontiguousarray(values, dtype=float)
-    width = len(arrays.names)
-    fits = values.ndim == 2 and values.shape[1] == width and values.shape[0] > 0
-    if not fits or (count is not None and values.shape[0] != count):
-        rows = 'n' if count is None else str(count)
-        raise StageError(f'{name} has shape {values.shape}: give ({rows}, {width})')
-    if not np.isfinite(values).all():
-        raise StageError(f'{name} holds values that are not finite: remove them first')
-    return values
-
-
-def _track(
-    twin: TwinFile,
-    arrays: KernelArrays,
-    table: np.ndarray,
-    stamps: np.ndarray | None,
-    seed: int,
-    noise: bool,
-) -> tuple[np.ndarray, np.ndarray]:
-    if stamps is None:
-        rate = twin.tracker.rate if twin.tracker is not None else 0.0
-        duration = (table.shape[0] - 1) * arrays.period
-        count = int(np.floor(duration * rate * (1.0 + 1e-12))) + 1 if rate > 0.0 else 0
-        stamps = np.arange(count) / (rate or 1.0) * (1.0 + arrays.common[layout.TRACKER_DRIFT])
-    stamps = np.asarray(stamps, dtype=float)
-    seen = sample_path(table, arrays.period, true_time(arrays.common, stamps))
-    points = to_tracker_frame(arrays.common, seen)
-    if noise and twin.tracker is not None:
-        points += twin.tracker.noise * np.random.default_rng(seed).standard_normal(points.shape)
-    return stamps, points

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from stage_core.twin_file import TwinFile
 from stage_twin import layout as at
+from stage_twin.packing import KernelArrays
 
 
 def sample_path(path: np.ndarray, period: float, times: np.ndarray) -> np.ndarray:
@@ -54,3 +56,38 @@ def to_tracker_frame(common: np.ndarray, points: np.ndarray) -> np.ndarray:
     plane[:, 0] = cosine * x - sine * y + common[at.TRACKER_OFFSET_X]
     plane[:, 1] = sine * x + cosine * y + common[at.TRACKER_OFFSET_Y]
     return plane
+
+
+def measure(
+    twin: TwinFile,
+    arrays: KernelArrays,
+    table: np.ndarray,
+    stamps: np.ndarray | None,
+    seed: int,
+    noise: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """What the tracker reports of a table's path.
+
+    Parameters
+    ----------
+    table : (n, n_axes)
+        Table position [m], one row per tick.
+    stamps : (m,) or None
+        Stamps of the tracker's clock [s]; None: the points of the file's tracker at its rate.
+
+    Returns
+    -------
+    Stamps (m,) [s] and points (m, 3) [m]; none where the twin has no tracker.
+    """
+    if stamps is None:
+        rate = twin.tracker.rate if twin.tracker is not None else 0.0
+        duration = (table.shape[0] - 1) * arrays.period
+        # A tick that is also an instant of the tracker counts, whatever its rounding.
+        count = int(np.floor(duration * rate * (1.0 + 1e-12))) + 1 if rate > 0.0 else 0
+        stamps = np.arange(count) / (rate or 1.0) * (1.0 + arrays.common[at.TRACKER_DRIFT])
+    stamps = np.asarray(stamps, dtype=float)
+    seen = sample_path(table, arrays.period, true_time(arrays.common, stamps))
+    points = to_tracker_frame(arrays.common, seen)
+    if noise and twin.tracker is not None:
+        points += twin.tracker.noise * np.random.default_rng(seed).standard_normal(points.shape)
+    return stamps, points

@@ -46,11 +46,11 @@ CABLE_FORCE = Effect(
         EffectParameter('stiffness', 'N/m', 0.0, 2e4, 100.0, 'restoring force per displacement'),
         EffectParameter('centre', 'm', -1.0, 1.0, 0.0, 'position without cable force'),
         EffectParameter(
-            'curvature', 'N/m²', -1e5, 1e5, 0.0, 'growth of the stiffness with displacement'
+            'hardening', 'N/m³', 0.0, 1e6, 0.0, 'growth of the stiffness with displacement squared'
         ),
     ),
-    'Force -(stiffness * s + curvature * s^2), s = p - centre: the cable chain as a spring '
-    '(second-order expansion). Altintas et al., "Machine tool feed drives", CIRP Annals 60 '
+    'Force -(stiffness * s + hardening * s^3), s = p - centre: the cable chain as a spring. '
+    'Altintas et al., "Machine tool feed drives", CIRP Annals 60 '
     '(2011), disturbance forces.',
 )
 

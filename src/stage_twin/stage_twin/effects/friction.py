@@ -8,8 +8,8 @@ PRESLIDING = EffectParameter(
     0.0,
     20e-6,
     1e-6,
-    'displacement over which the force builds up after a reversal (bristle deflection at the '
-    'sliding force); 0 is dry friction',
+    'displacement over which the force builds up after a reversal (bristle deflection when it '
+    'slides or breaks away); 0 is dry friction',
 )
 
 VISCOUS_FRICTION = Effect(

@@ -1,0 +1,91 @@
+"""The kinematic and sensor links alone: a known motor path carried to table and tracker."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from stage_core.twin_file import TwinFile
+from stage_twin import layout
+from stage_twin.geometry import table_path
+from stage_twin.packing import columns, pack
+from stage_twin.tracker import measure
+
+
+@dataclass(frozen=True)
+class CarriedPath:
+    """Where a motor path takes the table, and what the tracker sees of it; SI units.
+
+    Attributes
+    ----------
+    table : (n, n_axes)
+    temperatures : (n, n_axes)
+        Screw temperatures [degC].
+    tracker_stamps : (m,), tracker_points : (m, 3)
+        As in :class:`stage_twin.simulate.SimulationResult`.
+    """
+
+    table: np.ndarray
+    temperatures: np.ndarray
+    tracker_stamps: np.ndarray
+    tracker_points: np.ndarray
+
+
+@njit(cache=True)
+def play_and_heat(
+    axes: np.ndarray, period: float, motor: np.ndarray, played: np.ndarray, rise: np.ndarray
+) -> None:
+    """Play operator and screw temperature along a motor path (n, n_axes), written to the last two.
+
+    The play starts centred; the screw heats with the mean speed of each tick.
+    """
+    for axis in range(axes.shape[0]):
+        row = axes[axis]
+        half = 0.5 * row[layout.BACKLASH_WIDTH]
+        decay = 1.0
+        if row[layout.HEATING_TIME] > 0.0:
+            decay = np.exp(-period / row[layout.HEATING_TIME])
+        played[0, axis] = motor[0, axis]
+        rise[0, axis] = row[layout.INITIAL_RISE]
+        for k in range(1, motor.shape[0]):
+            position = motor[k, axis]
+            played[k, axis] = min(max(played[k - 1, axis], position - half), position + half)
+            settled = row[layout.HEATING] * abs(position - motor[k - 1, axis]) / period
+            rise[k, axis] = settled + (rise[k - 1, axis] - settled) * decay
+
+
+def carry(
+    twin: TwinFile,
+    motor: np.ndarray,
+    *,
+    temperatures: np.ndarray | None = None,
+    seed: int = 0,
+    tracker_times: np.ndarray | None = None,
+    noise: bool = True,
+) -> CarriedPath:
+    """Carry a motor path to the table and the tracker, for a twin of any kind.
+
+    Parameters
+    ----------
+    motor : (n, n_axes)
+        Encoder or motor steps [m] at the twin's control period.
+    temperatures, seed, tracker_times, noise
+        As in :func:`stage_twin.simulate.simulate`.
+
+    Raises
+    ------
+    StageError
+        If an array's shape does not fit or the twin is wrong.
+    """
+    arrays = pack(twin)
+    motor = columns('motor', motor, None, arrays)
+    played, rise, table = (np.zeros_like(motor) for _ in range(3))
+    play_and_heat(arrays.axes, arrays.period, motor, played, rise)
+    if temperatures is not None:
+        recorded = columns('temperatures', temperatures, motor.shape[0], arrays)
+        rise = recorded - twin.temperature_reference
+    table_path(arrays.axes, arrays.common, motor, played, rise, table)
+    stamps, points = measure(twin, arrays, table, tracker_times, seed, noise)
+    return CarriedPath(table, rise + twin.temperature_reference, stamps, points)
