@@ -56,6 +56,8 @@ def fill(message: Any, text: str) -> Any:
 
 def _set_fields(message: Any, values: Mapping[str, Any]) -> None:
     types = message.get_fields_and_field_types()
+    # Unchecked, a value of the wrong type ends the process when the message is sent.
+    message._check_fields = True
     for name, value in values.items():
         if name not in types:
             known = ', '.join(types) or 'none'

@@ -86,10 +86,8 @@ def read_session(
     window = None
     if start is not None or stop is not None:
         window = _window(bag, types, start, stop)
-    if bag.foreign:
-        _read_foreign(bag, decoders)
-    elif window is None:
-        _read_places(bag, decoders, lambda index, place: True)
+    if window is None or bag.foreign:
+        decode(bag, decoders)
     else:
         _read_window(bag, decoders, *window)
     warnings = list(bag.warnings)
@@ -112,6 +110,20 @@ def read_session(
     if not any(decoder.count for decoder in decoders.values()) and topics is None:
         raise StageError(f'{path} holds no message of a session: record it again')
     return Session(str(path), series, _twin(bag, warnings), alignment, tuple(warnings))
+
+
+def decode(bag: Bag, decoders: Decoders) -> None:
+    """Feed every message of the decoders' topics to them.
+
+    Raises
+    ------
+    StageError
+        If the bag is damaged or a message is malformed.
+    """
+    if bag.foreign:
+        _read_foreign(bag, decoders)
+    else:
+        _read_places(bag, decoders, lambda index, place: True)
 
 
 def _twin(bag: Bag, warnings: list[str]) -> dict[str, Any] | None:

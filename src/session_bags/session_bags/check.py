@@ -1,0 +1,240 @@
+"""Whether a bag keeps the contract, and what is wrong with it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from session_bags.arrivals import arrivals
+from session_bags.bag import Bag, open_bag
+from session_bags.cdr import NUMERIC_TYPES
+from session_bags.columns import TopicDecoder
+from session_bags.info import contents
+from session_bags.metadata import parse_qos
+from session_bags.plausible import check_units
+from session_bags.reader import decode
+from session_bags.writer import TWIN_KEY
+from stage_core import topics
+from stage_core.errors import StageError, command_line
+from stage_core.quantities import AXES
+from stage_core.session import Series
+from stage_core.twin_file import TwinFile
+
+OK, WARNING, ERROR = 'ok', 'warning', 'error'
+_JOINT_STATE = 'sensor_msgs/msg/JointState'
+#: Quantities that every message of a joint topic holds.
+_QUANTITIES = {
+    topics.REFERENCE: ('position', 'velocity'),
+    topics.JOINT_STATES: ('position', 'velocity'),
+    topics.COMMAND: ('velocity',),
+}
+#: A pause longer than this many periods is a gap.
+_GAP = 5.0
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One statement about a bag: its level, what it is about, and what to do."""
+
+    level: str
+    about: str
+    text: str
+
+    def __str__(self) -> str:
+        return f'{self.level:<8}{self.about}: {self.text}'
+
+
+def check_bag(path: str | Path) -> list[Finding]:
+    """Check a bag against sections 3 and 4 of the contract.
+
+    Raises
+    ------
+    StageError
+        If the path is no bag that can be read at all.
+    """
+    bag = open_bag(path)
+    findings = [*_check_container(bag), *_check_topics(bag), *_check_twin(bag)]
+    series: dict[str, Series] = {}
+    for topic, type_name in sorted(bag.topic_types().items()):
+        if type_name != topics.TOPIC_TYPES.get(topic) or type_name not in NUMERIC_TYPES:
+            continue
+        decoder = TopicDecoder(topic, type_name, str(path))
+        try:
+            decode(bag, {topic: decoder})
+        except StageError as error:
+            findings.append(Finding(ERROR, topic, str(error)))
+            continue
+        findings += _check_decoded(topic, decoder)
+        series |= decoder.series()
+    for key, part in series.items():
+        findings += _check_series(key, part)
+    findings += [Finding(WARNING, about, text) for about, text in check_units(series)]
+    return findings
+
+
+def _check_container(bag: Bag) -> Iterator[Finding]:
+    for warning in bag.warnings:
+        yield Finding(WARNING, bag.path.name, warning)
+    if bag.foreign:
+        yield Finding(
+            WARNING, bag.path.name, f'stored as {bag.description.storage}; a session is mcap: '
+            'convert it with `rosbags-convert`'
+        )  # fmt: skip
+    elif bag.path.is_file():
+        yield Finding(WARNING, bag.path.name, 'a bare file without metadata.yaml')
+    for index in bag.files:
+        for channel in index.channels.values():
+            schema = index.schemas.get(channel.schema_id)
+            if channel.message_encoding != 'cdr':
+                yield Finding(
+                    ERROR, channel.topic, f'encoded as {channel.message_encoding}, not CDR'
+                )
+            if schema is None or schema.encoding not in ('ros2msg', 'ros2idl') or not schema.data:
+                yield Finding(ERROR, channel.topic, 'the message definition is not embedded')
+            qos = parse_qos(channel.metadata.get('offered_qos_profiles'))
+            latched = all(q.get('durability') in ('transient_local', 1) for q in qos)
+            if channel.topic in topics.LATCHED and qos and not latched:
+                yield Finding(
+                    WARNING, channel.topic, 'is not latched: publish it transient local, depth 1'
+                )
+    gaps = {topic: found.missing() for topic, found in arrivals(bag).items()}
+    for topic, missing in gaps.items():
+        if missing:
+            yield Finding(WARNING, topic, f'{missing} messages were dropped while recording')
+
+
+def _check_topics(bag: Bag) -> Iterator[Finding]:
+    counts = contents(bag).counts
+    if not sum(counts.values()):
+        yield Finding(ERROR, bag.path.name, 'holds no message: record it again')
+    for topic, type_name in sorted(bag.topic_types().items()):
+        expected = topics.TOPIC_TYPES.get(topic)
+        if expected is None:
+            if topic.startswith(('/stage', '/tracker', '/contour', '/calibrator')):
+                yield Finding(WARNING, topic, 'is no topic of the contract and is not read')
+        elif type_name != expected:
+            yield Finding(ERROR, topic, f'is of type {type_name}, the contract has {expected}')
+        elif not counts.get(topic):
+            yield Finding(OK, topic, 'no message, counts as absent')
+    if not counts.get(topics.REFERENCE):
+        yield Finding(
+            ERROR, topics.REFERENCE, 'is absent: a session starts at its first message; record it'
+        )
+    for topic in (topics.COMMAND, topics.JOINT_STATES, topics.TRACKER_POINT):
+        if not counts.get(topic):
+            yield Finding(WARNING, topic, 'is absent: what needs it cannot be computed')
+
+
+def _check_twin(bag: Bag) -> Iterator[Finding]:
+    text = bag.description.custom_data.get(TWIN_KEY)
+    if not text:
+        yield Finding(OK, 'custom_data', 'carries no twin')
+        return
+    try:
+        content = yaml.safe_load(text)
+        if not isinstance(content, dict):
+            raise StageError('it is no mapping')
+        TwinFile.from_dict(content)
+    except (yaml.YAMLError, StageError) as error:
+        yield Finding(ERROR, 'custom_data', f'its twin is no twin file ({error})')
+    else:
+        yield Finding(OK, 'custom_data', f'carries a twin of kind {content.get("kind")}')
+
+
+def _check_decoded(topic: str, decoder: TopicDecoder) -> Iterator[Finding]:
+    """What is lost once the messages are sorted columns."""
+    bad = decoder.not_a_number()
+    if bad:
+        yield Finding(ERROR, topic, f'holds a value that is not a finite number ({bad})')
+    if decoder.unsorted():
+        yield Finding(ERROR, topic, 'stamps go back in time: stamp with the time of measurement')
+    for frame, child in decoder.frames():
+        if topic == topics.TRACKER_POINT and frame != topics.TRACKER_FRAME:
+            yield Finding(WARNING, topic, f'frame_id is {frame!r}, not {topics.TRACKER_FRAME!r}')
+        if topic == topics.TEMPERATURE and not frame:
+            yield Finding(WARNING, topic, 'frame_id does not name the sensor')
+        if topic == topics.ALIGNMENT and (frame, child) != (
+            topics.STAGE_FRAME,
+            topics.TRACKER_FRAME,
+        ):
+            yield Finding(
+                WARNING, topic, f'frame_id {frame!r} and child_frame_id {child!r} should be '
+                f'{topics.STAGE_FRAME!r} and {topics.TRACKER_FRAME!r}'
+            )  # fmt: skip
+
+
+def _check_series(key: str, series: Series) -> Iterator[Finding]:
+    topic = series.topic
+    if topics.TOPIC_TYPES[topic] == _JOINT_STATE:
+        yield from _check_joints(series)
+    if topic == topics.ALIGNMENT:
+        norm = np.sqrt(sum(series.values[f'rotation.{axis}'] ** 2 for axis in 'xyzw'))
+        if np.any(np.abs(norm - 1.0) > 1e-6):
+            yield Finding(ERROR, key, 'the rotation is no unit quaternion: align again')
+    yield from _check_stamps(key, series)
+
+
+def _check_joints(series: Series) -> Iterator[Finding]:
+    joints = list(dict.fromkeys(name.partition('.')[2] for name in series.values))
+    unknown = [joint for joint in joints if joint not in AXES]
+    if unknown:
+        yield Finding(ERROR, series.topic, f'names joint {unknown[0]!r}: the joints are x and y')
+    elif joints != [axis for axis in AXES if axis in joints]:
+        yield Finding(WARNING, series.topic, 'the joints are not in the order [x, y]')
+    for quantity in _QUANTITIES.get(series.topic, ()):
+        for axis in joints:
+            column = series.values.get(f'{quantity}.{axis}')
+            if column is None or np.isnan(column).all():
+                yield Finding(ERROR, series.topic, f'holds no {quantity} of {axis}')
+            elif np.isnan(column).any():
+                count = int(np.isnan(column).sum())
+                yield Finding(
+                    ERROR, series.topic, f'{count} messages lack the {quantity} of {axis}'
+                )
+
+
+def _check_stamps(key: str, series: Series) -> Iterator[Finding]:
+    stamps: NDArray[np.int64] = series.stamps
+    if np.any(stamps <= 0):
+        yield Finding(ERROR, key, f'{int(np.sum(stamps <= 0))} messages carry no stamp')
+    steps = np.diff(stamps)
+    if len(steps) == 0:
+        yield Finding(OK, key, f'{len(stamps)} message')
+        return
+    repeated = int(np.sum(steps == 0))
+    if repeated:
+        yield Finding(WARNING, key, f'{repeated} messages repeat the stamp of the one before')
+    period = float(np.median(steps)) * 1e-9
+    rate = f'{1.0 / period:.6g} Hz' if period > 0 else 'one moment'
+    span = (stamps[-1] - stamps[0]) * 1e-9
+    yield Finding(OK, key, f'{len(stamps)} messages in {span:.3f} s, {rate}')
+    gaps = np.flatnonzero(steps * 1e-9 > _GAP * period) if period > 0 else np.array([], int)
+    if len(gaps) and topics.TOPIC_TYPES[series.topic] == _JOINT_STATE:
+        longest = steps[gaps].max() * 1e-9
+        yield Finding(WARNING, key, f'{len(gaps)} gaps, the longest of {longest:.3f} s')
+
+
+@command_line
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the findings; exit 0 where the bag keeps the contract, else 1."""
+    parser = argparse.ArgumentParser(
+        prog='check', description='Check whether a bag keeps the contract of a session.'
+    )
+    parser.add_argument('bag', help='directory of a bag, or an mcap file')
+    parser.add_argument('-q', '--quiet', action='store_true', help='print only what is wrong')
+    parsed = parser.parse_args(arguments)
+    findings = check_bag(parsed.bag)
+    for finding in findings:
+        if finding.level != OK or not parsed.quiet:
+            print(finding)
+    errors = sum(finding.level == ERROR for finding in findings)
+    warnings = sum(finding.level == WARNING for finding in findings)
+    verdict = 'breaks' if errors else 'keeps'
+    print(f'{parsed.bag} {verdict} the contract: {errors} errors, {warnings} warnings')
+    return 1 if errors else 0

@@ -1,0 +1,73 @@
+"""Whether the numbers of a session can be in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from stage_core import topics
+from stage_core.quantities import AXES
+from stage_core.session import Series
+
+#: No precision stage travels this far [m], or this fast [m/s]; no tracker sees this far [m].
+_LONGEST_TRAVEL = 10.0
+_HIGHEST_SPEED = 20.0
+_LONGEST_SIGHT = 200.0
+#: A laboratory [°C].
+_COLDEST, _WARMEST = -40.0, 120.0
+
+
+def check_units(series: Mapping[str, Series]) -> Iterator[tuple[str, str]]:
+    """Yield (topic, what looks wrong)."""
+    for key, part in series.items():
+        for name, column in part.values.items():
+            finite = column[np.isfinite(column)]
+            largest = float(np.abs(finite).max(initial=0.0))
+            if name.startswith('position.') and largest > _LONGEST_TRAVEL:
+                yield key, f'{name} reaches {largest:.4g}: positions are in metres'
+            if name.startswith('velocity.') and largest > _HIGHEST_SPEED:
+                yield key, f'{name} reaches {largest:.4g}: velocities are in m/s'
+            if part.topic == topics.TRACKER_POINT and largest > _LONGEST_SIGHT:
+                yield key, f'{name} reaches {largest:.4g}: points are in metres'
+            outside = np.any((finite < _COLDEST) | (finite > _WARMEST))
+            if name == 'temperature' and outside:
+                yield key, f'{finite.max():.4g} is no room temperature in °C'
+        if part.topic in (topics.REFERENCE, topics.JOINT_STATES):
+            yield from _check_derivative(key, part)
+    yield from _check_follows(series)
+
+
+def _check_derivative(key: str, part: Series) -> Iterator[tuple[str, str]]:
+    """The velocity must be the derivative of the position, to a factor of ten."""
+    seconds = (part.stamps - part.stamps[0]) * 1e-9 if len(part) else np.array([])
+    if len(part) < 20 or seconds[-1] <= 0:
+        return
+    for axis in AXES:
+        position = part.values.get(f'position.{axis}')
+        velocity = part.values.get(f'velocity.{axis}')
+        if position is None or velocity is None:
+            continue
+        # Path lengths: insensitive to noise of one sample, and to where the time starts.
+        path = float(np.nansum(np.abs(np.diff(position))))
+        covered = float(np.nansum(np.abs(velocity[:-1]) * np.diff(seconds)))
+        if min(path, covered) > 1e-4 and not 0.1 < covered / path < 10.0:
+            ratio = covered / path
+            text = f'velocity.{axis} is {ratio:.3g} times the derivative of the position'
+            yield key, f'{text}: check the units'
+
+
+def _check_follows(series: Mapping[str, Series]) -> Iterator[tuple[str, str]]:
+    """The encoder must travel about as far as the reference."""
+    if topics.REFERENCE not in series or topics.JOINT_STATES not in series:
+        return
+    reference, encoder = series[topics.REFERENCE], series[topics.JOINT_STATES]
+    for axis in AXES:
+        name = f'position.{axis}'
+        if name not in reference.values or name not in encoder.values:
+            continue
+        wanted = float(np.nanmax(reference.values[name]) - np.nanmin(reference.values[name]))
+        seen = float(np.nanmax(encoder.values[name]) - np.nanmin(encoder.values[name]))
+        if wanted > 1e-4 and not 0.1 < seen / wanted < 10.0:
+            text = f'{name} travels {seen / wanted:.3g} times as far as the reference'
+            yield topics.JOINT_STATES, f'{text}: check the units'
