@@ -20,6 +20,7 @@ setup(
     entry_points={
         'console_scripts': [
             'calibrator = calibrator.node:main',
+            'retrain_offline = calibrator.retrain_offline:main',
         ],
     },
 )

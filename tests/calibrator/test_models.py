@@ -159,9 +159,10 @@ def test_period_search_finds_the_lead_and_rejects_noise(period):
     generator = np.random.default_rng(1)
     position = generator.uniform(0, 0.05, 600)
     noise = generator.normal(0, 3e-6, 600)
-    found = find_period(position, 4e-6 * np.sin(2 * np.pi * position / period) + noise)
-    assert abs(found - period) < 5e-3 * period
-    assert find_period(position, noise) == 0.0
+    line = np.column_stack([np.ones(600), position])
+    error = 4e-6 * np.sin(2 * np.pi * position / period) + 1e-3 * position + noise
+    assert abs(find_period(position, error, line) - period) < 5e-3 * period
+    assert find_period(position, noise, line) == 0.0
 
 
 @pytest.mark.filterwarnings('ignore:lbfgs failed to converge')

@@ -39,6 +39,8 @@ class StoredModel:
         Errors before and after on held-out data [m].
     seed
         Seed of everything random in the training.
+    sensors
+        Names of the temperature columns.
     """
 
     model: CalibrationModel
@@ -47,14 +49,25 @@ class StoredModel:
     training: dict[str, str] = field(default_factory=dict)
     metrics: dict[str, Any] = field(default_factory=dict)
     seed: int = 0
+    sensors: tuple[str, ...] = ()
 
-    def predict(self, command: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """Table points of commands, (n, axes) [m]."""
-        return self.model.predict(command, direction)
+    def predict(
+        self,
+        command: ArrayLike,
+        direction: ArrayLike | None = None,
+        temperatures: ArrayLike | None = None,
+    ) -> Array:
+        """Table points of commands, (n, axes) [m]; see `CalibrationModel.predict`."""
+        return self.model.predict(command, direction, temperatures)
 
-    def invert(self, target: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """Commands that reach table points, (n, axes) [m]."""
-        return self.model.invert(target, direction)
+    def invert(
+        self,
+        target: ArrayLike,
+        direction: ArrayLike | None = None,
+        temperatures: ArrayLike | None = None,
+    ) -> Array:
+        """Commands that reach table points, (n, axes) [m]; see `CalibrationModel.invert`."""
+        return self.model.invert(target, direction, temperatures)
 
 
 def save(stored: StoredModel, path: str | Path) -> None:
@@ -72,6 +85,7 @@ def save(stored: StoredModel, path: str | Path) -> None:
         'training': stored.training,
         'metrics': stored.metrics,
         'seed': stored.seed,
+        'sensors': list(stored.sensors),
         'model': stored.model.to_dict(),
     }
     try:
@@ -159,6 +173,7 @@ def load(path: str | Path, machine: str = '') -> StoredModel:
         content['training'],
         content['metrics'],
         int(content['seed']),
+        tuple(content['sensors']),
     )
 
 

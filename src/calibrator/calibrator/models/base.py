@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,7 +26,8 @@ class CalibrationModel(ABC):
 
     command, measured, target : (n, axes) [m]
     direction : (n, axes), sign of each axis' last move: -1, 0 (unknown) or +1
-    temperatures : (n, sensors) [degC]
+    temperatures : (n, sensors) [degC]; where a fitted model is not given any, the means of its
+        training stand in
     """
 
     method: ClassVar[str]
@@ -45,6 +47,11 @@ class CalibrationModel(ABC):
         self.state: dict[str, Any] = {}
         self.axes = 0
         self.sensors = 0
+        self.mean_temperatures: Array = np.empty(0)
+        #: For methods that iterate: called with each iteration and the best error so far.
+        self.progress: Callable[[int, float], None] | None = None
+        #: For methods that iterate: asked after each iteration; True ends the training.
+        self.abort: Callable[[], bool] | None = None
 
     @property
     def fitted(self) -> bool:
@@ -71,6 +78,7 @@ class CalibrationModel(ABC):
             For shapes that do not agree, a NaN, an axis that never moves, or fewer distinct
             positions than the method has parameters.
         """
+        self.axes, self.mean_temperatures = 0, np.empty(0)
         c, d, t = self._checked(command, direction, temperatures)
         m = np.asarray(measured, dtype=float)
         if m.shape != c.shape:
@@ -82,6 +90,7 @@ class CalibrationModel(ABC):
         self._require_information(c, t.shape[1])
         self.state = {}
         self.axes, self.sensors = c.shape[1], t.shape[1]
+        self.mean_temperatures = t.mean(axis=0)
         try:
             self._fit(c, m - c, d, t)
         except StageError:
@@ -156,6 +165,7 @@ class CalibrationModel(ABC):
             'options': dict(self.options),
             'axes': self.axes,
             'sensors': self.sensors,
+            'mean_temperatures': self.mean_temperatures.tolist(),
             'state': to_json(self.state),
         }
 
@@ -176,6 +186,7 @@ class CalibrationModel(ABC):
         try:
             model = cls(**content['options'])
             model.axes, model.sensors = int(content['axes']), int(content['sensors'])
+            model.mean_temperatures = np.asarray(content['mean_temperatures'], dtype=float)
             model.state = from_json(content['state'])
             if model.axes < 1:
                 raise ValueError('no axis')
@@ -224,7 +235,7 @@ class CalibrationModel(ABC):
             raise StageError(f'directions have shape {d.shape}, the points {c.shape}')
         _require_finite(d, 'directions')
         if temperatures is None:
-            return c, d, np.empty((len(c), 0))
+            return c, d, np.tile(self.mean_temperatures, (len(c), 1))
         t = np.asarray(temperatures, dtype=float)
         if t.ndim != 2 or len(t) != len(c):
             raise StageError(

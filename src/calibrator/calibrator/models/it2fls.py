@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -43,8 +42,6 @@ class FuzzySystem(CalibrationModel):
                 f'there is no type reduction {self.options["reduction"]}: choose one of '
                 f'{", ".join(REDUCTIONS)}'
             )
-        self.progress: Callable[[int, float], None] | None = None
-        self.abort: Callable[[], bool] | None = None
         self.swarm: SwarmResult | None = None
 
     def parameter_count(self, axes: int, sensors: int) -> int:
@@ -123,24 +120,6 @@ class Hybrid(CalibrationModel):
         self.structured = Structured(**{k: self.options[k] for k in Structured.defaults})
         self.fuzzy = FuzzySystem(**{k: self.options[k] for k in FuzzySystem.defaults})
 
-    @property
-    def progress(self) -> Callable[[int, float], None] | None:
-        """Called after each iteration of the swarm."""
-        return self.fuzzy.progress
-
-    @progress.setter
-    def progress(self, value: Callable[[int, float], None] | None) -> None:
-        self.fuzzy.progress = value
-
-    @property
-    def abort(self) -> Callable[[], bool] | None:
-        """Asked after each iteration of the swarm."""
-        return self.fuzzy.abort
-
-    @abort.setter
-    def abort(self, value: Callable[[], bool] | None) -> None:
-        self.fuzzy.abort = value
-
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Those of the larger part; the parts are fitted one after the other."""
         return max(
@@ -151,6 +130,7 @@ class Hybrid(CalibrationModel):
         heat = temperatures if self.sensors else None
         self.structured.fit(command, command + error, direction, heat)
         rest = command + error - self.structured.predict(command, direction, heat)
+        self.fuzzy.progress, self.fuzzy.abort = self.progress, self.abort
         self.fuzzy.fit(command, command + rest)
         self.state['structured'] = self.structured.to_dict()
         self.state['fuzzy'] = self.fuzzy.to_dict()

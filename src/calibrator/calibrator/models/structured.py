@@ -58,10 +58,7 @@ class Structured(CalibrationModel):
         for axis in range(self.axes):
             if leads is None:
                 plain = self._design(command, direction, temperatures, axis)
-                rest = error[:, axis] - plain @ _solve(plain, error[:, axis], self._ridge())[0]
-                period = find_period(command[:, axis], rest)
-                if period:
-                    period = _refined_period(period, command[:, axis], error[:, axis], plain)
+                period = find_period(command[:, axis], error[:, axis], plain)
                 self.state['leads'][axis] = period
             else:
                 self.state['leads'][axis] = leads[axis]
@@ -170,41 +167,27 @@ class Structured(CalibrationModel):
         return names
 
 
-def find_period(position: Array, residual: Array, significance: float = 1e-6) -> float:
-    """Period [m] of the strongest sine of a residual over position; 0 where none is significant.
+def find_period(position: Array, error: Array, design: Array, significance: float = 1e-6) -> float:
+    """Period [m] of the strongest sine of an error over position; 0 where none is significant.
 
-    The screw's error repeats with its lead. A least-squares periodogram is scanned from a third
-    of the travel down to twice the mean spacing of the distinct positions, refined, and accepted
-    when the F test of two extra parameters stays below `significance` divided by the number of
-    scanned frequencies.
+    The screw's error repeats with its lead. A least-squares periodogram, with the other
+    regressors fitted along, is scanned from a third of the travel down to twice the mean spacing
+    of the distinct positions, refined, and accepted when the F test of the two extra parameters
+    stays below `significance` divided by the number of scanned frequencies.
 
     Parameters
     ----------
-    position, residual
+    position, error
         Shape (n,) [m].
+    design
+        The other regressors, (n, p).
     """
     span = float(np.ptp(position))
     distinct = len(np.unique(np.round(position / (span * 1e-7))))
     highest = min(distinct / 2.0, 400.0)
-    if len(position) < 30 or highest <= 3.0:
+    freedom = len(position) - design.shape[1] - 2
+    if freedom < 5 or highest <= 3.0:
         return 0.0
-    rest = residual - residual.mean()
-    # Four points per resolution cell keep the peak's loss below five per cent.
-    frequencies = np.arange(3.0, highest, 0.25) / span
-    power = _sine_power(position, rest, frequencies)
-    best = frequencies[int(np.argmax(power))]
-    fine = best + np.linspace(-0.25, 0.25, 101) / span
-    fine_power = _sine_power(position, rest, fine)
-    share = float(fine_power.max())
-    # Under noise (1 - share)^((n-3)/2) is the probability of a share at least this large.
-    logarithm = 0.5 * (len(rest) - 3) * np.log1p(-min(share, 1.0 - 1e-15))
-    if logarithm > np.log(significance / len(frequencies)):
-        return 0.0
-    return float(1.0 / fine[int(np.argmax(fine_power))])
-
-
-def _refined_period(period: float, position: Array, error: Array, design: Array) -> float:
-    """The period [m] that fits best together with the other regressors, not after them."""
     basis = np.linalg.qr(design)[0]
     rest = error - basis @ (basis.T @ error)
 
@@ -212,33 +195,29 @@ def _refined_period(period: float, position: Array, error: Array, design: Array)
         phase = 2.0 * np.pi * frequency * position
         pair = np.column_stack([np.sin(phase), np.cos(phase)])
         pair -= basis @ (basis.T @ pair)
-        left = rest - pair @ np.linalg.lstsq(pair, rest, rcond=None)[0]
-        return float(left @ left)
-
-    width = 0.25 / float(np.ptp(position))
-    found = minimize_scalar(
-        unexplained, bounds=(1.0 / period - width, 1.0 / period + width), method='bounded'
-    )
-    return float(1.0 / found.x)
-
-
-def _sine_power(position: Array, residual: Array, frequencies: Array) -> Array:
-    """Share of the residual's energy that a sine of each frequency explains, in [0, 1]."""
-    total = float(residual @ residual)
-    if total <= 0.0:
-        return np.zeros(len(frequencies))
-    share = np.empty(len(frequencies))
-    for i, frequency in enumerate(frequencies):
-        phase = 2.0 * np.pi * frequency * position
-        s, c = np.sin(phase), np.cos(phase)
-        ss, cc, sc = s @ s, c @ c, s @ c
-        rs, rc = residual @ s, residual @ c
+        (ss, sc), (_, cc) = pair.T @ pair
+        rs, rc = rest @ pair
         determinant = ss * cc - sc * sc
-        if determinant <= 1e-9 * ss * cc:
-            share[i] = 0.0
-            continue
-        share[i] = (rs * rs * cc - 2.0 * rs * rc * sc + rc * rc * ss) / determinant / total
-    return share
+        if determinant <= 1e-6 * len(position) ** 2:
+            # The regressors at hand already make up this sine, or the positions alias it.
+            return 1.0
+        gain = (rs * rs * cc - 2.0 * rs * rc * sc + rc * rc * ss) / determinant
+        return 1.0 - gain / total
+
+    total = float(rest @ rest)
+    if total <= 0.0:
+        return 0.0
+    # Four points per resolution cell keep the peak's loss below five per cent.
+    frequencies = np.arange(3.0, highest, 0.25) / span
+    left = np.array([unexplained(frequency) for frequency in frequencies])
+    best = float(frequencies[int(np.argmin(left))])
+    width = 0.25 / span
+    found = minimize_scalar(unexplained, bounds=(best - width, best + width), method='bounded')
+    # Under noise left^(freedom/2) is the probability of so little left.
+    logarithm = 0.5 * freedom * np.log(max(float(found.fun), 1e-300))
+    if logarithm > np.log(significance / len(frequencies)):
+        return 0.0
+    return float(1.0 / found.x)
 
 
 def _solve(design: Array, target: Array, ridge: float) -> tuple[Array, Array]:

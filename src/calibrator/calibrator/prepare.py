@@ -1,0 +1,333 @@
+"""From a session to training samples: synchronise, resample, find rests (paper 1, 3.2 and 3.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from stage_core import topics
+from stage_core.clocks import to_seconds
+from stage_core.errors import StageError
+from stage_core.session import Session
+
+Array = NDArray[np.float64]
+
+INPUTS = ('reference', 'encoder')
+TARGETS = ('tracker', 'encoder', 'reference')
+
+REST_DURATION = 0.08
+"""A pause shorter than this [s] is a turning point, not a measurement at rest."""
+REST_STEP = 1e-8
+"""Reference changes below this [m] between two messages count as standing still."""
+ENOUGH_RESTS = 8
+"""With fewer rests than this a session is used as a stream of moving points."""
+MOST_STREAM_SAMPLES = 4000
+LARGEST_SHIFT = 0.5
+"""Clock differences up to this [s] are searched."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Pairs of commanded and measured points.
+
+    Attributes
+    ----------
+    command, measured, direction
+        (n, axes): [m], [m] and the sign of each axis' last move.
+    temperatures
+        (n, sensors) [degC]; no columns where the session has no sensor.
+    times
+        (n,) seconds since the session's start.
+    sensors, axes
+        Names of the columns.
+    shift
+        By how much the measured stamps were late [s], estimated.
+    at_rest
+        Whether the samples are means over rests, or points of a moving stage.
+    """
+
+    command: Array
+    measured: Array
+    direction: Array
+    temperatures: Array
+    times: Array
+    sensors: tuple[str, ...]
+    axes: tuple[str, ...]
+    shift: float
+    at_rest: bool
+
+    def __len__(self) -> int:
+        return len(self.command)
+
+    def take(self, chosen: NDArray[np.int64] | NDArray[np.bool_]) -> Samples:
+        """The samples of an index or mask."""
+        return replace(
+            self,
+            command=self.command[chosen],
+            measured=self.measured[chosen],
+            direction=self.direction[chosen],
+            temperatures=self.temperatures[chosen],
+            times=self.times[chosen],
+        )
+
+    @property
+    def heat(self) -> Array | None:
+        """Temperatures, or None without sensors."""
+        return self.temperatures if self.temperatures.shape[1] else None
+
+
+def prepare(session: Session, source: str = 'reference', target: str = 'tracker') -> Samples:
+    """Training samples of a session.
+
+    Rests are preferred: the mean of the measured points while the command stands, with the
+    direction from which each axis came. A session without rests gives the points of the moving
+    stage, the command interpolated to the measured stamps, both after the estimated clock shift.
+
+    Parameters
+    ----------
+    source
+        Model input: `reference` (what was commanded) or `encoder`.
+    target
+        Model output: `tracker` (aligned table points), `encoder` or `reference`.
+
+    Raises
+    ------
+    StageError
+        If a topic is missing, the two hold no common time, or a temperature sensor dropped out.
+    """
+    if source not in INPUTS or target not in TARGETS:
+        raise StageError(
+            f'a model takes {" or ".join(INPUTS)} and gives {", ".join(TARGETS)}; '
+            f'got {source} and {target}'
+        )
+    axes = session.axes
+    times, command = _stage_series(session, source, axes)
+    measured_times, measured = _target_series(session, target, axes)
+    same_clock = target != 'tracker'
+    shift = 0.0 if same_clock else estimate_shift(times, command, measured_times, measured)
+    measured_times = measured_times - shift
+    rests = find_rests(times, command)
+    samples = _rest_samples(times, command, measured_times, measured, rests)
+    at_rest = len(samples[0]) >= ENOUGH_RESTS
+    if not at_rest:
+        samples = _stream_samples(times, command, measured_times, measured)
+    sample_times, sample_command, sample_measured, direction = samples
+    if len(sample_times) == 0:
+        raise StageError(
+            f'{session.path}: no measured point falls into the commanded time: check the clocks '
+            'of the tracker and the stage'
+        )
+    sensors, temperatures = _temperatures(session, sample_times)
+    return Samples(
+        sample_command,
+        sample_measured,
+        direction,
+        temperatures,
+        sample_times,
+        sensors,
+        axes,
+        shift,
+        at_rest,
+    )
+
+
+def concatenate(parts: list[Samples]) -> Samples:
+    """Samples of several sessions together; sensors that all of them have are kept.
+
+    Raises
+    ------
+    StageError
+        If there is none or their axes differ.
+    """
+    if not parts:
+        raise StageError('no training data: name at least one session bag')
+    if len({part.axes for part in parts}) > 1:
+        raise StageError('the sessions have different axes: train them apart')
+    sensors = tuple(s for s in parts[0].sensors if all(s in part.sensors for part in parts))
+    offsets = np.cumsum([0.0] + [float(p.times[-1]) + 1.0 for p in parts[:-1]])
+    return Samples(
+        np.vstack([p.command for p in parts]),
+        np.vstack([p.measured for p in parts]),
+        np.vstack([p.direction for p in parts]),
+        np.vstack([p.temperatures[:, [p.sensors.index(s) for s in sensors]] for p in parts]),
+        np.concatenate([p.times + o for p, o in zip(parts, offsets, strict=True)]),
+        sensors,
+        parts[0].axes,
+        float(np.mean([p.shift for p in parts])),
+        all(p.at_rest for p in parts),
+    )
+
+
+def split(
+    samples: Samples, share: float = 0.7, seed: int = 0, by: str = 'position'
+) -> tuple[Samples, Samples]:
+    """Training and held-out samples.
+
+    Parameters
+    ----------
+    share
+        Share of the training part; the papers use 0.7.
+    by
+        `position`: distinct commanded positions are drawn at random, and all visits to one stay
+        together, so that no held-out position has been seen. `time`: the last part of the session
+        is held out, which does not flatter where the stage drifts.
+
+    Raises
+    ------
+    StageError
+        If one of the two parts would be empty.
+    """
+    if by == 'time':
+        order = np.argsort(samples.times, kind='stable')
+        count = int(round(share * len(samples)))
+        train, held = order[:count], order[count:]
+    elif by == 'position':
+        grid = np.round(samples.command / 1e-7).astype(np.int64)
+        group = np.unique(grid, axis=0, return_inverse=True)[1].reshape(-1)
+        drawn = np.random.default_rng(seed).permutation(int(group.max()) + 1)
+        kept = drawn[: int(round(share * len(drawn)))]
+        inside = np.isin(group, kept)
+        train, held = np.flatnonzero(inside), np.flatnonzero(~inside)
+    else:
+        raise StageError(f'samples are split by position or by time, not by {by}')
+    if len(train) == 0 or len(held) == 0:
+        raise StageError(
+            f'{len(samples)} samples are too few to hold some out: record more positions'
+        )
+    return samples.take(train), samples.take(held)
+
+
+def estimate_shift(times: Array, command: Array, measured_times: Array, measured: Array) -> float:
+    """How late the measured stamps are [s]: measured(t) belongs to command(t - shift).
+
+    The shift with the smallest residual of an affine fit of the measured points by the command
+    (eq. 24 of paper 1), searched on a grid of 10 ms in +-0.5 s and refined. Zero where the
+    command never moves, because then nothing tells the time. With the reference as command the
+    servo's lag is part of it.
+    """
+    chosen = np.linspace(0, len(measured_times) - 1, min(len(measured_times), 3000)).astype(int)
+    t, points = measured_times[chosen], measured[chosen]
+    inside = (t > times[0] + LARGEST_SHIFT) & (t < times[-1] - LARGEST_SHIFT)
+    if np.count_nonzero(inside) > 20:
+        t, points = t[inside], points[inside]
+    if len(t) < 4 or float(np.ptp(command, axis=0).max()) <= 0.0:
+        return 0.0
+
+    def residual(shift: float) -> float:
+        at = _interpolate(t - shift, times, command)
+        design = np.column_stack([np.ones(len(at)), at - at.mean(axis=0)])
+        left = points - design @ np.linalg.lstsq(design, points, rcond=None)[0]
+        return float(np.sum(left**2))
+
+    grid = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 1e-9, 0.01)
+    values = np.array([residual(s) for s in grid])
+    best = int(np.argmin(values))
+    if values[best] > 0.999 * values[len(grid) // 2]:
+        # Nothing gained over no shift: the points were taken at rest.
+        return 0.0
+    found = minimize_scalar(
+        residual, bounds=(grid[best] - 0.01, grid[best] + 0.01), method='bounded',
+        options={'xatol': 1e-6},
+    )  # fmt: skip
+    return float(found.x)
+
+
+def find_rests(times: Array, command: Array) -> list[tuple[int, int]]:
+    """Index ranges [start, stop) in which the command stands for `REST_DURATION` or longer."""
+    if len(times) < 2:
+        return []
+    still = np.all(np.abs(np.diff(command, axis=0)) < REST_STEP, axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
+    return [
+        (int(start), int(stop) + 1)
+        for start, stop in zip(edges[::2], edges[1::2], strict=True)
+        if times[stop] - times[start] >= REST_DURATION
+    ]
+
+
+def approach_direction(command: Array) -> Array:
+    """Sign of each axis' last move at each sample, (n, axes); 0 before the first one."""
+    step = np.diff(command, axis=0, prepend=command[:1])
+    sign = np.where(np.abs(step) < REST_STEP, 0.0, np.sign(step))
+    last = np.where(sign != 0.0, np.arange(len(command))[:, None], 0)
+    np.maximum.accumulate(last, axis=0, out=last)
+    return np.take_along_axis(sign, last, axis=0)
+
+
+def _rest_samples(
+    times: Array,
+    command: Array,
+    measured_times: Array,
+    measured: Array,
+    rests: list[tuple[int, int]],
+) -> tuple[Array, Array, Array, Array]:
+    directions = approach_direction(command)
+    moves = np.any(directions != 0.0, axis=0)
+    rows = []
+    for start, stop in rests:
+        if (moves & (directions[stop - 1] == 0.0)).any():
+            # Before an axis' first move its play is open to either side.
+            continue
+        # The second half of a rest: the stage has settled by then.
+        begin, end = 0.5 * (times[start] + times[stop - 1]), times[stop - 1]
+        first, last = np.searchsorted(measured_times, [begin, end])
+        if last > first:
+            point = measured[first:last].mean(axis=0)
+            rows.append((0.5 * (begin + end), command[stop - 1], point, directions[stop - 1]))
+    if not rows:
+        empty = np.empty((0, command.shape[1]))
+        return np.empty(0), empty, empty, empty
+    t, c, m, d = zip(*rows, strict=True)
+    return np.array(t), np.array(c), np.array(m), np.array(d)
+
+
+def _stream_samples(
+    times: Array, command: Array, measured_times: Array, measured: Array
+) -> tuple[Array, Array, Array, Array]:
+    inside = np.flatnonzero((measured_times >= times[0]) & (measured_times <= times[-1]))
+    if len(inside) > MOST_STREAM_SAMPLES:
+        inside = inside[np.linspace(0, len(inside) - 1, MOST_STREAM_SAMPLES).astype(int)]
+    t = measured_times[inside]
+    before = np.maximum(np.searchsorted(times, t, side='right') - 1, 0)
+    return (
+        t,
+        _interpolate(t, times, command),
+        measured[inside],
+        approach_direction(command)[before],
+    )
+
+
+def _stage_series(session: Session, quantity: str, axes: tuple[str, ...]) -> tuple[Array, Array]:
+    topic = topics.REFERENCE if quantity == 'reference' else topics.JOINT_STATES
+    series = session.require(topic, f'holds the {quantity}')
+    return to_seconds(series.stamps, session.start_ns), series.columns('position', axes)
+
+
+def _target_series(session: Session, target: str, axes: tuple[str, ...]) -> tuple[Array, Array]:
+    if target != 'tracker':
+        return _stage_series(session, target, axes)
+    points = session.table_points()[:, : len(axes)]
+    return session.seconds(topics.TRACKER_POINT), points
+
+
+def _temperatures(session: Session, at: Array) -> tuple[tuple[str, ...], Array]:
+    series = session.temperatures()
+    columns = []
+    for name, sensor in series.items():
+        values = sensor.values['temperature']
+        times = to_seconds(sensor.stamps, session.start_ns)
+        good = np.isfinite(values)
+        if not good.any() or np.ptp(at) > 0 and times[good][-1] < at[0]:
+            raise StageError(
+                f'{session.path}: temperature sensor {name} holds no value while the stage was '
+                'measured: repair the sensor or leave its topic out'
+            )
+        columns.append(np.interp(at, times[good], values[good]))
+    return tuple(series), np.column_stack(columns) if columns else np.empty((len(at), 0))
+
+
+def _interpolate(at: Array, times: Array, values: Array) -> Array:
+    return np.column_stack([np.interp(at, times, column) for column in values.T])

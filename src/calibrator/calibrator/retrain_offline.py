@@ -1,0 +1,117 @@
+"""``ros2 run calibrator retrain_offline``: train a model from bags alone and say what it gains."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from calibrator import model_file
+from calibrator.compare import compare, table
+from calibrator.models import METHODS
+from calibrator.prepare import INPUTS, TARGETS, Samples
+from calibrator.training import (
+    Metrics,
+    default_options,
+    evaluate,
+    find_bags,
+    samples_of,
+    stored,
+    train,
+)
+from stage_core.errors import StageError, command_line
+
+
+@command_line
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train, print the errors before and after, and write the model."""
+    options = _parser().parse_args(arguments)
+    # Only here: reading bags imports more than `--help` needs.
+    from session_bags.reader import read_session
+
+    bags = find_bags(options.bag)
+    sessions = [read_session(bag) for bag in bags]
+    samples = samples_of(sessions, options.input, options.target)
+    kind = 'rests' if samples.at_rest else 'moving points'
+    print(
+        f'{len(samples)} {kind} of {len(bags)} bag(s), axes {"".join(samples.axes)}, clock shift '
+        f'{1e3 * samples.shift:.2f} ms'
+    )
+    settings = {**default_options(options.method, sessions[0]), **_json_object(options.options)}
+    held = None
+    if options.holdout:
+        holdout = [read_session(bag) for bag in find_bags(options.holdout)]
+        held = samples_of(holdout, options.input, options.target)
+    if options.compare:
+        shared = {m: default_options(m, sessions[0]) for m in METHODS}
+        print(table(compare(samples, options=shared, seed=options.seed, by=options.split)))
+        return 0
+    result = train(samples, options.method, settings, options.seed, options.split, _progress())
+    print(result.model.describe())
+    print(before_and_after(result.before, result.after, result.held_out))
+    if held is not None:
+        print(f'held-out session(s): {len(held)} samples')
+        print(before_and_after(_uncalibrated(held), evaluate(result.model, held), len(held)))
+    if options.out:
+        model_file.save(stored(result, bags, options.machine, 1, options.seed), options.out)
+        print(f'model written to {options.out}')
+    return 0
+
+
+def before_and_after(before: Metrics, after: Metrics, count: int) -> str:
+    """Table of the four metrics in micrometres."""
+    lines = [f'{"held-out " + str(count) + " [um]":22s} {"before":>10s} {"after":>10s}']
+    for name, label in (('rms', 'RMS'), ('mae', 'MAE'), ('max', 'max'), ('sigma', 'sigma')):
+        lines.append(
+            f'{label:22s} {1e6 * getattr(before, name):10.3f} {1e6 * getattr(after, name):10.3f}'
+        )
+    return '\n'.join(lines)
+
+
+def _uncalibrated(samples: Samples) -> Metrics:
+    return Metrics.of(samples.measured - samples.command)
+
+
+def _progress() -> Any:
+    """A line that counts iterations, on a terminal only."""
+    if not sys.stderr.isatty():
+        return None
+
+    def show(iteration: int, best: float) -> None:
+        print(f'\riteration {iteration}, error {best:.5g} ', end='', file=sys.stderr, flush=True)
+
+    return show
+
+
+def _json_object(text: str) -> dict[str, Any]:
+    try:
+        content = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise StageError(
+            f'--options is no JSON ({error.msg}): write {{"degree": 7}}, for example'
+        ) from error
+    if not isinstance(content, dict):
+        raise StageError('--options must be a JSON object: write {"degree": 7}, for example')
+    return content
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog='retrain_offline', description=__doc__)
+    parser.add_argument('--bag', action='append', required=True, help='session bag, or a folder')
+    parser.add_argument('--method', default='structured', choices=list(METHODS))
+    parser.add_argument('--options', default='{}', help='options of the method, a JSON object')
+    parser.add_argument('--input', default='reference', choices=INPUTS, help='model input')
+    parser.add_argument('--target', default='tracker', choices=TARGETS, help='model output')
+    parser.add_argument('--split', default='position', choices=('position', 'time'))
+    parser.add_argument('--holdout', action='append', default=[], help='bag to judge the model on')
+    parser.add_argument('--compare', action='store_true', help='table of all methods, no model')
+    parser.add_argument('--machine', default='', help='name of the stage, kept in the model')
+    parser.add_argument('--seed', type=int, default=0)
+    parser.add_argument('--out', default='', help='model file to write')
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,214 @@
+"""Training a method on samples, with its errors on held-out positions."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrator.model_file import StoredModel, bag_hash
+from calibrator.models import METHODS, make_model
+from calibrator.models.base import CalibrationModel
+from calibrator.models.structured import Structured
+from calibrator.prepare import Samples, concatenate, prepare, split
+from stage_core.errors import StageError
+from stage_core.session import Session
+
+Array = NDArray[np.float64]
+
+LEAST_WARMING = 0.3
+"""Change of a sensor [K] from which its temperature is a regressor."""
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Errors of all axes together [m]: root mean square, mean absolute, largest, deviation."""
+
+    rms: float
+    mae: float
+    max: float
+    sigma: float
+
+    @classmethod
+    def of(cls, error: Array) -> Metrics:
+        """Metrics of errors of shape (n, axes) [m]; sigma is about each axis' mean."""
+        return cls(
+            float(np.sqrt(np.mean(error**2))),
+            float(np.mean(np.abs(error))),
+            float(np.max(np.abs(error))),
+            float(np.sqrt(np.mean((error - error.mean(axis=0)) ** 2))),
+        )
+
+
+@dataclass(frozen=True)
+class Training:
+    """A trained model with its errors on the held-out samples, and on the training ones.
+
+    `before` is the error of the uncalibrated stage on the held-out samples.
+    """
+
+    model: CalibrationModel
+    before: Metrics
+    after: Metrics
+    train_before: Metrics
+    train_after: Metrics
+    seconds: float
+    trained_on: int
+    held_out: int
+    sensors: tuple[str, ...]
+
+    def metrics(self) -> dict[str, Any]:
+        """JSON-able record for the model file and the latched topic."""
+        return {
+            'before': asdict(self.before),
+            'after': asdict(self.after),
+            'train': asdict(self.train_after),
+            'trained_on': self.trained_on,
+            'held_out': self.held_out,
+        }
+
+    def line(self) -> str:
+        """One line with the held-out error before and after."""
+        return (
+            f'{self.model.method}: held-out RMS {1e6 * self.before.rms:.3f} um before, '
+            f'{1e6 * self.after.rms:.3f} um after ({self.held_out} held-out of '
+            f'{self.trained_on + self.held_out} samples)'
+        )
+
+
+def train(
+    samples: Samples,
+    method: str = 'structured',
+    options: dict[str, Any] | None = None,
+    seed: int = 0,
+    by: str = 'position',
+    progress: Callable[[int, float], None] | None = None,
+    abort: Callable[[], bool] | None = None,
+) -> Training:
+    """Fit a method on 70 % of the samples and judge it on the rest.
+
+    Parameters
+    ----------
+    seed
+        Of the split, and of the method where it has a seed and `options` name none.
+    by
+        How samples are held out, see `prepare.split`.
+    progress, abort
+        For methods that iterate.
+
+    Raises
+    ------
+    StageError
+        If the data do not suffice, or the training was aborted.
+    """
+    samples = with_useful_sensors(samples)
+    training, held = split(samples, seed=seed, by=by)
+    model = make_model(method, **_with_seed(method, options or {}, seed))
+    model.progress, model.abort = progress, abort
+    started = time.perf_counter()
+    model.fit(training.command, training.measured, training.direction, training.heat)
+    seconds = time.perf_counter() - started
+    return Training(
+        model,
+        Metrics.of(held.measured - held.command),
+        evaluate(model, held),
+        Metrics.of(training.measured - training.command),
+        evaluate(model, training),
+        seconds,
+        len(training),
+        len(held),
+        samples.sensors,
+    )
+
+
+def with_useful_sensors(samples: Samples) -> Samples:
+    """The samples with those temperature sensors that moved by `LEAST_WARMING` or more.
+
+    A steady temperature has no effect that data could show, and its column would stand for a
+    constant that the model already has.
+    """
+    kept = np.flatnonzero(np.ptp(samples.temperatures, axis=0) >= LEAST_WARMING)
+    return replace(
+        samples,
+        temperatures=samples.temperatures[:, kept],
+        sensors=tuple(samples.sensors[i] for i in kept),
+    )
+
+
+def evaluate(model: CalibrationModel, samples: Samples) -> Metrics:
+    """Errors of a model's prediction of the measured points."""
+    heat = samples.heat if model.sensors == samples.temperatures.shape[1] else None
+    return Metrics.of(samples.measured - model.predict(samples.command, samples.direction, heat))
+
+
+def find_bags(paths: list[str]) -> list[Path]:
+    """The bags that paths name: each a bag, an mcap file, or a folder of bags.
+
+    Raises
+    ------
+    StageError
+        If a path does not exist or holds no bag.
+    """
+    found: list[Path] = []
+    for name in paths:
+        path = Path(name)
+        if not path.exists():
+            raise StageError(f'there is no bag {path}: check the path')
+        if path.is_file() or (path / 'metadata.yaml').exists() or any(path.glob('*.mcap')):
+            found.append(path)
+            continue
+        inside = sorted({m.parent for m in path.rglob('*.mcap')})
+        if not inside:
+            raise StageError(f'{path} holds no bag: name a session bag or a folder of them')
+        found += inside
+    return found
+
+
+def samples_of(sessions: list[Session], source: str, target: str) -> Samples:
+    """Samples of several sessions together."""
+    return concatenate([prepare(session, source, target) for session in sessions])
+
+
+def twin_leads(session: Session) -> list[float] | None:
+    """Lead of each axis' screw from the session's nominal twin [m], None where it has none."""
+    axes = (session.twin or {}).get('axes', {})
+    try:
+        leads = [float(axes[axis]['lead']) for axis in session.axes]
+    except (KeyError, TypeError, ValueError):
+        return None
+    return leads if all(lead > 0.0 for lead in leads) else None
+
+
+def default_options(method: str, session: Session) -> dict[str, Any]:
+    """Options that a session settles: the screw's lead from its nominal twin."""
+    leads = twin_leads(session)
+    if leads is not None and 'lead' in METHODS.get(method, Structured).defaults:
+        return {'lead': leads}
+    return {}
+
+
+def stored(
+    training: Training, bags: list[Path], machine: str, version: int, seed: int
+) -> StoredModel:
+    """The model with its provenance, ready to be written."""
+    return StoredModel(
+        training.model,
+        machine,
+        version,
+        {bag.name: bag_hash(bag) for bag in bags},
+        training.metrics(),
+        seed,
+        training.sensors,
+    )
+
+
+def _with_seed(method: str, options: dict[str, Any], seed: int) -> dict[str, Any]:
+    cls = METHODS.get(method)
+    if cls is not None and 'seed' in cls.defaults:
+        return {'seed': seed, **options}
+    return options

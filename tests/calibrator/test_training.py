@@ -1,0 +1,163 @@
+"""Preparing samples and training on them, against sessions whose truth is known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calibrator import model_file
+from calibrator.compare import compare, table
+from calibrator.prepare import (
+    approach_direction,
+    concatenate,
+    estimate_shift,
+    find_rests,
+    prepare,
+    split,
+)
+from calibrator.training import Metrics, find_bags, stored, train, twin_leads
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+
+
+@pytest.fixture(scope='module')
+def samples(grid_session):
+    return prepare(grid_session(120))
+
+
+def test_rests_give_the_planted_pairs(samples, planted_map):
+    assert samples.at_rest and len(samples) == 120
+    truth = planted_map(samples.command, samples.direction)
+    # 15 tracker points of 0.3 um each per rest.
+    assert np.abs(samples.measured - truth).max() < 5e-7
+    assert set(np.unique(samples.direction)) == {-1.0, 1.0}
+
+
+@pytest.mark.parametrize('latency', [-0.12, 0.0, 0.0373])
+def test_clock_shift_is_estimated_from_moving_points(latency, grid_session):
+    samples = prepare(grid_session(30, latency=latency))
+    assert abs(samples.shift - latency) < 1e-3
+    assert len(samples) == 30
+
+
+def test_a_session_without_rests_is_a_stream(grid_session, planted_map):
+    samples = prepare(grid_session(40, rest=0.0, latency=0.02))
+    assert not samples.at_rest and len(samples) > 400
+    truth = planted_map(samples.command, samples.direction)
+    # A millisecond of shift at 0.3 m/s is 0.3 mm; the estimate must do far better.
+    assert np.sqrt(np.mean((samples.measured - truth) ** 2)) < 2e-5
+
+
+def test_shift_of_a_stage_at_rest_is_zero():
+    times = np.arange(100) * 0.01
+    still = np.zeros((100, 2))
+    assert estimate_shift(times, still, times, still) == 0.0
+
+
+@given(st.lists(st.sampled_from([-1, 0, 1]), min_size=2, max_size=30))
+@settings(max_examples=30, deadline=None)
+def test_direction_is_the_last_nonzero_move(moves):
+    position = np.concatenate([[0.0], np.cumsum(moves) * 1e-3])[:, None]
+    expected, last = [0.0], 0.0
+    for move in moves:
+        last = float(move) if move else last
+        expected.append(last)
+    np.testing.assert_array_equal(approach_direction(position)[:, 0], expected)
+
+
+def test_rests_are_found_between_moves():
+    times = np.arange(300) * 0.001
+    command = np.concatenate([np.zeros(100), np.linspace(0, 1e-2, 50), np.full(150, 1e-2)])
+    assert find_rests(times, command[:, None]) == [(0, 101), (149, 300)]
+
+
+def test_split_keeps_visits_to_a_position_together(samples):
+    twice = concatenate([samples, samples])
+    training, held = split(twice, seed=3)
+    assert len(training) + len(held) == 240
+    seen = {tuple(p) for p in training.command}
+    assert not any(tuple(p) in seen for p in held.command)
+    training, held = split(twice, by='time')
+    assert training.times.max() <= held.times.min()
+    with pytest.raises(StageError, match='by position or by time'):
+        split(twice, by='colour')
+
+
+def test_structured_training_reaches_the_noise(samples):
+    result = train(samples, 'structured', seed=1)
+    assert result.before.rms > 5e-6
+    assert result.after.rms < 1.5e-7
+    assert '36 held-out of 120 samples' in result.line()
+    record = stored(result, [], 'stage', 4, 1)
+    assert record.version == 4 and record.metrics['after']['rms'] == result.after.rms
+
+
+def test_metrics_by_hand():
+    metrics = Metrics.of(np.array([[3.0, 0.0], [-1.0, 4.0]]))
+    assert metrics == Metrics(np.sqrt(26 / 4), 2.0, 4.0, np.sqrt((4 + 4 + 4 + 4) / 4))
+
+
+def test_comparison_lists_every_method_and_its_failure(samples):
+    results = compare(samples.take(np.arange(20)), ['identity', 'affine', 'polynomial'])
+    text = table(results)
+    assert text.index('affine') < text.index('identity')
+    assert 'record more positions' in text.splitlines()[-1]
+
+
+def test_temperature_is_used_where_it_moves(grid_session):
+    warm = prepare(grid_session(60, sensor=np.linspace(20.0, 26.0, 40)))
+    assert warm.sensors == ('screw_x',)
+    assert train(warm, 'affine').sensors == ('screw_x',)
+    steady = prepare(grid_session(60, sensor=[20.0, 20.01]))
+    result = train(steady, 'affine')
+    assert result.sensors == () and result.model.sensors == 0
+    with pytest.raises(StageError, match='sensor screw_x holds no value'):
+        prepare(grid_session(20, sensor=[np.nan]))
+
+
+def test_missing_topics_and_unknown_quantities_are_named(grid_session):
+    session = grid_session(10)
+    without = Session('bag', {topics.REFERENCE: session.series[topics.REFERENCE]})
+    with pytest.raises(StageError, match='/tracker/point'):
+        prepare(without)
+    with pytest.raises(StageError, match='got colour'):
+        prepare(session, 'colour')
+    late = session.series[topics.TRACKER_POINT]
+    moved = Series(late.topic, late.stamps + 10**13, late.values)
+    with pytest.raises(StageError, match='clocks'):
+        prepare(Session('bag', {**session.series, late.topic: moved}))
+
+
+def test_lead_comes_from_the_nominal_twin(grid_session):
+    twin = {'axes': {'x': {'lead': 0.004}, 'y': {'lead': 0.005}}}
+    assert twin_leads(grid_session(9, twin=twin)) == [0.004, 0.005]
+    assert twin_leads(grid_session(9)) is None
+
+
+def test_paths_name_bags_or_folders_of_them(tmp_path):
+    for name in ('a', 'b'):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / 'x.mcap').write_bytes(b'')
+    assert [p.name for p in find_bags([str(tmp_path)])] == ['a', 'b']
+    with pytest.raises(StageError, match='no bag'):
+        find_bags([str(tmp_path / 'c')])
+
+
+def test_offline_command_trains_from_a_bag_and_writes_the_model(tmp_path, capsys, grid_session):
+    from calibrator.retrain_offline import main
+    from session_bags.writer import write_session
+
+    bag = tmp_path / 'bag'
+    write_session(bag, grid_session(60))
+    out = tmp_path / 'model.json'
+    arguments = ['--bag', str(bag), '--out', str(out), '--machine', 'm1', '--seed', '2']
+    assert main(arguments) == 0
+    printed = capsys.readouterr().out
+    assert '60 rests of 1 bag(s)' in printed and 'before' in printed
+    loaded = model_file.load(out, 'm1')
+    assert loaded.seed == 2 and loaded.training == {'bag': model_file.bag_hash(bag)}
+    assert loaded.metrics['after']['rms'] < 0.1 * loaded.metrics['before']['rms']
+    assert main(['--bag', str(tmp_path / 'absent')]) == 2
+    assert 'there is no bag' in capsys.readouterr().err
+    assert main([*arguments, '--options', '[1]']) == 2
