@@ -97,7 +97,7 @@ class Bridge:
         """Set the counters to zero; after a jump of the clock, also take a new offset."""
         self.counters = Counters()
         self.identical = 0
-        self.longest_gap = 0.0
+        self.longest_gap = self.age = self.rate = 0.0
         if self.clock_lost:
             self._offset = ClockOffset(0 if self.source_clock == 'ros' else None)
             self._last = None

@@ -71,7 +71,8 @@ class TrackerBridge(StageNode):
         self.create_service(Trigger, '~/align', self._on_align)
         self.create_service(Trigger, '~/reset', self._on_reset)
         steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
-        self.create_timer(COMPLAINT_PERIOD, self._complain, clock=steady)
+        self._said = ('', 0.0)
+        self.create_timer(1.0, self._complain, clock=steady)
         self.diagnostics.hardware_id = f'{value("source")} {value("host")}:{value("port")}'
         self.diagnostics.task('connection', self._connection_status)
         self.diagnostics.task('stream', self._stream_status)
@@ -170,8 +171,11 @@ class TrackerBridge(StageNode):
         return response
 
     def _complain(self) -> None:
-        if self._source.trouble:
-            self.get_logger().warning(self._source.trouble)
+        trouble, now = self._source.trouble, time.monotonic()
+        text, said = self._said
+        if trouble and (trouble != text or now - said >= COMPLAINT_PERIOD):
+            self._said = (trouble, now)
+            self.get_logger().warning(trouble)
 
     def _connection_status(self) -> tuple[bytes, str, dict[str, Any]]:
         source = self._source
