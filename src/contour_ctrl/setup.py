@@ -21,6 +21,7 @@ setup(
         'console_scripts': [
             'contour_ctrl = contour_ctrl.node:main',
             'excite = contour_ctrl.excite_node:main',
+            'identify_friction = contour_ctrl.identify_friction:main',
         ],
     },
 )

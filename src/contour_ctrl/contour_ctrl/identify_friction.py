@@ -1,0 +1,245 @@
+"""LuGre parameters of an axis from a recorded session.
+
+Force balance: effort = m a + sigma_2 v + F_c f(v) + offset, with f the bristle force of
+eqs. 6 and 7 over F_c. For given F_s/F_c, v_s and presliding distance F_c/sigma_0 it is linear in
+the rest, so a search over few numbers remains (variable projection; Golub and Pereyra,
+Inverse Problems 19, 2003). sigma_1 stays zero: a millisecond of encoder counts does not show it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+from scipy.optimize import least_squares, minimize_scalar
+
+from contour_ctrl.friction import LuGre, lugre_force
+from stage_core import topics
+from stage_core.errors import StageError, command_line
+from stage_core.session import Session
+
+FloatArray = NDArray[np.float64]
+
+#: Bounds of F_s/F_c - 1 and v_s [m/s], and of the presliding distance [m].
+LOWER, UPPER = np.array([1e-3, 1e-4]), np.array([4.0, 0.1])
+PRESLIDING = np.array([1e-7, 2e-4])
+#: Starts of the search, (F_s/F_c - 1, v_s).
+STARTS = ((0.3, 2e-3), (0.3, 2e-2), (1.0, 5e-3))
+#: Presliding while the sliding force is fitted: nothing that it acts on takes part in that fit.
+TYPICAL_PRESLIDING = 3e-6
+#: Slower than this the axis counts as standing [m/s].
+STANDING = 3e-4
+
+
+@dataclass(frozen=True)
+class FrictionEstimate:
+    """What a record says about an axis; forces in the record's effort unit.
+
+    Attributes
+    ----------
+    model
+        The LuGre model, `viscous` included.
+    mass, offset
+        Moving mass [effort unit per m/s^2] and constant force.
+    extra
+        Coefficients of the extra regressors.
+    std
+        Standard deviation of coulomb, viscous, mass and offset, from the residual with its
+        correlation time taken into account.
+    residual, residual_without
+        RMS of the force that is left with this model, and with mass and viscous part alone.
+    """
+
+    model: LuGre
+    mass: float
+    offset: float
+    extra: tuple[float, ...]
+    std: dict[str, float]
+    residual: float
+    residual_without: float
+
+    def sentence(self) -> str:
+        """One line."""
+        model = self.model
+        return (
+            f'F_c {model.coulomb:.4g} (std {self.std["coulomb"]:.2g}), F_s {model.static:.4g}, '
+            f'v_s {model.stribeck_velocity:.3g} m/s, sigma_0 {model.stiffness:.3g}, '
+            f'viscous {model.viscous:.4g}, mass {self.mass:.4g}, offset {self.offset:.3g}; '
+            f'force left {self.residual:.3g} RMS, {self.residual_without:.3g} without friction'
+        )
+
+
+def identify(
+    position: FloatArray,
+    effort: FloatArray,
+    period: float,
+    smoothing: float = 0.005,
+    extra: FloatArray | None = None,
+) -> FrictionEstimate:
+    """Fit the force balance to one axis.
+
+    First everything that acts while sliding, from ticks whose neighbourhood neither stands nor
+    reverses; then the presliding distance alone, from all ticks.
+
+    Parameters
+    ----------
+    position, effort
+        (n,) encoder [m] and force of each tick, equally spaced; the force is held from its
+        tick to the next.
+    period
+        Of the record [s].
+    smoothing
+        Standard deviation of the Gaussian that every signal of the balance passes [s]: one
+        filter for all, so that it biases no coefficient.
+    extra
+        (n, k) further forces known up to a factor, such as a measured contact force.
+
+    Raises
+    ------
+    StageError
+        A record that is too short, holds gaps, or never reverses.
+    """
+    width = max(smoothing / period, 1.0)
+    reach = int(np.ceil(6.0 * width))
+    if len(position) != len(effort) or len(position) < 20 * reach:
+        raise StageError('the record is too short to identify friction: record some seconds')
+    if not (np.all(np.isfinite(position)) and np.all(np.isfinite(effort))):
+        raise StageError('the record holds values that are not finite: cut them out')
+
+    def smooth(values: FloatArray) -> FloatArray:
+        return np.asarray(gaussian_filter1d(values, width))
+
+    velocity = np.gradient(smooth(position), period)
+    span = float(np.ptp(velocity))
+    if not np.min(velocity) < -0.02 * span < 0.02 * span < np.max(velocity):
+        raise StageError(
+            'the axis never reverses in this record: friction and offset cannot be told apart; '
+            'record `ros2 run contour_ctrl excite`'
+        )
+    # The mean of two held forces belongs to the tick between them.
+    target = smooth(0.5 * (effort + np.concatenate([effort[:1], effort[:-1]])))
+    columns = [np.gradient(velocity, period), velocity, np.ones_like(velocity)]
+    if extra is not None:
+        columns += [smooth(column) for column in np.asarray(extra).T]
+    base = np.column_stack(columns)
+    inside = np.zeros(len(position), dtype=bool)
+    inside[reach:-reach] = True
+    sliding = inside & (minimum_filter1d(np.abs(velocity), 2 * reach + 1) > STANDING)
+    if sliding.sum() < 10 * reach:
+        raise StageError('the axis hardly moves in this record: record a longer or faster one')
+
+    def design(shape: FloatArray, presliding: float, used: NDArray[np.bool_]) -> FloatArray:
+        excess, stribeck = np.exp(shape)
+        unit = np.array([1.0, 1.0 + excess, stribeck, 1.0 / presliding, 0.0, 0.0])
+        return np.column_stack([base, smooth(lugre_force(unit, velocity, period))])[used]
+
+    def residual(shape: FloatArray) -> FloatArray:
+        matrix = design(shape, TYPICAL_PRESLIDING, sliding)
+        return np.asarray(target[sliding] - matrix @ _solve(matrix, target[sliding]))
+
+    bounds = np.log(LOWER), np.log(UPPER)
+    fits = [
+        least_squares(residual, np.log(start), bounds=bounds, diff_step=1e-3, max_nfev=30)
+        for start in STARTS
+    ]
+    best = min(fits, key=lambda fit: float(fit.cost))
+    matrix = design(best.x, TYPICAL_PRESLIDING, sliding)
+    solution = _solve(matrix, target[sliding])
+    coulomb = float(solution[-1])
+    if coulomb <= 0.0:
+        raise StageError('no Coulomb friction is visible in this record: none can be identified')
+    left = target[sliding] - matrix @ solution
+
+    def left_over(log_presliding: float) -> float:
+        rest = target[inside] - design(best.x, np.exp(log_presliding), inside) @ solution
+        return float(np.sqrt(np.mean(rest**2)))
+
+    found = minimize_scalar(
+        left_over, bounds=np.log(PRESLIDING), method='bounded', options={'xatol': 0.02}
+    )
+    without = target[inside] - base[inside] @ _solve(base[inside], target[inside])
+    excess, stribeck = np.exp(best.x)
+    model = LuGre(
+        coulomb,
+        coulomb * (1.0 + float(excess)),
+        float(stribeck),
+        coulomb / float(np.exp(found.x)),
+        0.0,
+        max(float(solution[1]), 0.0),
+    )
+    # Smoothing leaves about one independent residual per filter length.
+    spread = np.sqrt(np.diag(np.linalg.pinv(matrix.T @ matrix)) * np.var(left) * 3.5 * width)
+    names = {'mass': 0, 'viscous': 1, 'offset': 2, 'coulomb': -1}
+    return FrictionEstimate(
+        model,
+        float(solution[0]),
+        float(solution[2]),
+        tuple(solution[3:-1].tolist()),
+        {name: float(spread[index]) for name, index in names.items()},
+        float(found.fun),
+        float(np.sqrt(np.mean(without**2))),
+    )
+
+
+def identify_session(session: Session) -> dict[str, FrictionEstimate]:
+    """Fit every axis of a session; needs /stage/joint_states and the effort of /stage/command.
+
+    Raises
+    ------
+    StageError
+        A topic or the effort that is missing, or see `identify`.
+    """
+    states = session.require(topics.JOINT_STATES, 'holds the encoder')
+    command = session.require(topics.COMMAND, 'holds the force')
+    stamps, here, there = np.intersect1d(states.stamps, command.stamps, return_indices=True)
+    if len(stamps) < 100:
+        raise StageError(f'{session.path}: encoder and force share no stamps: record it again')
+    steps = np.diff(stamps)
+    period_ns = int(np.median(steps))
+    grid = np.arange(stamps[0], stamps[-1] + 1, period_ns)
+    if np.max(steps) > 50 * period_ns:
+        raise StageError(f'{session.path}: {np.max(steps) / 1e9:.2f} s without force: cut it out')
+    position = states.columns('position', session.axes)[here]
+    effort = command.columns('effort', session.axes)[there]
+    times, wanted = (stamps - stamps[0]) * 1e-9, (grid - stamps[0]) * 1e-9
+    return {
+        axis: identify(
+            np.interp(wanted, times, position[:, index]),
+            np.interp(wanted, times, effort[:, index]),
+            period_ns * 1e-9,
+        )
+        for index, axis in enumerate(session.axes)
+    }
+
+
+def _solve(matrix: FloatArray, target: FloatArray) -> FloatArray:
+    """Least squares with scaled columns: accelerations and offsets differ by decades."""
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0.0] = 1.0
+    gram = (matrix / scale).T @ (matrix / scale)
+    return np.asarray(np.linalg.lstsq(gram, (matrix / scale).T @ target, rcond=1e-12)[0] / scale)
+
+
+@command_line
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the friction of each axis of a session bag, and the parameters it gives."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument('--bag', required=True, help='session bag, best of `excite`')
+    given = parser.parse_args(arguments)
+    from session_bags.reader import read_session
+
+    session = read_session(given.bag, (topics.JOINT_STATES, topics.COMMAND, topics.REFERENCE))
+    for axis, estimate in identify_session(session).items():
+        print(f'{axis}: {estimate.sentence()}')
+        model = estimate.model
+        for name in ('coulomb', 'static', 'stribeck_velocity', 'stiffness'):
+            print(f'    {axis}.{name}: {getattr(model, name):.6g}')
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

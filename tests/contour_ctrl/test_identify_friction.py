@@ -1,0 +1,94 @@
+"""Friction found again in sessions whose friction is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from contour_ctrl.excitation import excitation
+from contour_ctrl.feedrate import AxisLimits
+from contour_ctrl.identify_friction import identify, identify_session, main
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+from stage_core.twin_file import TwinFile
+from stage_twin.simulate import SimulationResult, simulate
+
+FRICTION = {
+    'stribeck_friction.x': {
+        'coulomb': 20.0,
+        'breakaway': 8.0,
+        'stribeck_velocity': 8e-3,
+        'presliding': 4e-6,
+    },
+    'stribeck_friction.y': {
+        'coulomb': 8.0,
+        'breakaway': 2.0,
+        'stribeck_velocity': 5e-3,
+        'presliding': 3e-6,
+    },
+    'force_offset.y': {'offset': 3.0},
+}
+
+
+@pytest.fixture(scope='module')
+def record() -> SimulationResult:
+    limits = AxisLimits((0.2, 0.2), (2.0, 2.0), (500.0, 500.0))
+    ref = excitation((0.03, 0.03), speeds=(0.004, 0.015, 0.06), multisine_time=8.0, limits=limits)
+    twin = TwinFile.nominal_servo().with_effects(FRICTION)
+    return simulate(twin, ref.position, ref.velocity, noise=False)
+
+
+def session_of(record: SimulationResult) -> Session:
+    stamps = (np.rint(record.times * 1e9)).astype(np.int64) + 5_000_000_000
+
+    def columns(quantity: str, values: np.ndarray) -> dict[str, np.ndarray]:
+        return {f'{quantity}.{axis}': values[:, i] for i, axis in enumerate(('x', 'y'))}
+
+    series = {
+        topics.JOINT_STATES: Series(
+            topics.JOINT_STATES, stamps, columns('position', record.encoder)
+        ),
+        topics.COMMAND: Series(topics.COMMAND, stamps, columns('effort', record.force)),
+    }
+    return Session('memory', series)
+
+
+def test_friction_of_the_twin_is_found_again(record: SimulationResult) -> None:
+    found = identify_session(session_of(record))
+    x, y = found['x'], found['y']
+    assert x.model.coulomb == pytest.approx(20.0, rel=0.005)
+    assert x.model.static == pytest.approx(28.0, rel=0.02)
+    assert x.model.stribeck_velocity == pytest.approx(8e-3, rel=0.05)
+    assert x.mass == pytest.approx(18.0, rel=0.01)
+    assert x.model.viscous == pytest.approx(40.0, abs=1.0)
+    assert y.model.coulomb == pytest.approx(8.0, rel=0.005)
+    # The offset acts on the mass: the drive holds it with the opposite sign.
+    assert y.offset == pytest.approx(-3.0, abs=0.02)
+    assert abs(x.offset) < 0.02
+    for estimate in (x, y):
+        assert estimate.residual < 0.25 * estimate.residual_without
+    # 20 N over 4 um; the stepwise force at a reversal leaves some doubt about it.
+    assert 0.6 < x.model.stiffness / 5e6 < 1.6
+
+
+def test_what_cannot_be_identified_is_told(record: SimulationResult) -> None:
+    rising = np.linspace(0.0, 1.0, 5000)
+    with pytest.raises(StageError, match='never reverses'):
+        identify(rising, np.ones(5000), 1e-3)
+    with pytest.raises(StageError, match='too short'):
+        identify(rising[:100], np.ones(100), 1e-3)
+    broken = record.force[:, 0].copy()
+    broken[7] = np.nan
+    with pytest.raises(StageError, match='not finite'):
+        identify(record.encoder[:, 0], broken, 1e-3)
+    empty = Session('memory', {})
+    with pytest.raises(StageError, match='holds no message of /stage/joint_states'):
+        identify_session(empty)
+
+
+def test_command_needs_a_bag(capsys: pytest.CaptureFixture[str], tmp_path: object) -> None:
+    with pytest.raises(SystemExit) as caught:
+        raise SystemExit(main(['--bag', f'{tmp_path}/absent']))
+    assert caught.value.code == 2
+    assert capsys.readouterr().err.count('\n') == 1
