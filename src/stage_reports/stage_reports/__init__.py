@@ -1,1 +1,6 @@
-"""Pictures and standard figures: ISO 230-2, ISO 230-4, error maps, learning curves."""
+"""Pictures and standard figures of sessions."""
+
+from stage_reports.iso230 import Circular, Positioning, circular, positioning
+from stage_reports.report import Report
+
+__all__ = ['Circular', 'Positioning', 'Report', 'circular', 'positioning']

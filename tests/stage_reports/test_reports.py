@@ -1,0 +1,298 @@
+"""The page, the pictures, finding the tests in a session, the command, the layouts."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from session_bags.writer import write_session
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+from stage_reports import Report, circular, figures, positioning
+from stage_reports.extract import circular_paths, positioning_runs, rests
+from stage_reports.session_report import main, session_report, tracking_errors, trials_report
+
+LAYOUTS = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config' / 'layouts'
+START = 1_700_000_000_000_000_000
+
+
+class Page(HTMLParser):
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.sources: list[str] = []
+        self.alternatives: list[str] = []
+        self.scripts = 0
+        self.words: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        self.scripts += tag == 'script'
+        if tag == 'img':
+            self.sources.append(values['src'] or '')
+            self.alternatives.append(values['alt'] or '')
+        assert tag != 'link'
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+def joint(topic: str, stamps: np.ndarray, **columns: np.ndarray) -> Series:
+    return Series(topic, stamps, {key.replace('_', '.'): v for key, v in columns.items()})
+
+
+def circle_session(error: float = 2e-6, temperature: bool = True) -> Session:
+    """One turn each way on a 10 mm circle; the measured radius is larger one way by error."""
+    count = 1200
+    stamps = START + np.arange(2 * count, dtype=np.int64) * 1_000_000
+    turn = 2.0 * np.pi * np.arange(count) / (count - 1)
+    angle = np.concatenate([turn, turn[::-1]])
+    x, y = 0.01 * np.cos(angle), 0.01 * np.sin(angle)
+    growth = 1.0 + np.where(np.arange(2 * count) < count, error, -error) / 0.01
+    zeros = np.zeros_like(x)
+    series = {
+        topics.REFERENCE: joint(
+            topics.REFERENCE, stamps, position_x=x, position_y=y, velocity_x=zeros,
+            velocity_y=zeros,
+        ),
+        topics.JOINT_STATES: joint(
+            topics.JOINT_STATES, stamps, position_x=growth * x, position_y=growth * y,
+            velocity_x=zeros, velocity_y=zeros,
+        ),
+        topics.CONTOUR_ERROR: Series(
+            topics.CONTOUR_ERROR, stamps, {'x': zeros, 'y': zeros, 'z': zeros + error}
+        ),
+    }  # fmt: skip
+    if temperature:
+        key = topics.temperature_key('screw_x')
+        series[key] = Series(
+            topics.TEMPERATURE, stamps[::100], {'temperature': 20.0 + zeros[::100]}
+        )
+    return Session('circle', series)
+
+
+def staircase(targets: list[float], cycles: int = 3) -> np.ndarray:
+    """Reference that visits the targets up and down, resting 0.5 s at 100 Hz on each."""
+    parts = [np.full(60, targets[0] - 0.01)]
+    order = [*targets, targets[-1] + 0.01, *reversed(targets), targets[0] - 0.01]
+    here = targets[0] - 0.01
+    for _ in range(cycles):
+        for target in order:
+            parts.append(np.linspace(here, target, 30)[1:])
+            parts.append(np.full(50, target))
+            here = target
+    return np.concatenate(parts)
+
+
+def test_the_page_is_self_contained_and_escaped(tmp_path: Path) -> None:
+    report = Report('A & <b>')
+    report.heading('Part').text('one\n\ntwo <script>alert(1)</script>')
+    report.table(['name', 'value'], [['x<y', 1.23456e-6], ['none', None]], 'numbers')
+    figure = figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm')
+    report.figure(figure, 'a "picture"').figure(figure, 'vector', 'svg')
+    page = Page(report.save(tmp_path / 'deep' / 'report.html').read_text(encoding='utf-8'))
+    assert page.scripts == 0
+    assert page.alternatives == ['a "picture"', 'vector']
+    assert page.sources[0].startswith('data:image/png;base64,iVBOR')
+    assert page.sources[1].startswith('data:image/svg+xml;base64,')
+    text = ' '.join(page.words)
+    assert 'two <script>' in text
+    assert '1.235e-06' in text
+    assert 'http' not in report.render().split('base64')[0]
+
+
+def test_the_page_refuses_what_does_not_fit(tmp_path: Path) -> None:
+    report = Report('r')
+    with pytest.raises(StageError, match='cells'):
+        report.table(['a', 'b'], [[1]])
+    with pytest.raises(StageError, match='format'):
+        report.figure(figures.spectrum({'a': np.ones(16)}, 1.0, 'm'), 'c', 'gif')
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(StageError, match='cannot write'):
+        report.save(tmp_path / 'file' / 'report.html')
+
+
+def test_error_maps_share_a_scale_and_state_the_rms() -> None:
+    grid = np.array([[x, y] for x in (0.0, 0.01) for y in (0.0, 0.01)])
+    before = np.tile([3e-6, 4e-6], (4, 1))
+    figure = figures.error_map(grid, before, before / 10.0)
+    titles = [axes.get_title(loc='left') for axes in figure.axes]
+    assert titles == ['before: RMS 5 µm', 'after: RMS 0.5 µm']
+    scales = {axes.collections[0].scale for axes in figure.axes}
+    assert len(scales) == 1
+    np.testing.assert_allclose(figure.axes[0].collections[0].U, 3.0)
+    alone = figures.error_map(grid, before)
+    assert [axes.get_title(loc='left') for axes in alone.axes] == ['errors: RMS 5 µm']
+    with pytest.raises(StageError, match='each point'):
+        figures.error_map(grid, before[:2])
+    with pytest.raises(StageError, match='finite'):
+        figures.error_map(grid, before * np.nan)
+
+
+def test_positioning_and_circular_plots_show_their_figures() -> None:
+    result = positioning([0.0, 0.1], [[1e-6, 1e-6], [2e-6, 2e-6]], [[0.0, 0.0], [0.0, 0.0]])
+    title = figures.positioning_plot(result, 'axis x').axes[0].get_title()
+    assert 'B 2' in title
+    assert 'A 2' in title
+    angle = np.linspace(0.0, 2.0 * np.pi, 400)
+    path = 0.010001 * np.column_stack([np.cos(angle), np.sin(angle)])
+    outcome = circular(path, path[::-1], 0.01, (0.0, 0.0))
+    axes = figures.circular_plot(outcome, path, path[::-1]).axes[0]
+    assert 'G(b)' in axes.get_title()
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), 1.0, rtol=1e-6)
+
+
+def test_learning_pictures_and_spectra() -> None:
+    curve = figures.convergence({'RMS': [1e-5, 5e-6, 1e-6]}).axes[0]
+    np.testing.assert_allclose(curve.lines[0].get_ydata(), [10.0, 5.0, 1.0])
+    assert curve.get_yscale() == 'log'
+    assert len(figures.learning_rate([1.0, 0.5], [1.0, 0.2]).axes[0].lines) == 2
+    rate = 1000.0
+    tone = np.sin(2.0 * np.pi * 50.0 * np.arange(8192) / rate)
+    line = figures.spectrum({'tone': tone}, rate, 'µm').axes[0].lines[0]
+    peak = line.get_xdata()[np.argmax(line.get_ydata())]
+    assert peak == pytest.approx(50.0, abs=0.5)
+    for bad in (
+        lambda: figures.convergence({}),
+        lambda: figures.spectrum({'a': [1.0]}, 1.0, 'm'),
+        lambda: figures.spectrum({'a': np.ones(16)}, 0.0, 'm'),
+        lambda: figures.time_series([0.0], {'a': [1.0, 2.0]}, 'm'),
+    ):
+        with pytest.raises(StageError):
+            bad()
+
+
+def test_rests_and_positioning_runs_are_found() -> None:
+    targets = [0.02, 0.05, 0.08, 0.11, 0.14]
+    reference = staircase(targets)
+    time = 0.01 * np.arange(reference.size)
+    direction = np.sign(np.diff(reference, prepend=reference[0] - 1.0))
+    last = np.zeros_like(direction)
+    sign = 1.0
+    for k, value in enumerate(direction):
+        sign = value or sign
+        last[k] = sign
+    measured = reference + 1e-4 * reference + 1e-6 * last
+    runs = positioning_runs(time, reference, measured)
+    assert runs is not None
+    np.testing.assert_allclose(runs.targets, targets)
+    assert runs.up.shape == runs.down.shape == (5, 3)
+    result = positioning(runs.targets, runs.up, runs.down)
+    assert pytest.approx(2e-6, rel=1e-6) == result.B
+    assert pytest.approx(1e-4 * 0.12, rel=1e-6) == result.M
+    assert result.R_up == pytest.approx(0.0, abs=1e-15)
+    assert rests([0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0], 2.0) == [(0, 3)]
+    assert rests([0.0], [0.0], 0.1) == []
+    assert positioning_runs(time, np.sin(time), np.sin(time)) is None
+
+
+def test_circles_are_found_and_other_paths_are_not() -> None:
+    session = circle_session()
+    (tracking,) = tracking_errors(session)
+    paths = circular_paths(tracking.reference, tracking.measured)
+    assert paths is not None
+    assert paths.radius == pytest.approx(0.01, rel=1e-6)
+    assert paths.counter_clockwise is not None
+    assert paths.clockwise is not None
+    result = circular(paths.counter_clockwise, paths.clockwise, paths.radius, paths.centre)
+    assert pytest.approx(4e-6, rel=0.01) == result.H
+    half = tracking.reference[:500]
+    assert circular_paths(half, half) is None
+    line = np.column_stack([np.linspace(0, 1, 50), np.linspace(0, 1, 50)])
+    assert circular_paths(line, line) is None
+    assert circular_paths(line * 0.0, line) is None
+
+
+def test_a_report_of_a_recorded_session(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = write_session(tmp_path / 'circle', circle_session())
+    assert main(['--bag', str(bag), '--out', str(tmp_path / 'out')]) == 0
+    assert 'pictures' in capsys.readouterr().out
+    page = Page((tmp_path / 'out' / 'report.html').read_text(encoding='utf-8'))
+    text = ' '.join(page.words)
+    assert 'Circular test (ISO 230-4), encoder' in text
+    assert 'Contour error' in text
+    assert 'Temperature of screw_x' in text
+    assert page.scripts == 0
+    assert len(list((tmp_path / 'out').glob('figure_*.png'))) == len(page.sources)
+
+
+def test_trials_are_compared(tmp_path: Path) -> None:
+    sessions = [circle_session(error) for error in (4e-6, 2e-6, 1e-6)]
+    report = trials_report(sessions)
+    lines = report.figures[0][1].axes[0].lines
+    np.testing.assert_allclose(lines[0].get_ydata(), [4.0, 2.0, 1.0], rtol=1e-3)
+    bags = [write_session(tmp_path / f'trial_{k}', s) for k, s in enumerate(sessions[:2])]
+    arguments = [part for bag in bags for part in ('--bag', str(bag))]
+    assert main([*arguments, '--out', str(tmp_path / 'out')]) == 0
+    with pytest.raises(StageError, match='share no error'):
+        trials_report([Session('empty', {})])
+
+
+def test_one_axis_and_motor_steps() -> None:
+    session = circle_session()
+    reference = session.series[topics.REFERENCE]
+    one = joint(topics.REFERENCE, reference.stamps, position_x=reference.values['position.x'])
+    steps = joint(
+        topics.JOINT_STATES, reference.stamps, position_x=reference.values['position.x'] * 1e6
+    )
+    stepper = Session('steps', {topics.REFERENCE: one, topics.JOINT_STATES: steps})
+    assert tracking_errors(stepper) == []
+    assert 'No error can be stated' in session_report(stepper).render()
+    tracker = Series(
+        topics.TRACKER_POINT,
+        reference.stamps,
+        {
+            'x': reference.values['position.x'] + 3e-6,
+            'y': np.zeros(len(reference)),
+            'z': np.zeros(len(reference)),
+        },
+    )
+    measured = Session('one', {topics.REFERENCE: one, topics.TRACKER_POINT: tracker})
+    (tracking,) = tracking_errors(measured)
+    np.testing.assert_allclose(tracking.errors, -3e-6, atol=1e-15)
+    assert 'Tracking error, tracker' in session_report(measured).render()
+
+
+def test_a_missing_bag_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['--bag', str(tmp_path / 'none'), '--out', str(tmp_path)]) == 2
+    assert capsys.readouterr().err.count('\n') == 1
+
+
+@pytest.mark.parametrize('name', ['foxglove_live.json', 'foxglove_recorded.json'])
+def test_foxglove_layouts_name_topics_of_the_contract(name: str) -> None:
+    layout = json.loads((LAYOUTS / name).read_text())
+    placed: list[str] = []
+
+    def walk(node: object) -> None:
+        if isinstance(node, str):
+            placed.append(node)
+        else:
+            assert isinstance(node, dict)
+            walk(node['first'])
+            walk(node['second'])
+
+    walk(layout['layout'])
+    assert sorted(placed) == sorted(layout['configById'])
+    paths = [p['value'] for c in layout['configById'].values() for p in c.get('paths', [])]
+    assert len(paths) > 10
+    for path in paths:
+        topic = re.split(r'[.{]', path)[0]
+        assert topic in topics.TOPIC_TYPES
+
+
+def test_the_plotjuggler_layout_names_topics_of_the_contract() -> None:
+    root = ElementTree.parse(LAYOUTS / 'plotjuggler.xml').getroot()
+    curves = [curve.get('name') or '' for curve in root.iter('curve')]
+    assert len(curves) > 10
+    known = [*topics.TOPIC_TYPES, 'reference', 'tracker']
+    assert all(any(curve.startswith(topic) for topic in known) for curve in curves)
+    assert len(list(root.iter('Tab'))) == 5
