@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.ndimage import convolve1d
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from stage_core.errors import StageError
 from stage_core.twin_file import ForceAxis, TwinFile
@@ -26,11 +27,12 @@ _ORDER = 3
 
 @dataclass(frozen=True)
 class Motion:
-    """Smoothed recorded motion, each (n, n_axes): m, m/s, m/s^2."""
+    """Smoothed recorded motion, each (n, n_axes): m, m/s, m/s^2; and the smoothing's width [s]."""
 
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
+    width: float
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,9 @@ class MeasuredForceResult:
     encoder, velocity
         Simulated motor position and velocity, restarted at every window.
     force : recorded force [N].
-    required : force that the model needs for the recorded motion [N].
+    filtered_force : recorded force behind the filter that smoothing puts before `required` [N].
+    required : force that the model needs for the recorded motion [N]; compare it with
+        `filtered_force`.
     window : int
         Ticks of a window.
     """
@@ -52,6 +56,7 @@ class MeasuredForceResult:
     encoder: np.ndarray
     velocity: np.ndarray
     force: np.ndarray
+    filtered_force: np.ndarray
     required: np.ndarray
     window: int
 
@@ -67,7 +72,7 @@ def smooth_motion(position: np.ndarray, period: float, width: float = SMOOTHING)
     StageError
         If the record is shorter than the smoothing.
     """
-    window = max(_ORDER + 2, 2 * round(0.5 * width / period) + 1)
+    window = _window(period, width)
     position = np.asarray(position, dtype=float)
     if position.shape[0] < window:
         raise StageError(
@@ -77,7 +82,24 @@ def smooth_motion(position: np.ndarray, period: float, width: float = SMOOTHING)
         savgol_filter(position, window, _ORDER, deriv=order, delta=period, axis=0)
         for order in range(3)
     ]
-    return Motion(*(np.ascontiguousarray(values) for values in derivatives))
+    return Motion(*(np.ascontiguousarray(values) for values in derivatives), width=width)
+
+
+def filter_force(force: np.ndarray, period: float, width: float = SMOOTHING) -> np.ndarray:
+    """Recorded force (n, n_axes) behind the same filter as the acceleration of `smooth_motion`.
+
+    Model and measurement have to be filtered alike, or what the smoothing takes from the
+    acceleration counts as a gap (parallel filtering: Gautier, "Dynamic identification of robots
+    with power model", ICRA 1997). The second derivative's weights, summed up twice, are that
+    filter: a symmetric low pass of unit gain.
+    """
+    weights = savgol_coeffs(_window(period, width), _ORDER, deriv=2, use='dot')
+    low_pass = np.cumsum(np.cumsum(weights))[:-2]
+    return convolve1d(np.asarray(force, dtype=float), low_pass, axis=0, mode='nearest')
+
+
+def _window(period: float, width: float) -> int:
+    return max(_ORDER + 2, 2 * round(0.5 * width / period) + 1)
 
 
 def required_force(
@@ -170,6 +192,7 @@ def simulate_measured_force(
         encoder=simulated,
         velocity=velocity,
         force=force,
+        filtered_force=filter_force(force, arrays.period, motion.width),
         required=_required(arrays, motion, external, hidden),
         window=ticks,
     )
