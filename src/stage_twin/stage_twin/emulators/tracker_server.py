@@ -103,8 +103,10 @@ class TrackerServer:
                 select.select([], waiting, [], 0.1)
 
     def close(self) -> None:
-        """Tell the clients that the server closes, and end."""
+        """Tell the clients that the server closes, and end; a second call does nothing."""
         with self._lock:
+            if not self._running:
+                return
             self._running = False
             self.instrument.broadcast(tpi.Event.SERVER_CLOSING)
             for client in list(self._clients):
@@ -147,6 +149,8 @@ class TrackerServer:
             client, _ = self._listener.accept()
             client.setblocking(False)
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            # A reader that hangs shall be noticed before megabytes lie in the kernel.
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 17)
             with self._lock:
                 self._clients[client] = self.instrument.connect()
                 self._selector.register(client, selectors.EVENT_READ)

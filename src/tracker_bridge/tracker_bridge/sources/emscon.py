@@ -185,9 +185,10 @@ class EmsconSource(Source):
         if packet.status != tpi.ResultStatus.OK:
             self.count('bad_packets')
             return
-        self.trouble = ''
         times = packet.times_ns().tolist()
         statuses = packet.points['status'].tolist()
+        if tpi.PointStatus.OK in statuses:
+            self.trouble = ''
         values = (packet.points['values'] * self._metres).tolist()
         for time_ns, status, (x, y, z) in zip(times, statuses, values, strict=True):
             self.deliver(Sample((x, y, z), self._receive_ns, time_ns, status))
