@@ -78,11 +78,13 @@ def smooth_motion(position: np.ndarray, period: float, width: float = SMOOTHING)
         raise StageError(
             f'{position.shape[0]} samples are too few: the smoothing alone takes {window}'
         )
-    derivatives = [
-        savgol_filter(position, window, _ORDER, deriv=order, delta=period, axis=0)
+    smooth, velocity, acceleration = (
+        np.ascontiguousarray(
+            savgol_filter(position, window, _ORDER, deriv=order, delta=period, axis=0)
+        )
         for order in range(3)
-    ]
-    return Motion(*(np.ascontiguousarray(values) for values in derivatives), width=width)
+    )
+    return Motion(smooth, velocity, acceleration, width)
 
 
 def filter_force(force: np.ndarray, period: float, width: float = SMOOTHING) -> np.ndarray:
