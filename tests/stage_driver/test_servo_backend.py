@@ -150,7 +150,7 @@ def test_stream_whose_controller_died_is_stopped():
         stream(backend, recorder, 300, lambda k, q: ([], [0.05, 0.0]))
         recorder.wait(lambda: recorder.said('stream ended'))
         quiet(backend, recorder)
-        assert abs(plant.velocity[0]) < 1e-4
+        assert abs(plant.velocity[0]) < 1e-3
         assert backend.status().state is State.READY
 
 
@@ -184,7 +184,7 @@ def test_stream_that_turns_into_nan_is_stopped_within_the_deceleration_distance(
         quiet(backend, recorder)
         furthest = max(position[0] for position, _ in plant.trace)
         assert furthest - begin < 0.08**2 / (2 * 4.0) + 0.08 * 0.01
-        assert abs(plant.velocity[0]) < 1e-4
+        assert abs(plant.velocity[0]) < 1e-3
 
 
 @pytest.mark.parametrize('both', [False, True])

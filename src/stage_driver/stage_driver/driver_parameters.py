@@ -15,6 +15,7 @@ from stage_core.quantities import AXES
 from stage_core.twin_file import TwinFile
 from stage_driver.limits import AxisLimits
 from stage_driver.servo_axes import ServoConfig
+from stage_driver.zaber_setup import ZaberConfig
 
 Values = Callable[[str], Any]
 
@@ -109,6 +110,18 @@ PARAMETERS: tuple[Parameter, ...] = (
         's',
         minimum=0.1,
     ),
+    _fixed('port', '', 'zaber: serial device, pseudo-terminal or URL such as socket://host:55550'),
+    _fixed('baud', 115200, 'zaber: baud rate', minimum=9600, maximum=921600),
+    _fixed(
+        'rate',
+        50.0,
+        'zaber: polls and streamed set-points a second',
+        'Hz',
+        minimum=1.0,
+        maximum=200.0,
+    ),
+    _fixed('reply_timeout', 0.2, 'zaber: longest wait for a reply', 's', minimum=0.01),
+    _fixed('homing_timeout', 120.0, 'zaber: longest homing', 's', minimum=1.0),
     Parameter(
         'friction_compensation',
         'none',
@@ -171,4 +184,36 @@ def servo_config(value: Values) -> ServoConfig:
         home_required=value('home_required'),
         enable_on_start=value('enable_on_start'),
         friction=friction,
+    )
+
+
+def zaber_config(value: Values) -> ZaberConfig:
+    """Configuration of the Zaber backend from the parameters' values.
+
+    Raises
+    ------
+    StageError
+        If no port is given, or two axes share an address.
+    """
+    axes = axes_of(value)
+    if not value('port'):
+        raise StageError('backend zaber needs parameter port, for example /dev/ttyUSB0')
+    places = [(value(f'{axis}.device'), value(f'{axis}.device_axis')) for axis in axes]
+    if len(set(places)) != len(places):
+        raise StageError(f'two axes have the same device and device_axis: {places}')
+    return ZaberConfig(
+        axes=axes,
+        limits=limits_of(value),
+        port=value('port'),
+        devices=tuple(device for device, _ in places),
+        device_axes=tuple(axis for _, axis in places),
+        microsteps=tuple(value(f'{axis}.microstep') for axis in axes),
+        baud=value('baud'),
+        rate=value('rate'),
+        reply_timeout=value('reply_timeout'),
+        setpoint_timeout=value('setpoint_timeout'),
+        homing_timeout=value('homing_timeout'),
+        link_timeout=value('link_timeout'),
+        home_required=value('home_required'),
+        enable_on_start=value('enable_on_start'),
     )

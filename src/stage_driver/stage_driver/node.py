@@ -13,9 +13,10 @@ from std_srvs.srv import SetBool, Trigger
 from stage_core import topics
 from stage_driver.backend import FAILURE, WARNING, Backend
 from stage_driver.deferred_service import create_deferred_service
-from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config
+from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config, zaber_config
 from stage_driver.servo import ServoBackend
 from stage_driver.states import State
+from stage_driver.zaber import ZaberBackend
 from stage_driver.zaber_words import describe_flag
 from stage_node.node import (
     ERROR,
@@ -72,6 +73,8 @@ class StageDriver(StageNode):
         self._backend.close()
 
     def _make_backend(self) -> Backend:
+        if self.value('backend') == 'zaber':
+            return ZaberBackend(zaber_config(self.value), self)
         return ServoBackend(servo_config(self.value), self)
 
     # -- requests -----------------------------------------------------------------------------

@@ -10,38 +10,36 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future
 
 import numpy as np
 
 from stage_core import drive_link
 from stage_core.errors import StageError
-from stage_driver.backend import FAILURE, INFO, WARNING, Listener, Status
+from stage_driver.backend import INFO, WARNING, Listener, Status
 from stage_driver.drive_socket import DriveSocket
-from stage_driver.limits import Setpoint, check_setpoint
+from stage_driver.inbox_backend import InboxBackend
+from stage_driver.limits import AxisLimits, Setpoint
 from stage_driver.servo_axes import ServoAxes, ServoConfig
-from stage_driver.states import Event, State, StateMachine
+from stage_driver.states import Event, State
 
 SECOND = 1_000_000_000
 #: Wall time after which braking under control gives way to the drive's own brake [s].
 BRAKE_TIMEOUT = 2.0
 
 
-class ServoBackend:
+class ServoBackend(InboxBackend):
     """Owns the loop's thread; everything else talks to it through the inbox."""
 
     def __init__(self, config: ServoConfig, listener: Listener) -> None:
+        super().__init__(config.axes, listener)
         self.config = config
-        self._listener = listener
         self._axes = ServoAxes(config)
         self.motion = self._axes.motion
-        self._states = StateMachine(self._state_changed)
-        self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._link = DriveSocket(config.host, config.port)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name='servo_loop', daemon=True)
-        self._homing: Future[str] | None = None
         self._homed = not config.home_required
         self._tick = -1
         self._stamp = 0
@@ -53,8 +51,7 @@ class ServoBackend:
         self._last_packet = b''
         self._braking = False
         self._brake_started = 0.0
-        self._counts = {'refused': 0, 'missed_ticks': 0, 'watchdog_stops': 0, 'late_setpoints': 0}
-        self._last_refusal = ''
+        self._counts.update(missed_ticks=0, late_setpoints=0)
 
     # -- calls from other threads -------------------------------------------------------------
 
@@ -73,55 +70,19 @@ class ServoBackend:
             self._thread.join(timeout=5.0)
         self._link.close()
 
-    def submit(
-        self,
-        stamp: int,
-        names: Sequence[str],
-        positions: Sequence[float],
-        velocities: Sequence[float],
-    ) -> None:
-        """See `Backend.submit`."""
-        try:
-            setpoint = check_setpoint(
-                self.config.axes, self.config.limits, stamp, names, positions, velocities
-            )
-        except StageError as error:
-            reason = str(error)
-            self._refuse(reason)
-            # A stream that has turned into rubbish must not be followed any further.
-            self._inbox.put(lambda: self._end_stream(reason))
-            return
-        self._inbox.put(lambda: self._take(setpoint))
-
-    def home(self) -> Future[str]:
-        """See `Backend.home`: a profile to the reference position 0 of every axis."""
-        done: Future[str] = Future()
-        self._inbox.put(lambda: self._start_homing(done))
-        return done
-
     def stop(self) -> str:
         """See `Backend.stop`."""
         self._inbox.put(lambda: self._stop('stopped by request'))
         return 'stopping' if self._states.state is State.MOVING else 'at rest'
 
-    def reset_fault(self) -> Future[str]:
-        """See `Backend.reset_fault`."""
-        return self._change(Event.RESET)
-
-    def enable(self, on: bool) -> Future[str]:
-        """See `Backend.enable`."""
-        return self._change(Event.ENABLE if on else Event.DISABLE)
-
     def status(self) -> Status:
         """See `Backend.status`."""
-        details = {name: str(value) for name, value in self._counts.items()}
+        details = self._details()
         details['mode'] = self.motion.mode.value
         details['clamped_velocities'] = str(self.motion.clamped)
         details['tick'] = str(self._tick)
         details['drive'] = f'{self.config.host}:{self.config.port}'
         details['clock'] = 'lockstep' if self._link.lockstep else 'real'
-        if self._last_refusal:
-            details['last_refusal'] = self._last_refusal
         return Status(
             self._states.state, self._states.reason, self._homed, self._link.connected, details
         )
@@ -219,8 +180,7 @@ class ServoBackend:
                     return
                 waited = time.monotonic() - waiting_since
                 if self.motion.streaming and waited > self.config.lockstep_timeout:
-                    self._counts['watchdog_stops'] += 1
-                    self._end_stream(f'no set-point for tick {self._tick} in {waited:.0f} s')
+                    self._watchdog(f'no set-point for tick {self._tick} in {waited:.0f} s')
 
     def _due(self) -> bool:
         if not self._controlling() or self.motion.at_rest:
@@ -262,17 +222,9 @@ class ServoBackend:
             return
         self._stream_age += 1
         if self._stream_age * self._axes.period > self.config.setpoint_timeout:
-            self._counts['watchdog_stops'] += 1
-            self._end_stream(f'no set-point for {self.config.setpoint_timeout} s')
+            self._watchdog(f'no set-point for {self.config.setpoint_timeout} s')
 
     # -- requests, in the thread --------------------------------------------------------------
-
-    def _drain(self) -> None:
-        try:
-            while True:
-                self._inbox.get_nowait()()
-        except queue.Empty:
-            pass
 
     def _take(self, setpoint: Setpoint) -> None:
         previous = self._last_setpoint
@@ -283,11 +235,9 @@ class ServoBackend:
             and (setpoint.streams or setpoint == previous)
         ):
             return
-        refused = self._states.refusal(Event.MOVE)
+        refused = self._move_refusal(self._contact_refusal())
         if refused is None and not self._homed:
             refused = 'the stage is not homed: call ~/home first'
-        if refused is None and self._homing is not None:
-            refused = 'homing is under way: wait for it or call ~/stop'
         if refused is not None:
             self._refuse(f'set-point refused: {refused}')
             return
@@ -305,11 +255,7 @@ class ServoBackend:
         self._states.handle(Event.MOVE)
 
     def _start_homing(self, done: Future[str]) -> None:
-        refused = self._states.refusal(Event.MOVE)
-        if refused is None and not self._link.connected:
-            refused = f'no drive at {self.config.host}:{self.config.port}: start it'
-        if refused is None and self._homing is not None:
-            refused = 'homing is under way'
+        refused = self._move_refusal(self._contact_refusal())
         if refused is None and self.motion.streaming:
             refused = 'a stream is being followed: end it first'
         if refused is not None:
@@ -333,43 +279,35 @@ class ServoBackend:
             homing, self._homing = self._homing, None
             homing.set_result(f'homed: {where}')
 
-    def _stop(self, reason: str) -> None:
+    def _contact_refusal(self) -> str | None:
+        if self._link.connected:
+            return None
+        return f'no drive at {self.config.host}:{self.config.port}: start it'
+
+    def _halt(self) -> None:
         self.motion.stop(self._axes.encoder)
-        if self._homing is not None:
-            homing, self._homing = self._homing, None
-            homing.set_exception(StageError(f'homing ended: {reason}'))
 
-    def _end_stream(self, reason: str) -> None:
-        if self.motion.streaming:
-            self._listener.on_event(WARNING, f'stream ended, the stage stops: {reason}')
-            self._stop(reason)
+    @property
+    def _streaming(self) -> bool:
+        return self.motion.streaming
 
-    def _change(self, event: Event) -> Future[str]:
-        done: Future[str] = Future()
+    def _limits(self) -> Sequence[AxisLimits]:
+        return self.config.limits
 
-        def change() -> None:
-            try:
-                state = self._states.handle(event)
-            except StageError as error:
-                done.set_exception(error)
-                return
-            if event is Event.DISABLE:
-                self._brake('disabled')
-            if event is Event.RESET and self.config.enable_on_start:
-                state = self._after_reset(state)
-            if event is Event.ENABLE and self.motion.at_rest:
-                self._axes.hold_here()
-            done.set_result(state.value)
+    def _switch(self, on: bool) -> str:
+        state = self._states.handle(Event.ENABLE if on else Event.DISABLE)
+        if not on:
+            self._brake('disabled')
+        elif self.motion.at_rest:
+            self._axes.hold_here()
+        return state.value
 
-        self._inbox.put(change)
-        return done
-
-    def _after_reset(self, state: State) -> State:
-        """Enable again where the stage enables itself at the start and the drive is there."""
-        if state is not State.DISABLED or not self._link.connected:
-            return state
-        self._axes.hold_here()
-        return self._states.handle(Event.ENABLE)
+    def _reset(self) -> str:
+        """Clear the fault; enable again where the stage does so at the start."""
+        state = self._states.handle(Event.RESET)
+        if state is State.DISABLED and self.config.enable_on_start and self._link.connected:
+            return self._switch(True)
+        return state.value
 
     def _fail(self, reason: str) -> None:
         self._states.handle(Event.FAIL, reason)
@@ -390,12 +328,3 @@ class ServoBackend:
 
     def _is_quiet(self) -> bool:
         return self.motion.at_rest and self._inbox.empty()
-
-    def _refuse(self, reason: str) -> None:
-        self._counts['refused'] += 1
-        self._last_refusal = reason
-        self._listener.on_event(WARNING, reason)
-
-    def _state_changed(self, before: State, after: State, reason: str) -> None:
-        if after is State.FAULT:
-            self._listener.on_event(FAILURE, f'fault: {reason}')

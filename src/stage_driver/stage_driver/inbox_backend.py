@@ -1,0 +1,162 @@
+"""What both backends share: requests of other threads become calls in the backend's thread."""
+
+from __future__ import annotations
+
+import queue
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+
+from stage_core.errors import StageError
+from stage_driver.backend import FAILURE, WARNING, Listener
+from stage_driver.limits import AxisLimits, Setpoint, check_setpoint
+from stage_driver.states import Event, State, StateMachine
+
+
+class InboxBackend(ABC):
+    """State machine, inbox, checked set-points, homing's future, refusals."""
+
+    def __init__(self, axes: tuple[str, ...], listener: Listener) -> None:
+        self._axis_names = axes
+        self._listener = listener
+        self._states = StateMachine(self._state_changed)
+        self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._homing: Future[str] | None = None
+        self._homed = False
+        self._counts = {'refused': 0, 'watchdog_stops': 0}
+        self._last_refusal = ''
+
+    # -- calls from other threads -------------------------------------------------------------
+
+    def submit(
+        self,
+        stamp: int,
+        names: Sequence[str],
+        positions: Sequence[float],
+        velocities: Sequence[float],
+    ) -> None:
+        """See `Backend.submit`."""
+        try:
+            setpoint = check_setpoint(
+                self._axis_names, self._limits(), stamp, names, positions, velocities
+            )
+        except StageError as error:
+            reason = str(error)
+            self._refuse(reason)
+            # A stream that has turned into rubbish must not be followed any further.
+            self._inbox.put(lambda: self._end_stream(reason))
+            return
+        self._inbox.put(lambda: self._take(setpoint))
+
+    def home(self) -> Future[str]:
+        """See `Backend.home`."""
+        done: Future[str] = Future()
+        self._inbox.put(lambda: self._start_homing(done))
+        return done
+
+    def reset_fault(self) -> Future[str]:
+        """See `Backend.reset_fault`."""
+        return self._request(self._reset)
+
+    def enable(self, on: bool) -> Future[str]:
+        """See `Backend.enable`."""
+        return self._request(lambda: self._switch(on))
+
+    def _request(self, action: Callable[[], str]) -> Future[str]:
+        """Future of an action in the backend's thread."""
+        done: Future[str] = Future()
+
+        def answer() -> None:
+            try:
+                done.set_result(action())
+            except StageError as error:
+                done.set_exception(error)
+            except Exception as error:
+                # The wire broke: the caller learns it here, the thread deals with it.
+                done.set_exception(StageError(f'{error}: check the cable'))
+                raise
+
+        self._inbox.put(answer)
+        return done
+
+    # -- what a backend adds, called in its thread --------------------------------------------
+
+    @abstractmethod
+    def _limits(self) -> Sequence[AxisLimits]:
+        """Soft limits in the order of the axes."""
+
+    @abstractmethod
+    def _take(self, setpoint: Setpoint) -> None:
+        """Execute a checked set-point, or refuse it."""
+
+    @abstractmethod
+    def _start_homing(self, done: Future[str]) -> None:
+        """Start homing, or fail `done`."""
+
+    @abstractmethod
+    def _reset(self) -> str:
+        """Clear the fault; the new state."""
+
+    @abstractmethod
+    def _switch(self, on: bool) -> str:
+        """Enable or disable; the new state."""
+
+    @abstractmethod
+    def _halt(self) -> None:
+        """Start a controlled stop of whatever moves."""
+
+    @property
+    @abstractmethod
+    def _streaming(self) -> bool:
+        """Whether a stream of set-points is being followed."""
+
+    # -- in the backend's thread --------------------------------------------------------------
+
+    def _drain(self) -> None:
+        """Serve every waiting request."""
+        while True:
+            try:
+                request = self._inbox.get_nowait()
+            except queue.Empty:
+                return
+            request()
+
+    def _move_refusal(self, contact: str | None) -> str | None:
+        """Why nothing may move now, or None; `contact` says what is missing on the wire."""
+        refused = self._states.refusal(Event.MOVE) or contact
+        if refused is None and self._homing is not None:
+            refused = 'homing is under way: wait for it or call ~/stop'
+        return refused
+
+    def _stop(self, reason: str) -> None:
+        """Controlled stop; homing fails with the reason."""
+        self._halt()
+        if self._homing is not None:
+            homing, self._homing = self._homing, None
+            homing.set_exception(StageError(f'homing ended: {reason}'))
+
+    def _end_stream(self, reason: str) -> None:
+        """Controlled stop of a stream; other motions go on."""
+        if self._streaming:
+            self._listener.on_event(WARNING, f'stream ended, the stage stops: {reason}')
+            self._stop(reason)
+
+    def _watchdog(self, reason: str) -> None:
+        self._counts['watchdog_stops'] += 1
+        self._end_stream(reason)
+
+    def _refuse(self, reason: str) -> None:
+        self._counts['refused'] += 1
+        self._last_refusal = reason
+        self._listener.on_event(WARNING, reason)
+
+    def _details(self) -> dict[str, str]:
+        """Counters for `/diagnostics`."""
+        details = {name: str(value) for name, value in self._counts.items()}
+        if self._last_refusal:
+            details['last_refusal'] = self._last_refusal
+        return details
+
+    def _state_changed(self, before: State, after: State, reason: str) -> None:
+        if after is State.FAULT:
+            self._listener.on_event(FAILURE, f'fault: {reason}')

@@ -1,0 +1,342 @@
+"""The Zaber backend: position moves, homing and bounded velocity streaming over Zaber ASCII.
+
+A thread polls the positions, passes set-points on and watches flags. The protocol has no
+watchdog against a dead host, so a velocity is sent as `move abs` to a point just ahead: whatever
+happens to this process, the axis ends there.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import Future
+
+from stage_core.errors import StageError
+from stage_driver.backend import INFO, WARNING, Listener, Status
+from stage_driver.inbox_backend import InboxBackend
+from stage_driver.limits import AxisLimits, Setpoint, SetpointKind
+from stage_driver.states import Event, State
+from stage_driver.zaber_link import LinkLost, NoAnswer
+from stage_driver.zaber_setup import ZaberConfig
+from stage_driver.zaber_stage import Poll, ZaberStage, first_fault, reopen
+
+RECONNECT_PERIOD = 1.0
+NANOSECOND = 1e-9
+
+
+class ZaberBackend(InboxBackend):
+    """Owns the port's thread; everything else talks to it through the inbox."""
+
+    def __init__(self, config: ZaberConfig, listener: Listener) -> None:
+        super().__init__(config.axes, listener)
+        self.config = config
+        self._stage: ZaberStage | None = None
+        self._travel: Sequence[AxisLimits] = config.limits
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='zaber', daemon=True)
+        self._homing_deadline = 0.0
+        self._stream: Setpoint | None = None
+        self._stream_since = 0.0
+        self._targets: list[int] | None = None
+        self._last: Poll | None = None
+        self._references: list[float] = []
+        self._second = -1
+        self._flags: tuple[str, ...] | None = None
+        self._warnings: tuple[str, ...] = ()
+        self._counts.update(reconnections=0, missed_polls=0)
+
+    # -- calls from other threads -------------------------------------------------------------
+
+    def start(self) -> None:
+        """Open the port, speak to every device, start the thread; StageError where that fails."""
+        try:
+            self._found(ZaberStage(self.config))
+        except (NoAnswer, LinkLost) as error:
+            raise StageError(f'{error}: check power and cable') from error
+        if self.config.enable_on_start:
+            self._states.handle(Event.ENABLE)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop the axes, end the thread, give the knob back, close the port."""
+        self.stop()
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+        if self._stage is not None:
+            self._stage.close()
+
+    def stop(self) -> str:
+        """Send `stop` to every axis now, in front of all queued requests."""
+        moving = self._states.state is State.MOVING
+        self._halt_devices()
+        self._inbox.put(lambda: self._stop('stopped by request'))
+        return 'stopping' if moving else 'at rest'
+
+    def status(self) -> Status:
+        """See `Backend.status`."""
+        details = self._details()
+        details['port'] = self.config.port
+        stage = self._stage
+        if stage is not None:
+            counts = stage.link.counts
+            details.update({f'line_{name}': str(count) for name, count in counts.items()})
+        connected = stage is not None and not stage.link.lost
+        return Status(
+            self._states.state,
+            self._states.reason,
+            self._homed,
+            connected,
+            details,
+            self._warnings,
+        )
+
+    # -- the thread ---------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        period = 1.0 / self.config.rate
+        due = time.monotonic()
+        while not self._ended.is_set():
+            try:
+                self._drain()
+                if self._stage is None:
+                    self._reconnect()
+                else:
+                    self._cycle(self._stage)
+            except (LinkLost, NoAnswer) as error:
+                self._lose(f'{error}: put the cable back, then call ~/reset_fault')
+            except StageError as error:
+                self._fail(str(error))
+            due = max(due + period, time.monotonic())
+            self._ended.wait(due - time.monotonic())
+
+    def _cycle(self, stage: ZaberStage) -> None:
+        """Poll every axis, then do what its state asks for."""
+        poll = stage.poll()
+        if poll is None:
+            self._counts['missed_polls'] += 1
+            return
+        self._watch_flags(stage, poll)
+        self._progress(poll)
+        self._follow_stream(stage, poll)
+        self._publish(stage, poll)
+
+    def _watch_flags(self, stage: ZaberStage, poll: Poll) -> None:
+        """Read the list of warnings when a flag changes; faults latch, WR asks for homing."""
+        if poll.flags == self._flags:
+            return
+        self._flags = poll.flags
+        self._warnings = () if set(poll.flags) == {'--'} else stage.warnings()
+        if 'WR' in self._warnings:
+            if self._homed:
+                self._listener.on_event(WARNING, 'the stage lost its position: home with ~/home')
+                self._homed = False
+            if self._states.state is State.MOVING and self._homing is None:
+                self._fail('an axis lost its position while it moved; home with ~/home')
+        # A driver that was disabled on request is no fault.
+        disabled = self._states.state is State.DISABLED
+        fault = first_fault(self._warnings, ('FO', 'FD') if disabled else ())
+        if fault is not None:
+            self._fail(fault)
+
+    def _progress(self, poll: Poll) -> None:
+        """Find the end of homing and of position moves."""
+        if self._states.state is not State.MOVING or self._stream is not None:
+            return
+        if any(poll.busy):
+            if self._homing is not None and time.monotonic() > self._homing_deadline:
+                self._fail(f'homing took longer than {self.config.homing_timeout} s')
+            return
+        if self._homing is not None:
+            self._finish_homing()
+        elif self._targets is not None and self._targets != poll.steps:
+            shown = ', '.join(flag for flag in poll.flags if flag != '--') or 'no flag'
+            self._listener.on_event(WARNING, f'a move ended before its target ({shown})')
+        self._targets = None
+        self._states.handle(Event.DONE)
+
+    def _finish_homing(self) -> None:
+        homing, self._homing = self._homing, None
+        self._homed = 'WR' not in self._warnings
+        if homing is None:
+            return
+        if self._homed:
+            self._references = [0.0] * len(self.config.axes)
+            homing.set_result('homed: ' + ', '.join(self.config.axes))
+        else:
+            homing.set_exception(StageError('homing ended without a reference: see /diagnostics'))
+
+    def _follow_stream(self, stage: ZaberStage, poll: Poll) -> None:
+        """Pass the newest set-point's velocities on, or stop when it is too old."""
+        if self._stream is None:
+            return
+        if time.monotonic() - self._stream_since > self.config.setpoint_timeout:
+            self._watchdog(f'no set-point for {self.config.setpoint_timeout} s')
+            return
+        velocities = [value or 0.0 for value in self._stream.velocities]
+        refused = stage.stream(velocities, poll.steps)
+        if refused is not None:
+            self._fail(refused)
+
+    def _publish(self, stage: ZaberStage, poll: Poll) -> None:
+        """Publish the cycle; a stepper's velocity is the difference of its positions."""
+        positions = stage.metres(poll.steps)
+        velocities = [0.0] * len(positions)
+        if self._last is not None:
+            elapsed = (poll.stamp - self._last.stamp) * NANOSECOND
+            before = stage.metres(self._last.steps)
+            if 0.0 < elapsed < 1.0:
+                velocities = [
+                    (now - then) / elapsed for now, then in zip(positions, before, strict=True)
+                ]
+        self._last = poll
+        rates = [0.0] * len(positions)
+        if self._stream is not None:
+            rates = [value or 0.0 for value in self._stream.velocities]
+            if self._stream.kind is SetpointKind.VELOCITY:
+                self._references = positions
+        self._listener.on_state(poll.stamp, positions, velocities)
+        self._listener.on_control(poll.stamp, self._references or positions, rates, rates, ())
+        second = poll.stamp // 1_000_000_000
+        if second != self._second:
+            self._second = second
+            found = stage.temperatures()
+            self._listener.on_temperatures(poll.stamp, list(found), list(found.values()))
+
+    # -- requests, in the thread --------------------------------------------------------------
+
+    def _take(self, setpoint: Setpoint) -> None:
+        refused = self._move_refusal(self._contact_refusal())
+        if refused is None and not self._homed and self.config.home_required:
+            refused = 'the stage is not homed: call ~/home first'
+        stage = self._stage
+        if refused is not None or stage is None or self._last is None:
+            self._refuse(f'set-point refused: {refused or "no position is known yet"}')
+            return
+        before = self._references or stage.metres(self._last.steps)
+        if setpoint.kind is not SetpointKind.VELOCITY:
+            self._references = [
+                before[index] if value is None else value
+                for index, value in enumerate(setpoint.positions)
+            ]
+        self._states.handle(Event.MOVE)
+        if setpoint.streams:
+            self._stream, self._stream_since = setpoint, time.monotonic()
+            self._targets = None
+            return
+        self._stream = None
+        self._targets = [
+            handle.units.steps(value)
+            for handle, value in zip(stage.handles, self._references, strict=True)
+        ]
+        failed = stage.move(self._targets)
+        if failed is not None:
+            self._fail(failed)
+
+    def _start_homing(self, done: Future[str]) -> None:
+        refused = self._move_refusal(self._contact_refusal())
+        stage = self._stage
+        if refused is not None or stage is None:
+            done.set_exception(StageError(refused or 'no contact with the stage'))
+            return
+        self._stream = self._targets = None
+        self._homing = done
+        self._homing_deadline = time.monotonic() + self.config.homing_timeout
+        self._states.handle(Event.MOVE)
+        failed = stage.home()
+        if failed is not None:
+            self._fail(failed)
+
+    def _contact_refusal(self) -> str | None:
+        if self._stage is not None:
+            return None
+        return f'no contact with {self.config.port}: put the cable back'
+
+    def _halt(self) -> None:
+        self._stream = self._targets = None
+        self._halt_devices()
+        if self._stage is not None and self._last is not None:
+            self._references = self._stage.metres(self._last.steps)
+
+    def _halt_devices(self) -> None:
+        stage = self._stage
+        if stage is not None:
+            stage.link.send_unanswered('stop')
+
+    @property
+    def _streaming(self) -> bool:
+        return self._stream is not None
+
+    def _limits(self) -> Sequence[AxisLimits]:
+        """Soft limits narrowed to the devices' own travel."""
+        return self._travel
+
+    def _reset(self) -> str:
+        """Clear the devices' warnings; the fault stays as long as its cause."""
+        stage = self._present()
+        try:
+            fault = first_fault(stage.warnings(clear=True), ('FO', 'FD'))
+        except NoAnswer as error:
+            raise StageError(f'{error}: check power and cable') from error
+        if fault is not None:
+            raise StageError(f'the fault stays: {fault}')
+        self._flags = None
+        state = self._states.handle(Event.RESET)
+        if self.config.enable_on_start and state is State.DISABLED:
+            return self._switch(True)
+        return state.value
+
+    def _switch(self, on: bool) -> str:
+        stage = self._present()
+        state = self._states.handle(Event.ENABLE if on else Event.DISABLE)
+        if not on:
+            self._stop('disabled')
+        try:
+            stage.switch_drivers(on)
+        except NoAnswer as error:
+            raise StageError(f'{error}: check power and cable') from error
+        self._flags = None
+        return state.value
+
+    def _present(self) -> ZaberStage:
+        missing = self._contact_refusal()
+        if self._stage is None:
+            raise StageError(missing or 'no contact with the stage')
+        return self._stage
+
+    def _fail(self, reason: str) -> None:
+        self._states.handle(Event.FAIL, reason)
+        self._stop(reason)
+
+    # -- the wire -----------------------------------------------------------------------------
+
+    def _found(self, stage: ZaberStage) -> None:
+        self._warnings = stage.warnings()
+        self._homed = 'WR' not in self._warnings
+        self._flags = self._last = None
+        self._references = []
+        self._travel = stage.limits
+        self._stage = stage
+
+    def _lose(self, reason: str) -> None:
+        stage, self._stage = self._stage, None
+        if stage is not None:
+            stage.link.close()
+        self._fail(reason)
+
+    def _reconnect(self) -> None:
+        """Look for the devices; found ones are stopped and asked whether they know their place."""
+        stage = reopen(self.config)
+        if stage is None:
+            self._ended.wait(RECONNECT_PERIOD)
+            return
+        stage.link.send_unanswered('stop')
+        try:
+            self._found(stage)
+        except (NoAnswer, LinkLost):
+            stage.link.close()
+            return
+        self._counts['reconnections'] += 1
+        known = 'the position is known' if self._homed else 'the position is lost: call ~/home'
+        self._listener.on_event(INFO, f'{self.config.port} is back, {known}')

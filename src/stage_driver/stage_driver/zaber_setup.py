@@ -1,0 +1,125 @@
+"""Configuration of the Zaber backend, and the first conversation with the devices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from stage_core.errors import StageError
+from stage_driver.limits import AxisLimits
+from stage_driver.protocol import Reply
+from stage_driver.zaber_link import NoAnswer, ZaberLink
+from stage_driver.zaber_units import ZaberUnits
+from stage_driver.zaber_words import describe_rejection
+
+
+@dataclass(frozen=True)
+class ZaberConfig:
+    """Parameters of the Zaber backend; SI units; tuples have one element per axis."""
+
+    axes: tuple[str, ...]
+    limits: tuple[AxisLimits, ...]
+    port: str
+    devices: tuple[int, ...] = (1, 2)
+    device_axes: tuple[int, ...] = (1, 1)
+    microsteps: tuple[float, ...] = (0.047625e-6, 0.047625e-6)
+    baud: int = 115200
+    rate: float = 50.0
+    reply_timeout: float = 0.2
+    setpoint_timeout: float = 0.1
+    homing_timeout: float = 120.0
+    link_timeout: float = 1.0
+    home_required: bool = True
+    enable_on_start: bool = True
+
+
+@dataclass(frozen=True)
+class ZaberAxisHandle:
+    """How to talk to one axis, and where it may go [microsteps]."""
+
+    name: str
+    device: int
+    axis: int
+    units: ZaberUnits
+    lower: int
+    upper: int
+
+    def narrowed(self, limits: AxisLimits) -> AxisLimits:
+        """Soft limits within the device's own travel."""
+        return replace(
+            limits,
+            lower=max(limits.lower, self.units.metres(self.lower)),
+            upper=min(limits.upper, self.units.metres(self.upper)),
+        )
+
+
+def connect(config: ZaberConfig) -> tuple[ZaberLink, list[ZaberAxisHandle]]:
+    """Open the port and prepare every device; nothing moves.
+
+    Replies get checksums, manual control by the knob is switched off.
+
+    Raises
+    ------
+    StageError
+        If the port cannot be opened, nobody answers, or what answers is no Zaber ASCII device.
+    """
+    link = ZaberLink(config.port, config.baud, config.reply_timeout)
+    try:
+        for device in sorted(set(config.devices)):
+            _greet(link, config, device)
+        return link, [_handle(link, config, number) for number in range(len(config.axes))]
+    except NoAnswer as error:
+        link.close()
+        raise StageError(f'{error}: check power and cable') from error
+    except Exception:
+        link.close()
+        raise
+
+
+def _greet(link: ZaberLink, config: ZaberConfig, device: int) -> None:
+    try:
+        link.ask('', device)
+    except NoAnswer:
+        if link.counts['garbage']:
+            raise StageError(
+                f'device at {config.port} answers garbage ({link.garbage_sample!r}): check the '
+                f'baud rate ({config.baud}) and that it speaks Zaber ASCII'
+            ) from None
+        raise StageError(
+            f'no answer from device {device} at {config.port}: check power, cable, address, the '
+            f'baud rate ({config.baud}) and that it speaks ASCII, not Binary'
+        ) from None
+    # A device without knob or checksums rejects the setting: nothing is lost by that.
+    link.ask('set comm.checksum 1', device)
+    link.ask('set knob.enable 0', device)
+
+
+def _handle(link: ZaberLink, config: ZaberConfig, number: int) -> ZaberAxisHandle:
+    name, limits = config.axes[number], config.limits[number]
+    device, axis = config.devices[number], config.device_axes[number]
+    units = ZaberUnits(config.microsteps[number])
+    lowest = integer(link.ask('get limit.min', device, axis), name)
+    highest = integer(link.ask('get limit.max', device, axis), name)
+    lower = max(lowest, units.steps(limits.lower))
+    upper = min(highest, units.steps(limits.upper))
+    if lower >= upper:
+        raise StageError(
+            f'soft limits of {name} {limits.lower} ... {limits.upper} m lie outside the travel of '
+            f'its device, {units.metres(lowest):.6f} ... {units.metres(highest):.6f} m'
+        )
+    return ZaberAxisHandle(name, device, axis, units, lower, upper)
+
+
+def integer(reply: Reply, name: str) -> int:
+    """Number in an accepted reply.
+
+    Raises
+    ------
+    StageError
+        If the request was rejected or the data is no whole number.
+    """
+    if not reply.accepted:
+        raise StageError(f'axis {name} rejected a request: {describe_rejection(reply.data)}')
+    try:
+        return int(reply.data)
+    except ValueError:
+        raise StageError(f'axis {name} answered {reply.data[:40]!r} for a number') from None

@@ -1,0 +1,194 @@
+"""The axes of a Zaber stage as one: polls, motions, warnings, and what silence means."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from stage_core.errors import StageError
+from stage_driver.limits import AxisLimits
+from stage_driver.protocol import ProtocolError, Reply, warning_list
+from stage_driver.zaber_link import LinkLost, NoAnswer, Query, ZaberLink
+from stage_driver.zaber_setup import ZaberAxisHandle, ZaberConfig, connect, integer
+from stage_driver.zaber_words import FLAGS, describe_flag, describe_rejection
+
+#: How many control cycles a streamed move reaches ahead of the next one.
+LOOKAHEAD_CYCLES = 3
+
+
+@dataclass(frozen=True)
+class Poll:
+    """Positions [microsteps], busy and highest flag of every axis at `stamp` [ns]."""
+
+    stamp: int
+    steps: list[int]
+    busy: list[bool]
+    flags: tuple[str, ...]
+
+
+class ZaberStage:
+    """Talks to the devices behind one open port. All calls may raise LinkLost."""
+
+    def __init__(self, config: ZaberConfig) -> None:
+        self.config = config
+        self.link: ZaberLink
+        self.handles: list[ZaberAxisHandle]
+        self.link, self.handles = connect(config)
+        self.limits: list[AxisLimits] = [
+            handle.narrowed(limits)
+            for handle, limits in zip(self.handles, config.limits, strict=True)
+        ]
+        self._answered_at = time.monotonic()
+
+    def close(self) -> None:
+        """Stop the axes, give the knobs back, close the port."""
+        with contextlib.suppress(LinkLost, NoAnswer):
+            for device in sorted(set(self.config.devices)):
+                self.link.ask('stop', device)
+                self.link.ask('set knob.enable 1', device)
+        self.link.close()
+
+    def metres(self, steps: Sequence[float]) -> list[float]:
+        """Microsteps of every axis in m."""
+        return [h.units.metres(step) for h, step in zip(self.handles, steps, strict=True)]
+
+    def poll(self) -> Poll | None:
+        """Ask every axis for its position; None where one did not answer this time.
+
+        Raises
+        ------
+        LinkLost
+            If it has not for `link_timeout`.
+        """
+        sent = time.time_ns()
+        replies = self.link.ask_all([Query('get pos', h.device, h.axis) for h in self.handles])
+        # The devices answer at once: half the round trip is the best guess of "when".
+        stamp = (sent + time.time_ns()) // 2
+        now = time.monotonic()
+        silent = now - self._answered_at
+        answered = [reply for reply in replies if reply is not None]
+        if len(answered) < len(replies):
+            if silent > self.config.link_timeout:
+                raise LinkLost(f'no answer at {self.config.port} for {silent:.1f} s')
+            return None
+        self._answered_at = now
+        return Poll(
+            stamp,
+            [integer(reply, h.name) for reply, h in zip(answered, self.handles, strict=True)],
+            [reply.busy for reply in answered],
+            tuple(reply.flag for reply in answered),
+        )
+
+    def warnings(self, clear: bool = False) -> tuple[str, ...]:
+        """Flags of all axes, each once; with `clear` those that stay after clearing."""
+        found: dict[str, None] = {}
+        for handle in self.handles:
+            if clear:
+                self.link.ask('warnings clear', handle.device, handle.axis)
+            reply = self.link.ask('warnings', handle.device, handle.axis)
+            try:
+                listed = warning_list(reply.data)
+            except ProtocolError:
+                listed = () if reply.flag == '--' else (reply.flag,)
+            found.update(dict.fromkeys(listed))
+        return tuple(found)
+
+    def temperatures(self) -> dict[str, float]:
+        """Controller temperatures [degC] by sensor name, of the devices that have the sensor."""
+        queries = [Query('get system.temperature', h.device) for h in self.handles]
+        values = {}
+        for handle, reply in zip(self.handles, self.link.ask_all(queries), strict=True):
+            if reply is not None and reply.accepted:
+                with contextlib.suppress(ValueError):
+                    values[f'controller_{handle.name}'] = float(reply.data)
+        return values
+
+    def switch_drivers(self, on: bool) -> None:
+        """Enable or disable the motor drivers."""
+        for handle in self.handles:
+            self.link.ask('driver enable' if on else 'driver disable', handle.device, handle.axis)
+
+    def home(self) -> str | None:
+        """Start homing on every axis; what went wrong, or None."""
+        return self._motion(['home'] * len(self.handles), None)
+
+    def move(self, targets: Sequence[int]) -> str | None:
+        """Start moves to `targets` [microsteps]; what went wrong, or None."""
+        words = [
+            self._move_words(index, target, limits.max_velocity)
+            for index, (target, limits) in enumerate(zip(targets, self.limits, strict=True))
+        ]
+        return self._motion(words, targets)
+
+    def stream(self, velocities: Sequence[float], steps: Sequence[int]) -> str | None:
+        """Send velocities [m/s] as moves to points just ahead of `steps`; what was refused.
+
+        An unanswered one is not repeated: the next cycle sends a fresher one.
+        """
+        reach = LOOKAHEAD_CYCLES / self.config.rate
+        queries = []
+        for index, handle in enumerate(self.handles):
+            velocity = velocities[index]
+            ahead = steps[index] + handle.units.steps(velocity * reach)
+            target = min(max(ahead, handle.lower), handle.upper)
+            words = 'stop'
+            if velocity != 0.0 and target != steps[index]:
+                words = self._move_words(index, target, velocity)
+            queries.append(Query(words, handle.device, handle.axis))
+        return self._refused(self.link.ask_all(queries))
+
+    def _motion(self, words: Sequence[str], targets: Sequence[int] | None) -> str | None:
+        queries = [
+            Query(text, handle.device, handle.axis)
+            for text, handle in zip(words, self.handles, strict=True)
+        ]
+        replies = self.link.ask_all(queries)
+        for index, reply in enumerate(replies):
+            if reply is not None:
+                continue
+            target = None if targets is None else targets[index]
+            replies[index] = self._after_silence(queries[index], target)
+            if replies[index] is None:
+                return (
+                    f'axis {self.handles[index].name} does not confirm a motion: check the cable'
+                )
+        return self._refused(replies)
+
+    def _after_silence(self, query: Query, target: int | None) -> Reply | None:
+        """Look whether an unanswered motion was taken; only one that was not is sent again."""
+        try:
+            state = self.link.ask('get pos', query.device, query.axis)
+        except NoAnswer:
+            return None
+        if state.busy or (target is not None and state.data == str(target)):
+            return state
+        return self.link.ask_all([query])[0]
+
+    def _refused(self, replies: Sequence[Reply | None]) -> str | None:
+        for reply, handle in zip(replies, self.handles, strict=True):
+            if reply is not None and not reply.accepted:
+                return f'axis {handle.name} refused a motion: {describe_rejection(reply.data)}'
+        return None
+
+    def _move_words(self, index: int, target: int, velocity: float) -> str:
+        units = self.handles[index].units
+        acceleration = units.acceleration(self.limits[index].max_acceleration)
+        return f'move abs {target} {units.speed(velocity)} {acceleration}'
+
+
+def first_fault(flags: Sequence[str], ignored: Sequence[str] = ()) -> str | None:
+    """Plain words of the first fault among `flags`, or None."""
+    for flag in flags:
+        if flag in FLAGS and FLAGS[flag].severity == 'fault' and flag not in ignored:
+            return describe_flag(flag)
+    return None
+
+
+def reopen(config: ZaberConfig) -> ZaberStage | None:
+    """Open the stage again after the cable was pulled; None while it is not there."""
+    try:
+        return ZaberStage(config)
+    except (StageError, LinkLost, NoAnswer):
+        return None

@@ -1,0 +1,276 @@
+"""The Zaber backend against the emulated chain on a pseudo-terminal, with faults on the wire."""
+
+import threading
+import time
+from contextlib import contextmanager
+
+import pytest
+from driver_rig import Recorder
+
+from stage_core.errors import StageError
+from stage_core.twin_file import StepperAxis, TwinFile
+from stage_driver.limits import AxisLimits
+from stage_driver.states import State
+from stage_driver.zaber import ZaberBackend
+from stage_driver.zaber_setup import ZaberConfig, connect
+from stage_driver.zaber_units import ZaberUnits
+from stage_twin.emulators.zaber import ZaberChain
+from stage_twin.emulators.zaber_faults import KINDS
+from stage_twin.emulators.zaber_pty import ZaberPty
+from stage_twin.stepper import StepperPlant
+
+STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
+LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
+STEP = 0.047625e-6
+
+
+@contextmanager
+def rig(tmp_path, start=(3000, 2000), **options):
+    plant, recorder = StepperPlant(STEPPER), Recorder()
+    plant.reset(start)
+    link = tmp_path / 'zaber'
+    with ZaberPty(ZaberChain(plant), link=link) as server:
+        options.setdefault('reply_timeout', 0.1)
+        options.setdefault('link_timeout', 0.5)
+        config = ZaberConfig(('x', 'y'), (LIMITS, LIMITS), str(link), **options)
+        backend = ZaberBackend(config, recorder)
+        backend.start()
+        try:
+            yield server, backend, recorder
+        finally:
+            backend.close()
+
+
+def wait(condition, timeout=20.0):
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def move(backend, recorder, x, y):
+    backend.submit(0, ['x', 'y'], [x, y], [])
+    wait(lambda: backend.status().state is State.MOVING)
+    wait(lambda: backend.status().state is not State.MOVING)
+
+
+def position(server):
+    return [server.chain.plant.position_steps(axis) * STEP for axis in range(2)]
+
+
+def test_units_of_the_fact_sheet():
+    units = ZaberUnits(STEP)
+    assert units.steps(0.005) == 104987
+    assert units.speed(0.001) == 34402
+    assert units.acceleration(1.0) == 3440
+    assert units.metres(units.steps(0.0123)) == pytest.approx(0.0123, abs=STEP / 2)
+
+
+def test_home_move_and_publish(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.submit(0, ['x'], [0.01], [])
+        recorder.wait(lambda: recorder.said('not homed'))
+        assert not backend.status().homed
+        assert backend.home().result(timeout=20) == 'homed: x, y'
+        move(backend, recorder, 0.01, 0.004)
+        assert position(server) == pytest.approx([0.01, 0.004], abs=STEP)
+        recorder.wait(lambda: recorder.states[-1][1] == pytest.approx((0.01, 0.004), abs=STEP))
+        assert recorder.controls[-1][1] == (0.01, 0.004) and recorder.controls[-1][4] == ()
+        assert recorder.temperatures[0][1] == ('controller_x', 'controller_y')
+        assert server.chain.devices[0].values['knob.enable'] == 0
+        assert backend.status().state is State.READY
+    assert server.chain.devices[0].values['knob.enable'] == 1
+
+
+def test_velocity_stream_is_bounded_and_its_end_is_watched(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        begin = position(server)[0]
+        for _ in range(30):
+            backend.submit(0, ['x', 'y'], [], [0.01, 0.0])
+            time.sleep(0.01)
+        recorder.wait(lambda: recorder.said('stream ended'))
+        wait(lambda: backend.status().state is State.READY)
+        end = position(server)[0]
+        # 0.3 s of stream, the timeout, and the look-ahead: never more, whatever the load.
+        assert begin + 0.001 < end
+        assert position(server)[1] == pytest.approx(0.0, abs=STEP)
+        assert backend.status().details['watchdog_stops'] == '1'
+
+
+def test_dead_host_leaves_the_axis_at_its_bound(tmp_path):
+    """Stop the backend's thread without any farewell: the streamed move ends by itself."""
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        for _ in range(10):
+            backend.submit(0, ['x', 'y'], [], [0.02, 0.0])
+            time.sleep(0.01)
+        backend._ended.set()
+        backend._thread.join(timeout=5)
+        wait(lambda: not server.chain.axes[0].busy, 5)
+        assert server.chain.axes[0].position > 0
+        assert server.chain.axes[0].position * STEP < 0.02
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_moves_survive_one_broken_reply_without_moving_twice(tmp_path, kind):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        server.chain.faults.delay = 0.3
+        sent = []
+        original = server.chain.axes[0].move
+        server.chain.axes[0].move = lambda *a: (sent.append(a), original(*a))
+        with server._lock:
+            server.chain.faults.inject(kind, 3)
+        move(backend, recorder, 0.003, 0.002)
+        assert position(server) == pytest.approx([0.003, 0.002], abs=STEP)
+        assert len(sent) == 1
+        wait(lambda: backend.status().state is State.READY)
+        assert server.chain.faults.applied == 3
+        first = backend.status().details
+        assert not recorder.said('fault'), (first, recorder.events)
+
+
+def test_move_command_that_never_reached_the_device_is_sent_once_more(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        device = server.chain.devices[0]
+        answer, lost = device.answer, []
+
+        def lossy(request):
+            if request.words[:2] == ('move', 'abs') and not lost:
+                lost.append(request)
+                return []
+            return answer(request)
+
+        device.answer = lossy
+        move(backend, recorder, 0.003, 0.002)
+        assert lost and position(server) == pytest.approx([0.003, 0.002], abs=STEP)
+
+
+def test_cable_pulled_and_put_back_reconnects_without_moving(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        move(backend, recorder, 0.002, 0.002)
+        server.unplug()
+        recorder.wait(lambda: recorder.said('fault'))
+        assert backend.status().state is State.FAULT and not backend.status().connected
+        with pytest.raises(StageError, match='put the cable back'):
+            backend.reset_fault().result(timeout=20)
+        before = position(server)
+        server.plug()
+        recorder.wait(lambda: recorder.said('is back'))
+        assert recorder.said('the position is known')
+        backend.submit(0, ['x'], [0.004], [])
+        recorder.wait(lambda: recorder.said('~/reset_fault, then'))
+        assert position(server) == before
+        assert backend.reset_fault().result(timeout=20) == 'ready'
+        move(backend, recorder, 0.003, 0.002)
+        assert position(server)[0] == pytest.approx(0.003, abs=STEP)
+
+
+def test_power_cycle_asks_for_homing(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        move(backend, recorder, 0.002, 0.002)
+        server.power_cycle()
+        recorder.wait(lambda: recorder.said('lost its position'))
+        backend.submit(0, ['x'], [0.004], [])
+        recorder.wait(lambda: recorder.said('not homed'))
+        assert 'WR' in backend.status().warnings
+        assert backend.home().result(timeout=20) == 'homed: x, y'
+        assert position(server) == pytest.approx([0.0, 0.0], abs=STEP)
+
+
+def test_stall_is_a_latched_fault_in_plain_words(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        with server._lock:
+            server.chain.axes[0].raise_flag('FS')
+        recorder.wait(lambda: recorder.said('stalled and stopped'))
+        assert backend.status().state is State.FAULT
+        assert 'FS' in backend.status().warnings
+        assert backend.reset_fault().result(timeout=20) == 'ready'
+        with server._lock:
+            server.chain.axes[1].raise_flag('FF')
+        recorder.wait(lambda: recorder.said('critical system error'))
+        with pytest.raises(StageError, match='the fault stays: FF'):
+            backend.reset_fault().result(timeout=20)
+
+
+def test_stop_ends_a_move_and_disabling_refuses_the_next(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        backend.submit(0, ['x', 'y'], [0.05, 0.05], [])
+        wait(lambda: server.chain.axes[0].busy)
+        assert backend.stop() in ('stopping', 'at rest')
+        wait(lambda: backend.status().state is State.READY)
+        assert position(server)[0] < 0.049
+        assert backend.enable(False).result(timeout=20) == 'disabled'
+        backend.submit(0, ['x'], [0.001], [])
+        recorder.wait(lambda: recorder.said('the stage is disabled'))
+        assert backend.enable(True).result(timeout=20) == 'ready'
+        move(backend, recorder, 0.001, 0.001)
+
+
+def test_bad_setpoints_name_axis_value_and_limit(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        before = position(server)
+        backend.submit(0, ['y'], [0.2], [])
+        assert recorder.said('position of y 0.200000 m is outside its limits 0.000000 ... 0.05')
+        backend.submit(0, ['x'], [float('nan')], [])
+        assert recorder.said('position of x is nan')
+        time.sleep(0.1)
+        assert position(server) == before
+
+
+def test_port_that_does_not_exist_is_one_clear_error():
+    config = ZaberConfig(('x',), (LIMITS,), '/dev/does_not_exist', (1,), (1,), (STEP,))
+    with pytest.raises(StageError, match='cannot open port /dev/does_not_exist: No such file'):
+        ZaberBackend(config, Recorder()).start()
+
+
+@pytest.mark.parametrize(
+    ('babble', 'words'), [(b'', 'no answer from device 1'), (b'\x91\x04~~\r\n', 'answers garbage')]
+)
+def test_silence_and_garbage_are_told_apart(babble, words):
+    import os
+    import pty
+    import tty
+
+    master, slave = pty.openpty()
+    tty.setraw(master)
+    tty.setraw(slave)
+    ended = threading.Event()
+
+    def serve():
+        while not ended.is_set():
+            os.set_blocking(master, False)
+            try:
+                if os.read(master, 100) and babble:
+                    os.write(master, babble)
+            except BlockingIOError:
+                ended.wait(0.005)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        config = ZaberConfig(
+            ('x',), (LIMITS,), os.ttyname(slave), (1,), (1,), (STEP,), reply_timeout=0.05
+        )
+        with pytest.raises(StageError, match=words):
+            connect(config)
+    finally:
+        ended.set()
+        thread.join()
+        os.close(master)
+        os.close(slave)
+
+
+def test_limits_outside_the_travel_are_an_error(tmp_path):
+    with ZaberPty(ZaberChain(StepperPlant(STEPPER))) as server:
+        far = AxisLimits(0.5, 0.6, 0.1, 1.0, 1.0)
+        config = ZaberConfig(('x',), (far,), server.port, (1,), (1,), (STEP,))
+        with pytest.raises(StageError, match='outside the travel'):
+            connect(config)
