@@ -108,3 +108,17 @@ def test_a_stepper_twin_is_refused():
     twin = TwinFile.from_dict({'kind': 'stepper', 'axes': {'x': {}}})
     with pytest.raises(StageError, match='kind servo'):
         ServoPlant(twin)
+
+
+def test_the_delay_is_a_time_whatever_the_length_of_ticks():
+    twin = TwinFile.nominal_servo().with_effects({'actuation_delay.x': {'delay': 0.0023}})
+    changed, own = ServoPlant(twin), ServoPlant(replace(twin, control_period=1e-4))
+    for k in range(100):
+        force = [20.0 + k, -5.0]
+        changed.step(force, dt=1e-4)
+        own.step(force)
+        if k == 22:
+            # 23 ticks of 0.1 ms have passed, all within the delay.
+            assert changed.motor_velocity()[0] == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_array_equal(changed.motor_position(), own.motor_position())
+    assert changed.motor_velocity()[0] > 1e-3
