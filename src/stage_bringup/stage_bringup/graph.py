@@ -115,7 +115,12 @@ def commands(options: Options) -> list[NodeCommand]:
         NodeCommand(
             'contour_ctrl',
             'contour_ctrl.node',
-            {'iterations': options.iterations, **clock},
+            {
+                'iterations': options.iterations,
+                'scheme': 'ccc+rilc',
+                'session_folder': options.out / 'learned',
+                **clock,
+            },
             config / ('contour_ctrl_zaber.yaml' if stepper else 'contour_ctrl.yaml'),
         ),
         NodeCommand(

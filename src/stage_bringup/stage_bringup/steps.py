@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 import time
 from collections.abc import Iterable
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from calibrator import model_file
 from stage_bringup.client_node import SessionClient
 from stage_bringup.graph import Options
 from stage_bringup.plan import alignment_points, calibration_grid, heldout_points
@@ -197,22 +199,33 @@ def _circle(session: Session) -> None:
 
 
 def _retrain_offline(session: Session) -> None:
-    from calibrator import model_file
-    from calibrator.retrain_offline import train_from_bags
-
+    # The command that a user would run, with nothing but the bag.
     session.say('retraining offline from the bag alone')
-    client = session.client
-    offline = train_from_bags([session.result.bags['calibration']], session.options.method)
+    client, options = session.client, session.options
+    offline_file = options.out / 'models' / 'offline.json'
+    done = subprocess.run(
+        [sys.executable, '-m', 'calibrator.retrain_offline']
+        + ['--bag', str(session.result.bags['calibration'])]
+        + ['--method', options.method, '--out', str(offline_file)],
+        capture_output=True,
+        text=True,
+    )
+    if done.returncode != 0:
+        raise StageError(f'offline retraining failed: {done.stderr.strip()}')
     client.wait_for(lambda: client.latest(topics.MODEL) is not None, 30.0, topics.MODEL)
     announced: Any = client.latest(topics.MODEL)
     online = model_file.load(Path(json.loads(announced.data)['file']))
+    offline = model_file.load(offline_file)
     points = session.result.targets
-    difference = np.abs(online.predict(points) - offline.predict(points)).max()
+    difference = max(
+        float(np.abs(online.predict(points, side) - offline.predict(points, side)).max())
+        for side in (np.ones_like(points), -np.ones_like(points))
+    )
     session.result.lines.append(
         f'offline retraining: largest difference to the online model '
         f'{difference / MICROMETRE:.6f} µm'
     )
-    session.result.data['offline_difference'] = float(difference)
+    session.result.data['offline_difference'] = difference
 
 
 def _diagnose(session: Session) -> None:
