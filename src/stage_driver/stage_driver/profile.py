@@ -20,11 +20,13 @@ Floats = NDArray[np.float64]
 def braking_speed(distance: float, acceleration: float, period: float) -> float:
     """Largest speed from which ticks of `acceleration` stop within `distance` (>= 0) [m/s].
 
-    Solves v^2 / (2 a) + v Ts / 2 = d, the distance of a staircase of decelerating ticks.
+    A staircase v = n a Ts + f, f < a Ts, of ticks that decelerate by a Ts travels
+    (n + 1) f Ts + n (n + 1) a Ts^2 / 2; this is solved for n, then f.
     """
-    half = 0.5 * period
-    root = math.sqrt(half * half + 2.0 * distance / acceleration)
-    return min(acceleration * (root - half), distance / period)
+    unit = acceleration * period * period
+    count = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * distance / unit) - 1.0))
+    rest = distance - 0.5 * count * (count + 1) * unit
+    return count * acceleration * period + rest / ((count + 1) * period)
 
 
 @njit(cache=True)
