@@ -1,0 +1,293 @@
+"""The stand-in's verbs against a small real node, and its pure parts."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from ros2_standin import install as installer
+from ros2_standin.executables import command, find, packages
+from ros2_standin.messages import fill, from_plain_field, interface, to_plain, to_yaml
+from ros2_standin.real import real_ros2
+from ros2_standin.topic import rate_report
+from stage_core.errors import StageError
+
+pytest.importorskip('rclpy')
+
+Result = 'subprocess.CompletedProcess[str]'
+
+#: A node with a latched topic, a fast topic, a service and parameters.
+NODE = """
+import rclpy
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool
+from rcl_interfaces.msg import SetParametersResult
+rclpy.init()
+node = rclpy.create_node('small', namespace='lab')
+node.declare_parameter('gain', 0.5)
+node.declare_parameter('group.label', 'one')
+node.add_on_set_parameters_callback(
+    lambda changes: SetParametersResult(
+        successful=all(c.name != 'gain' or c.value >= 0 for c in changes), reason='gain < 0'))
+publisher = node.create_publisher(Float64, 'value', 10)
+node.create_timer(0.02, lambda: publisher.publish(Float64(data=2.5)))
+def answer(request, response):
+    response.success, response.message = request.data, 'heard'
+    return response
+node.create_service(SetBool, '~/flag', answer)
+rclpy.spin(node)
+"""
+
+
+@pytest.fixture
+def ros2(ros_env: dict[str, str]) -> Callable[..., subprocess.CompletedProcess[str]]:
+    def run(*words: str, timeout: float = 40.0) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, '-m', 'ros2_standin', *words],
+            env=ros_env,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+        )
+
+    return run
+
+
+@pytest.fixture
+def small_node(ros_env: dict[str, str]) -> Iterator[None]:
+    process = subprocess.Popen([sys.executable, '-c', NODE], env=ros_env)
+    yield
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+@pytest.fixture
+def ros2_together(ros_env: dict[str, str]) -> Callable[..., list[tuple[int, str, str]]]:
+    """Run several verbs at once: each spends its time waiting for discovery."""
+
+    def run(*lines: tuple[str, ...]) -> list[tuple[int, str, str]]:
+        processes = [
+            subprocess.Popen(
+                [sys.executable, '-m', 'ros2_standin', *words],
+                env=ros_env,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            for words in lines
+        ]
+        results = []
+        for process in processes:
+            out, err = process.communicate(timeout=60)
+            results.append((process.returncode, out, err))
+        return results
+
+    return run
+
+
+@pytest.mark.usefixtures('small_node')
+def test_graph_verbs(ros2_together: Callable[..., list[tuple[int, str, str]]]) -> None:
+    topics, nodes, echoed, field, called, refused = ros2_together(
+        ('topic', 'list', '-t'),
+        ('node', 'list'),
+        ('topic', 'echo', '/lab/value', '--once'),
+        ('topic', 'echo', 'lab/value', '--once', '--field', 'data'),
+        ('service', 'call', '/lab/small/flag', 'std_srvs/srv/SetBool', '{data: true}'),
+        ('param', 'set', '/lab/small', 'gain', '-1.0'),
+    )
+    assert '/lab/value [std_msgs/msg/Float64]\n' in topics[1]
+    assert nodes[1] == '/lab/small\n'
+    assert yaml.safe_load(echoed[1].split('---')[0]) == {'data': 2.5}
+    assert field[1] == '2.5\n---\n'
+    assert called[1].splitlines()[-2:] == [
+        "std_srvs.srv.SetBool_Response(success=True, message='heard')",
+        '',
+    ]
+    assert refused[0] == 1 and 'gain < 0' in refused[2]
+
+
+@pytest.mark.usefixtures('small_node')
+def test_parameter_verbs(
+    ros2: Callable[..., subprocess.CompletedProcess[str]],
+    ros2_together: Callable[..., list[tuple[int, str, str]]],
+) -> None:
+    done = ros2('param', 'set', '/lab/small', 'gain', '2')
+    assert done.returncode == 0 and done.stdout == 'Set parameter successful\n'
+    listed, got, dumped = ros2_together(
+        ('param', 'list', '/lab/small'),
+        ('param', 'get', '/lab/small', 'gain'),
+        ('param', 'dump', '/lab/small'),
+    )
+    assert '  gain\n  group.label\n' in listed[1]
+    assert got[1] == 'Double value is: 2.0\n'
+    parameters = yaml.safe_load(dumped[1])['/lab/small']['ros__parameters']
+    assert parameters['gain'] == 2.0 and parameters['group'] == {'label': 'one'}
+
+
+@pytest.mark.usefixtures('small_node')
+def test_rate_of_a_topic(ros_env: dict[str, str]) -> None:
+    words = [sys.executable, '-m', 'ros2_standin', 'topic', 'hz', '/lab/value']
+    process = subprocess.Popen(
+        words, env={**ros_env, 'PYTHONUNBUFFERED': '1'}, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        first = process.stdout.readline()
+        assert first.startswith('average rate: ') and float(first.split()[-1]) > 0
+        assert process.stdout.readline().lstrip().startswith('min: ')
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) == 130
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+@pytest.mark.usefixtures('small_node')
+def test_bag_record_then_info(
+    ros_env: dict[str, str],
+    ros2: Callable[..., subprocess.CompletedProcess[str]],
+    tmp_path: Path,
+) -> None:
+    bag = tmp_path / 'run'
+    words = [sys.executable, '-m', 'ros2_standin', 'bag', 'record', '-o', str(bag), '/lab/value']
+    process = subprocess.Popen(words, env=ros_env, stderr=subprocess.DEVNULL)
+    try:
+        # The topic is outside the contract: its type is learnt from the graph.
+        from session_bags.bag import open_bag
+
+        for _ in range(200):
+            if (bag / 'metadata.yaml').is_file() and open_bag(bag).topic_types():
+                break
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(timeout=0.1)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) == 0
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+    shown = ros2('bag', 'info', str(bag))
+    assert 'Topic: /lab/value | Type: std_msgs/msg/Float64 | Count: ' in shown.stdout
+    again = ros2('bag', 'record', '-o', str(bag), '/lab/value')
+    assert again.returncode == 2 and 'already exists' in again.stderr
+
+
+def test_packages_and_run(ros2_together: Callable[..., list[tuple[int, str, str]]]) -> None:
+    listed, executables, run, *refused = ros2_together(
+        ('pkg', 'list'),
+        ('pkg', 'executables', 'session_bags'),
+        ('run', 'session_bags', 'check', '--help'),
+        ('run', 'nowhere', 'x'),
+        ('run', 'session_bags', 'x'),
+        ('launch', 'stage_bringup', 'session.launch.py'),
+    )
+    assert 'session_bags' in listed[1].splitlines()
+    assert 'session_bags session_recorder\n' in executables[1]
+    assert run[0] == 0 and run[1].startswith('usage: check')
+    texts = ("Package 'nowhere' not found", 'No executable found', 'stage_bringup session')
+    for (code, _, err), text in zip(refused, texts, strict=True):
+        assert code == 2 and text in err
+        assert 'Traceback' not in err
+
+
+def test_every_declared_executable_can_be_found() -> None:
+    for package, executables in packages().items():
+        for executable in executables:
+            assert find(package, executable.name) == executable
+            line = command(executable, ['--ros-args'], 'python')
+            assert line[-1] == '--ros-args'
+
+
+def test_an_installed_workspace_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = tmp_path / 'lib' / 'session_bags' / 'check'
+    marker = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages' / 'session_bags'
+    for path in (script, marker):
+        path.parent.mkdir(parents=True)
+        path.write_text('#!/bin/sh\n')
+    script.chmod(0o755)
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    assert command(find('session_bags', 'check'), ['a'], 'python') == [str(script), 'a']
+
+
+def test_steps_aside_for_a_real_ros2(tmp_path: Path) -> None:
+    real = tmp_path / 'ros2'
+    real.write_text('#!/bin/sh\necho the real one: "$@"\n')
+    real.chmod(0o755)
+    environment = {**os.environ, 'PATH': f'{tmp_path}:{os.environ["PATH"]}'}
+    words = [sys.executable, '-m', 'ros2_standin', 'topic', 'list']
+    shown = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=30)
+    assert shown.stdout == 'the real one: topic list\n'
+
+
+def test_install_writes_and_removes_the_launcher(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own, other = tmp_path / 'own', tmp_path / 'other'
+    monkeypatch.setenv('PATH', str(own))
+    assert installer.install(own) == own / 'ros2'
+    assert real_ros2() is None, 'the launcher is not taken for the real one'
+    shown = subprocess.run([own / 'ros2', 'pkg', 'list'], capture_output=True, text=True)
+    assert 'stage_core' in shown.stdout
+    other.mkdir()
+    (other / 'ros2').write_text('#!/bin/sh\n')
+    (other / 'ros2').chmod(0o755)
+    monkeypatch.setenv('PATH', f'{own}{os.pathsep}{other}')
+    assert installer.install(own) is None and not (own / 'ros2').exists()
+    with pytest.raises(StageError, match='not of this workspace'):
+        installer.install(other)
+
+
+def test_messages_from_yaml_and_back() -> None:
+    state = fill(
+        interface('sensor_msgs/JointState', 'msg')(),
+        'header: {frame_id: stage, stamp: {sec: 3, nanosec: 4}}\nname: [x]\nposition: [1]\n',
+    )
+    assert list(state.position) == [1.0] and state.header.stamp.sec == 3
+    assert yaml.safe_load(to_yaml(state)) == to_plain(state)
+    assert from_plain_field(state, 'header.stamp.nanosec') == 4
+    assert from_plain_field(state, 'name[0]') == 'x'
+    array = fill(
+        interface('diagnostic_msgs/msg/DiagnosticArray', 'msg')(),
+        textwrap.dedent("""
+        status:
+        - {level: 2, name: a, values: [{key: k, value: v}]}
+        """),
+    )
+    assert to_plain(array)['status'][0]['level'] == 2
+    assert array.status[0].values[0].key == 'k'
+
+
+@pytest.mark.parametrize(
+    ('type_name', 'text', 'wrong'),
+    [
+        ('std_srvs/srv/SetBool', '{data: [1]}', 'data is a boolean'),
+        ('std_srvs/srv/SetBool', '{datum: true}', 'has no field datum'),
+        ('std_srvs/srv/SetBool', '{data: ', 'not YAML'),
+        ('std_srvs/srv/SetBool', '3', 'dictionary'),
+    ],
+)
+def test_bad_values_are_named(type_name: str, text: str, wrong: str) -> None:
+    with pytest.raises(StageError, match=wrong):
+        fill(interface(type_name, 'srv').Request(), text)
+
+
+def test_unknown_types_and_fields_are_named() -> None:
+    with pytest.raises(StageError, match='nothing_msgs/msg/Odd'):
+        interface('nothing_msgs/msg/Odd', 'msg')
+    with pytest.raises(StageError, match='Invalid field'):
+        from_plain_field(interface('std_msgs/msg/String', 'msg')(), 'data.more')
+
+
+def test_rate_report_of_a_steady_topic() -> None:
+    lines = rate_report([0.5 * k for k in range(5)]).split('\n')
+    assert lines[0] == 'average rate: 2.000'
+    assert lines[1] == '\tmin: 0.500s max: 0.500s std dev: 0.00000s window: 4'
