@@ -26,6 +26,8 @@ from tracker_bridge.sources.base import Source
 from tracker_bridge.sources.emscon import EmsconSource
 from tracker_bridge.sources.sa_text import SaTextSource
 
+# A tracker that starts together with this node is no trouble yet [s].
+FIRST_COMPLAINT = 2.0
 COMPLAINT_PERIOD = 5.0
 ALIGN_POLL = 0.05
 # In lockstep a world that waits sends nothing: then everything has arrived.
@@ -71,7 +73,7 @@ class TrackerBridge(StageNode):
         self.create_service(Trigger, '~/align', self._on_align)
         self.create_service(Trigger, '~/reset', self._on_reset)
         steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
-        self._said = ('', 0.0)
+        self._silent_until = time.monotonic() + FIRST_COMPLAINT
         self.create_timer(1.0, self._complain, clock=steady)
         self.diagnostics.hardware_id = f'{value("source")} {value("host")}:{value("port")}'
         self.diagnostics.task('connection', self._connection_status)
@@ -172,9 +174,10 @@ class TrackerBridge(StageNode):
 
     def _complain(self) -> None:
         trouble, now = self._source.trouble, time.monotonic()
-        text, said = self._said
-        if trouble and (trouble != text or now - said >= COMPLAINT_PERIOD):
-            self._said = (trouble, now)
+        if not trouble:
+            self._silent_until = now + FIRST_COMPLAINT
+        elif now >= self._silent_until:
+            self._silent_until = now + COMPLAINT_PERIOD
             self.get_logger().warning(trouble)
 
     def _connection_status(self) -> tuple[bytes, str, dict[str, Any]]:
