@@ -1,0 +1,132 @@
+"""The driver as a real process, before a real twin process and without one."""
+
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from driver_rig import SmallPlant
+from sensor_msgs.msg import JointState
+
+from stage_core import topics
+from stage_node.client_node import GraphClient
+from stage_node.node import SETPOINT_QOS, joint_state
+
+DRIVER = [sys.executable, '-m', 'stage_driver.node', '--ros-args']
+
+
+def arguments(**parameters):
+    return [text for name, value in parameters.items() for text in ('-p', f'{name}:={value}')]
+
+
+@contextmanager
+def process(command, environment):
+    running = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+    try:
+        yield running
+    finally:
+        running.terminate()
+        try:
+            running.communicate(timeout=15)
+        except subprocess.TimeoutExpired:
+            running.kill()
+            running.communicate()
+
+
+def statuses(message):
+    return {status.name: status for status in message.status}
+
+
+def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
+    plant = SmallPlant(lockstep=False, start=(0.1, 0.05))
+    plant.start()
+    try:
+        command = DRIVER + arguments(drive_port=plant.port)
+        with process(command, ros_env), GraphClient('test_client') as client:
+            for topic in (topics.REFERENCE, topics.COMMAND, topics.JOINT_STATES):
+                client.watch(JointState, topic)
+            client.watch(DiagnosticArray, topics.DIAGNOSTICS)
+            client.wait_for(lambda: client.latest(topics.COMMAND) is not None, 60, 'commands')
+            setpoints = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
+            homing = []
+            import threading
+
+            def home():
+                try:
+                    homing.append(client.trigger('/stage_driver/home', 60))
+                except Exception as error:
+                    homing.append(str(error))
+
+            thread = threading.Thread(target=home)
+            thread.start()
+            client.wait_for(lambda: plant.position[0] < 0.095, 30, 'homing')
+            # `~/stop` is served while `~/home` still waits for its answer.
+            assert client.trigger('/stage_driver/stop', 10) == 'stopping'
+            thread.join(30)
+            assert 'homing ended: stopped by request' in homing[0]
+            assert plant.position[0] > 0.01
+            assert client.trigger('/stage_driver/home', 60).startswith('homed')
+            measured = client.latest(topics.JOINT_STATES)
+            assert measured.name == ['x', 'y'] and abs(measured.position[0]) < 1e-5
+            assert len(client.latest(topics.COMMAND).effort) == 2
+            assert client.latest(topics.REFERENCE).header.stamp.sec >= 1
+            client.wait_for(lambda: setpoints.get_subscription_count() > 0, 30, 'the driver')
+            setpoints.publish(joint_state(0, ['x', 'y'], [0.4, 0.0]))
+
+            def refusal_shown():
+                found = statuses(client.latest(topics.DIAGNOSTICS) or DiagnosticArray())
+                status = found.get('stage_driver: set-points')
+                return status is not None and 'position of x 0.400000 m' in status.message
+
+            client.wait_for(refusal_shown, 30, 'the refusal on /diagnostics')
+            assert abs(client.latest(topics.JOINT_STATES).position[0]) < 1e-5
+            assert client.set_bool('/stage_driver/enable', False) == 'disabled'
+    finally:
+        plant.close()
+
+
+def test_killed_driver_leaves_the_stage_at_rest_and_a_new_one_takes_over(ros_env):
+    plant = SmallPlant(lockstep=False)
+    plant.start()
+    try:
+        command = DRIVER + arguments(drive_port=plant.port, home_required='false')
+        with process(command, ros_env) as driver, GraphClient('test_client') as client:
+            setpoints = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
+            client.wait_for(lambda: setpoints.get_subscription_count() > 0, 60, 'the driver')
+
+            def moving():
+                setpoints.publish(joint_state(0, ['x', 'y'], velocity=[0.05, 0.0]))
+                return plant.velocity[0] > 0.03
+
+            client.wait_for(moving, 30, 'motion')
+            driver.kill()
+            driver.wait(10)
+            client.wait_for(lambda: abs(plant.velocity[0]) < 1e-4, 30, 'rest')
+            where = plant.position[0]
+            with process(command, ros_env):
+                client.watch(JointState, topics.COMMAND)
+                client.wait_for(lambda: client.latest(topics.COMMAND) is not None, 60, 'a driver')
+                time.sleep(0.2)
+                assert plant.position[0] == pytest.approx(where, abs=1e-5)
+    finally:
+        plant.close()
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'words'),
+    [
+        ({'backend': 'zaber', 'port': '/dev/no_such_port'}, 'cannot open port /dev/no_such_port'),
+        ({'speeed': 1.0}, 'no parameter speeed'),
+        ({'x.limit_lower': 0.5}, 'limits of x'),
+        ({'setpoint_timeout': -1.0}, 'setpoint_timeout must lie in'),
+    ],
+)
+def test_wrong_parameters_are_one_line_and_exit_status_two(ros_env, parameters, words):
+    done = subprocess.run(
+        DRIVER + arguments(**parameters), env=ros_env, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert words in done.stderr
