@@ -58,7 +58,7 @@ def _axis_parameters(axis: str, number: int) -> list[Parameter]:
             maximum=99,
         ),
         _fixed(f'{axis}.device_axis', 1, 'zaber: axis of that device', minimum=1, maximum=9),
-        _fixed(f'{axis}.microstep', 0.047625e-6, 'zaber: size of a microstep', 'm', minimum=1e-12),
+        _fixed(f'{axis}.microstep', 4.7625e-8, 'zaber: size of a microstep', 'm', minimum=1e-12),
     ]
 
 
@@ -168,6 +168,8 @@ def servo_config(value: Values) -> ServoConfig:
     if value('friction_compensation') == 'lugre':
         names = ('coulomb_force', 'static_force', 'stribeck_velocity', 'presliding')
         friction = np.array([[value(f'{axis}.{name}') for name in names] for axis in axes])
+        # Static friction below the Coulomb force has no meaning: at rest nothing would hold.
+        friction[:, 1] = np.maximum(friction[:, 0], friction[:, 1])
     return ServoConfig(
         axes=axes,
         limits=limits_of(value),
