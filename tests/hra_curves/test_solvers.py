@@ -136,18 +136,31 @@ def test_the_triangular_factor_is_accurate_where_householder_is_not() -> None:
 @pytest.mark.parametrize('basis', ALL, ids=str)
 @settings(max_examples=15, deadline=None)
 @given(rows=st.integers(6, 40), degree=st.integers(0, 5), seed=st.integers(0, 1000))
-def test_least_squares_agrees_with_lstsq(basis: Basis, rows: int, degree: int, seed: int) -> None:
+def test_least_squares_agrees_with_the_exact_one(
+    basis: Basis, rows: int, degree: int, seed: int
+) -> None:
     nodes = parameter_nodes(basis.domain, rows, 'interior')
     values = np.random.default_rng(seed).normal(size=(rows, 2))
     coefficients, norms = least_squares(factorise(basis, nodes, degree), values)
-    matrix = collocation_matrix(basis, nodes, degree)
-    reference = np.linalg.lstsq(matrix, values, rcond=None)[0]
+    true = exact.least_squares(exact.collocation(basis, nodes, degree), values)
+    assert exact.relative_error(coefficients, true) < 1e-11
+    fitted = collocation_matrix(basis, nodes, degree) @ np.array(true, dtype=float)
     np.testing.assert_allclose(
-        coefficients, reference, rtol=1e-9, atol=1e-11 * np.abs(reference).max()
+        norms, np.linalg.norm(values - fitted, axis=0), rtol=1e-9, atol=1e-11
     )
-    np.testing.assert_allclose(
-        norms, np.linalg.norm(values - matrix @ reference, axis=0), rtol=1e-9, atol=1e-13
-    )
+
+
+@pytest.mark.parametrize('basis', ALL, ids=str)
+def test_least_squares_is_accurate_where_lstsq_is_not(basis: Basis) -> None:
+    nodes = parameter_nodes(basis.domain, 40, 'interior')
+    values = np.random.default_rng(8).uniform(size=(40, 2))
+    true = exact.least_squares(exact.collocation(basis, nodes, 20), values)
+    accurate, _ = least_squares(factorise(basis, nodes, 20), values)
+    matrix = collocation_matrix(basis, nodes, 20)
+    plain = np.linalg.lstsq(matrix, values, rcond=None)[0]
+    error = exact.relative_error(accurate, true)
+    assert error < 1e-12
+    assert exact.relative_error(plain, true) > 10.0 * error
 
 
 def test_a_vector_and_a_table_of_data_agree() -> None:

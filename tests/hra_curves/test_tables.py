@@ -32,6 +32,13 @@ def test_table3_agrees_with_the_paper(count: int) -> None:
             assert entry.here == pytest.approx(float(entry.paper), rel=0.05)
 
 
+def test_only_ib2_depends_on_the_place_of_the_nodes() -> None:
+    errors = {(e.column, e.row.split()[1]): e.here for e in tables.node_conventions()}
+    assert errors['IB1', 'interior'] == pytest.approx(errors['IB1', 'closed'], rel=1e-2)
+    assert errors['IB2', 'closed'] == pytest.approx(0.94, abs=0.005)
+    assert errors['IB2', 'interior'] < 0.3
+
+
 def test_the_counts_of_section_6_1() -> None:
     assert tables.smallest_count('IB2', 5, 30) == 16
     # 0.0533 um at 11 points: the paper rounds it to its limit of 0.05.
@@ -71,6 +78,10 @@ def test_worth_shows_where_each_wins() -> None:
     assert alternating['HRA'] < 1e-14 < 0.5 < alternating['plain solve']
     pairs = results['the same, trigonometric']
     assert pairs['HRA'] < 1e-14 < 1e-8 < pairs['plain solve']
+    least = results['least squares, 60 random data, 30 control points']
+    assert least['TNQR'] < 1e-13 < 1e-9 < least['lstsq']
+    differences = results['f_i g_k - f_k g_i, trigonometric, nodes 1e-9 apart']
+    assert differences['closed form'] < 1e-15 < 1e-8 < differences['as written']
     runge = results['Runge drawing, 41 points: curve error']
     assert runge['HRA equal nodes'] > 1e5 * runge['HRA Chebyshev nodes']
     errors = list(results['LSB2, l+1=501, n+1=14 (odd degree): curve error'].values())

@@ -27,6 +27,8 @@ def _table1(sizes: str | None) -> None:
 def _table3() -> None:
     print('Table 3: largest interpolation errors of the cycloid (r = 1 mm)')
     print(format_entries(tables.table3()))
+    print('\nThe place of the nodes in the domain of the basis')
+    print(format_entries(tables.node_conventions()))
     print('\nSection 6.1: points needed')
     print(format_entries(tables.counts()))
 

@@ -27,6 +27,15 @@ def need_mpmath() -> None:
         raise StageError('the exact results need mpmath: pip install mpmath')
 
 
+def difference(basis: Basis, upper: float, lower: float) -> Any:
+    """f(upper) g(lower) - f(lower) g(upper) of doubles taken as exact, in 100 digits."""
+    need_mpmath()
+    with mpmath.workdps(DIGITS):
+        f_upper, g_upper = basis.pair(mpmath.mpf(upper), mpmath)
+        f_lower, g_lower = basis.pair(mpmath.mpf(lower), mpmath)
+        return f_upper * g_lower - f_lower * g_upper
+
+
 def collocation(basis: Basis, nodes: ArrayLike, degree: int) -> Table:
     """Collocation matrix of the given doubles, taken as exact, in 100 digits."""
     need_mpmath()
@@ -40,7 +49,7 @@ def collocation(basis: Basis, nodes: ArrayLike, degree: int) -> Table:
         return rows
 
 
-def solve(matrix: Table, values: Array) -> Table:
+def solve(matrix: Table, values: Array | Table) -> Table:
     """Solve a square system for the columns of ``values`` (n, m) in 100 digits.
 
     Elimination without exchange of rows, which a totally positive matrix allows.
@@ -48,7 +57,7 @@ def solve(matrix: Table, values: Array) -> Table:
     need_mpmath()
     with mpmath.workdps(DIGITS):
         work = [
-            list(row) + [mpmath.mpf(float(value)) for value in right]
+            list(row) + [mpmath.mpf(value) for value in right]
             for row, right in zip(matrix, values, strict=True)
         ]
         size = len(matrix)
@@ -68,6 +77,16 @@ def solve(matrix: Table, values: Array) -> Table:
                 )
                 result[pivot].append((row[column] - known) / row[pivot])
         return result
+
+
+def least_squares(matrix: Table, values: Array) -> Table:
+    """Least-squares solution by the normal equations, which 100 digits bear."""
+    need_mpmath()
+    with mpmath.workdps(DIGITS):
+        columns = list(zip(*matrix, strict=True))
+        right = [[mpmath.mpf(float(value)) for value in column] for column in values.T]
+        normal = [[mpmath.fdot(a, b) for b in columns] for a in columns]
+        return solve(normal, [[mpmath.fdot(a, b) for b in right] for a in columns])
 
 
 def relative_error(computed: NDArray[Any], exact: Table) -> float:

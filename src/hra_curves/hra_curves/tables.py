@@ -148,6 +148,33 @@ def table3(counts: Sequence[int] = (7, 9, 11, 21)) -> list[Entry]:
     return entries
 
 
+def interior_node_error(basis: Basis, count: int) -> float:
+    """Largest error (m) where the nodes lie in the interior, i/(n + 2), as the text has it.
+
+    The data still are the points 2 pi k/n with both ends; the curve is looked at between them.
+    """
+    nodes = parameter_nodes(basis.domain, count, 'interior')
+    control = solve(factorise(basis, nodes), cycloid(np.linspace(0.0, TURN, count)))
+    curve = HraCurve(basis, control)
+    span = nodes[-1] - nodes[0]
+
+    def evaluate(theta: Array) -> Array:
+        return curve.evaluate(nodes[0] + span * np.clip(theta / TURN, 0.0, 1.0))
+
+    return error_at_equal_parameter(evaluate, 0.0, TURN, 4000)
+
+
+def node_conventions(count: int = 11) -> list[Entry]:
+    """What the place of the nodes changes at ``count`` points: nothing for IB1, much for IB2."""
+    entries = []
+    for method, basis, paper in (('IB1', BASIS_1, '0.05'), ('IB2', BASIS_2, '0.94')):
+        closed = max(interval_errors(method, count, (0, 1)))
+        interior = interior_node_error(basis, count)
+        for place, error in (('closed', closed), ('interior', interior)):
+            entries.append(Entry(f'n+1={count} {place} nodes', method, paper, error * MICRO, 'um'))
+    return entries
+
+
 def smallest_count(method: str, first: int, last: int, tolerance: float = TOLERANCE) -> int:
     """Fewest interpolation points whose first two intervals stay in a tolerance (m).
 

@@ -15,7 +15,7 @@ from hra_curves.bases import Basis, Bernstein, Trigonometric
 from hra_curves.cycloid import cycloid, error_to_the_curve
 from hra_curves.factorisation import collocation_matrix, factorise
 from hra_curves.fitting import HraWarning, interpolate, least_squares_curve, parameter_nodes
-from hra_curves.solvers import solve
+from hra_curves.solvers import least_squares, solve
 from hra_curves.tables import MICRO, TURN, hra_cycloid, least_squares_error
 
 Array = NDArray[np.float64]
@@ -111,6 +111,32 @@ def _coefficient_errors(basis: Basis, nodes: Array, values: Array) -> dict[str, 
         plain_error = math.inf
     accurate = solve(factorise(basis, nodes), values)
     return {'plain solve': plain_error, 'HRA': exact.relative_error(accurate, true)}
+
+
+def _least_squares_errors(rows: int, control: int, values: Array) -> dict[str, float]:
+    basis = Bernstein()
+    nodes = parameter_nodes(basis.domain, rows, 'interior')
+    true = exact.least_squares(exact.collocation(basis, nodes, control - 1), values)
+    matrix = collocation_matrix(basis, nodes, control - 1)
+    plain = np.linalg.lstsq(matrix, values, rcond=None)[0]
+    accurate, _ = least_squares(factorise(basis, nodes, control - 1), values)
+    return {
+        'lstsq': exact.relative_error(plain, true),
+        'TNQR': exact.relative_error(accurate, true),
+    }
+
+
+def _difference_errors(basis: Basis, gap: float) -> dict[str, float]:
+    """Relative errors of f_i g_k - f_k g_i at two nodes ``gap`` apart."""
+    low, high = 0.3, 0.3 + gap
+    true = [[exact.difference(basis, high, low)]]
+    (f_low, g_low), (f_high, g_high) = basis.pair(low), basis.pair(high)
+    naive = np.array([[f_high * g_low - f_low * g_high]])
+    closed = np.array([basis.differences(np.array([high]), np.array([low]))])
+    return {
+        'as written': exact.relative_error(naive, true),
+        'closed form': exact.relative_error(closed, true),
+    }
 
 
 def _winner(results: dict[str, float]) -> str:
@@ -209,6 +235,21 @@ def worth(seed: int = 3) -> list[Comparison]:
             _coefficient_errors(trigonometric, pairs, generator.uniform(size=(12, 1))),
         )
     )
+    rows.append(
+        (
+            'f_i g_k - f_k g_i, trigonometric, nodes 1e-9 apart',
+            'relative',
+            _difference_errors(trigonometric, 1e-9),
+        )
+    )
+    for control in (15, 30):
+        rows.append(
+            (
+                f'least squares, 60 random data, {control} control points',
+                'relative',
+                _least_squares_errors(60, control, generator.uniform(size=(60, 1))),
+            )
+        )
     for count in (21, 41):
         rows.append((f'Runge drawing, {count} points: curve error', 'um', _runge_curves(count)))
     comparisons = [
