@@ -80,7 +80,7 @@ def lugre(levels, presliding, viscous=(0.0, 0.0)):
 def test_coulomb_friction_is_dahl():
     twin = one_axis({'coulomb_friction.x': {'coulomb': 10.0, 'presliding': 5e-6}})
     exact = integrate(lugre(lambda v: 10.0, 5e-6), swing(), 3)
-    assert_close(open_loop(twin, swing()), exact, 0.01)
+    assert_close(open_loop(twin, swing()), exact, 1e-4)
 
 
 def test_stribeck_friction_is_lugre():
@@ -91,7 +91,7 @@ def test_stribeck_friction_is_lugre():
         return 8.0 + 6.0 * math.exp(-((v / 0.02) ** 2))
 
     exact = integrate(lugre(level, 5e-6), swing(), 3)
-    assert_close(open_loop(twin, swing()), exact, 0.01)
+    assert_close(open_loop(twin, swing()), exact, 1e-4)
 
 
 def test_asymmetric_friction():
@@ -114,7 +114,7 @@ def test_asymmetric_friction():
 
     exact = integrate(rates, swing(), 3)
     kernel = open_loop(one_axis({'asymmetric_friction.x': values}), swing())
-    assert_close(kernel, exact, 0.01)
+    assert_close(kernel, exact, 1e-4)
 
 
 @pytest.mark.parametrize('presliding', [0.0, 1e-7, 1e-6, 20e-6])
@@ -130,7 +130,7 @@ def test_a_sliding_mass_stops_where_energy_says(presliding):
     expected = 40.0 * position[100] / coulomb
     assert position[-1] == pytest.approx(expected, abs=1e-5 + 2.0 * presliding)
     # At rest, but for the bristles' own ringing.
-    assert np.ptp(position[-100:]) < 1e-9 + 0.02 * presliding
+    assert np.ptp(position[-100:]) < 1e-9 + 0.1 * presliding
 
 
 @pytest.mark.parametrize('presliding', [0.0, 1e-6])
@@ -238,3 +238,49 @@ def test_drive_gain_scales_the_force():
 def test_force_saturation_clips_the_acting_force():
     clipped = open_loop(one_axis({'force_saturation.x': {'limit': 12.0}}), swing())
     np.testing.assert_array_equal(clipped, open_loop(one_axis(), np.clip(swing(), -12.0, 12.0)))
+
+
+def test_closed_loop_with_friction_ripple_and_a_fraction_of_delay():
+    """The forces of a closed-loop session drive solve_ivp along the same path."""
+    delay = 0.0013
+    effects = {
+        'coulomb_friction.x': {'coulomb': 10.0, 'presliding': 5e-6},
+        'force_ripple.x': {'amplitude': 3.0, 'period': 0.004},
+        'actuation_delay.x': {'delay': delay},
+        'drive_gain.x': {'error': 0.1},
+    }
+    t = np.arange(TICKS) * PERIOD
+    reference = (0.01 * np.sin(20.0 * t))[:, None]
+    result = simulate(one_axis(effects), reference, np.gradient(reference, PERIOD, axis=0))
+    friction = lugre(lambda v: 10.0, 5e-6)
+
+    def rates(time, state, held):
+        ripple = 3.0 * math.sin(2.0 * math.pi * state[0] / 0.004)
+        return friction(state, 1.1 * held + ripple)
+
+    # Command k acts from k T + delay on: nothing before the first one arrives.
+    edges = np.concatenate([[0.0], t + delay])
+    commands = np.concatenate([[0.0], result.force[:, 0]])
+    state, positions = np.zeros(3), {0: 0.0}
+    for start, end, held in zip(edges[:-1], edges[1:], commands[:-1], strict=True):
+        tick = math.floor(end / PERIOD + 1e-9)
+        inside = [tick * PERIOD] if start < tick * PERIOD <= end else []
+        solution = solve_ivp(
+            rates,
+            (start, end),
+            state,
+            method='LSODA',
+            t_eval=[*inside, end],
+            args=(held,),
+            rtol=1e-9,
+            atol=1e-14,
+        )
+        if inside:
+            positions[tick] = solution.y[0, 0]
+        state = solution.y[:, -1]
+    compared = [k for k in sorted(positions) if k < TICKS]
+    assert len(compared) > 0.98 * TICKS
+    exact = np.array([positions[k] for k in compared])
+    travel = np.ptp(result.encoder)
+    assert travel > 0.005
+    assert np.abs(result.encoder[compared, 0] - exact).max() < 2e-4 * travel

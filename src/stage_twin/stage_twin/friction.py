@@ -61,31 +61,61 @@ def solve_bristle(
     free: float,
     gain: float,
     step: float,
-) -> float:
-    """Bristle deflection at the end of a step whose end velocity friction itself decides.
+) -> tuple[float, float]:
+    """Friction over a step whose velocity friction itself decides.
 
-    Solves v = free - gain * stiffness * z(v), z(v) the exact bristle law over `step`. z grows
-    with v and its slope falls with |v|, so Newton from the side of standstill is monotone.
+    The bristles move at u, between the velocity at the start and the one at the end; the force is
+    that of a deflection between its mean over the step and its end. Where the bristles are soft
+    both stand in the middle (second order); the stiffer they are for the step, the nearer to the
+    end (damped, for any stiffness). Solves u = (1 - theta) v + theta (free - gain k z(u)); z grows
+    with u and its slope falls with |u|, so that Newton from standstill is monotone.
+
+    Parameters
+    ----------
+    bristle, velocity : float
+        Deflection [m] and velocity [m/s] at the start.
+    free : float
+        Velocity at the end without friction [m/s].
+    gain : float
+        Change of that velocity per force held over the step [m/s/N].
+
+    Returns
+    -------
+    Mean deflection that gives the force, and deflection at the end [m].
     """
-    excess = free - gain * stiffness * bristle
-    positive = excess >= 0.0
+    stiff = gain * stiffness * step
+    to_end = stiff / (1.0 + stiff)
+    theta = 0.5 * (1.0 + to_end)
+    pull = theta * gain * stiffness
+    coasting = (1.0 - theta) * velocity + theta * free
+    # Velocity under the friction of the start: its sign decides, and Stribeck's level takes it.
+    guess = coasting - pull * bristle
+    positive = guess >= 0.0
     sign = 1.0 if positive else -1.0
-    reach = sliding_force(row, velocity, positive) / stiffness
+    reach = sliding_force(row, guess, positive) / stiffness
     if reach <= 0.0:
-        return 0.0
-    target = sign * free
-    start = sign * bristle
+        return 0.0, 0.0
+    target = sign * coasting
+    missing = reach - sign * bristle
     speed = max(0.0, sign * velocity)
-    end = start
+    held = 0.0
+    end = 0.0
     for _ in range(FRICTION_STEPS):
-        decay = math.exp(-speed * step / reach)
-        end = reach + (start - reach) * decay
-        balance = speed + gain * stiffness * end - target
-        slope = 1.0 + gain * stiffness * (reach - start) * decay * step / reach
-        change = balance / slope
-        new_speed = max(0.0, speed - change)
+        slip = speed * step / reach
+        decay = math.exp(-slip)
+        if slip > 1e-4:
+            mean = (1.0 - decay) / slip
+            mean_slope = (decay - mean) / slip
+        else:
+            mean = 1.0 - slip * (0.5 - slip / 6.0)
+            mean_slope = -0.5 + slip / 3.0
+        held = reach - missing * (to_end * decay + (1.0 - to_end) * mean)
+        end = reach - missing * decay
+        falls = to_end * decay - (1.0 - to_end) * mean_slope
+        balance = speed + pull * held - target
+        slope = 1.0 + pull * missing * falls * step / reach
+        new_speed = max(0.0, speed - balance / slope)
         if abs(new_speed - speed) <= 1e-12 + 1e-9 * speed:
-            speed = new_speed
             break
         speed = new_speed
-    return sign * (reach + (start - reach) * math.exp(-speed * step / reach))
+    return sign * held, sign * end

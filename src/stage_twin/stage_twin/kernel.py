@@ -94,11 +94,10 @@ def advance_axis(
                     + move[1, 3] * rate
                     + move[1, 4] * force
                 )
-                bristle = solve_bristle(
+                held, state[at.BRISTLE] = solve_bristle(
                     row, stiffness, state[at.BRISTLE], velocity, free, move[1, 4], step
                 )
-                state[at.BRISTLE] = bristle
-                force -= stiffness * bristle
+                force -= stiffness * held
             state[at.POSITION] = (
                 position
                 + move[0, 1] * velocity
