@@ -2,8 +2,10 @@
 
 import subprocess
 import sys
+import threading
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -14,6 +16,7 @@ from stage_core import topics
 from stage_node.client_node import GraphClient
 from stage_node.node import SETPOINT_QOS, joint_state
 
+CONFIG = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config' / 'stage_driver_servo.yaml'
 DRIVER = [sys.executable, '-m', 'stage_driver.node', '--ros-args']
 
 
@@ -43,7 +46,7 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
     plant = SmallPlant(lockstep=False, start=(0.1, 0.05))
     plant.start()
     try:
-        command = DRIVER + arguments(drive_port=plant.port)
+        command = [*DRIVER, '--params-file', str(CONFIG), *arguments(drive_port=plant.port)]
         with process(command, ros_env), GraphClient('test_client') as client:
             for topic in (topics.REFERENCE, topics.COMMAND, topics.JOINT_STATES):
                 client.watch(JointState, topic)
@@ -51,7 +54,6 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
             client.wait_for(lambda: client.latest(topics.COMMAND) is not None, 60, 'commands')
             setpoints = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
             homing = []
-            import threading
 
             def home():
                 try:

@@ -88,7 +88,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         maximum=65535,
     ),
     _fixed('max_jerk', 100.0, 'servo: jerk of moves', 'm/s^3', minimum=0.01),
-    _fixed('settle_time', 0.3, 'servo: dwell that ends a move', 's', minimum=0.0, maximum=60.0),
+    _fixed('settle_time', 0.6, 'servo: dwell that ends a move', 's', minimum=0.0, maximum=60.0),
     _fixed(
         'following_error_limit',
         0.002,

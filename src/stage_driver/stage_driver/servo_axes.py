@@ -26,7 +26,7 @@ class ServoConfig:
     port: int = drive_link.DEFAULT_PORT
     homing_velocity: float = 0.05
     max_jerk: float = 100.0
-    settle_time: float = 0.3
+    settle_time: float = 0.6
     setpoint_timeout: float = 0.1
     following_error_limit: float = 0.002
     link_timeout: float = 1.0
