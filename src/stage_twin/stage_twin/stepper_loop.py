@@ -45,6 +45,7 @@ class StepperLoop:
         publish_clock: Callable[[int], None] | None = None,
     ) -> None:
         self.axes = tuple(twin.axes)
+        _warm_up(twin)
         self._plant = StepperPlant(twin, seed)
         self._plant.reset([0.0] * len(self.axes))
         self._tracker = tracker
@@ -105,3 +106,12 @@ class StepperLoop:
         if self._publish_clock and not (waits and now - self._published < RESEND_AFTER):
             self._published = now
             self._publish_clock(stamp_ns)
+
+
+def _warm_up(twin: TwinFile) -> None:
+    """Compile what a motion needs on a plant of its own: the first host meets a ready chain."""
+    plant = StepperPlant(twin)
+    plant.reset([0.0] * len(twin.axes))
+    plant.move_abs(0, 100.0)
+    plant.advance_to(0.001)
+    plant.tracker_point(0.002)

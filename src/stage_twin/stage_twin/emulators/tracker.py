@@ -29,7 +29,9 @@ class _Client:
     outbox: bytearray = field(default_factory=bytearray)
     measuring: bool = False
     sent: int = 0
-    last_sent_ns: int | None = None
+    # The next point of the separation's grid is due then; the newest point was seen then.
+    due_ns: int | None = None
+    newest_ns: int | None = None
     pending: list[tuple[int, Point, int]] = field(default_factory=list)
 
 
@@ -186,7 +188,7 @@ class TrackerInstrument:
             return tpi.ResultStatus.BUSY
         client.measuring = True
         client.sent = 0
-        client.last_sent_ns = None
+        client.due_ns = client.newest_ns = None
         client.pending.clear()
         return tpi.ResultStatus.OK
 
@@ -222,13 +224,8 @@ class TrackerInstrument:
         for client in self._clients.values():
             if not client.measuring:
                 continue
-            last = client.last_sent_ns
-            # Half a sample of slack: the separation is no multiple of the plant's tick always.
-            early = last is not None and 0 <= record[0] - last < self._separation_ns - 500_000
-            if early and not again:
+            if not again and not self._due(client, record[0]):
                 continue
-            if not again:
-                client.last_sent_ns = record[0]
             client.pending.append(record)
             client.sent += 1
             complete = self._count and client.sent >= self._count
@@ -238,6 +235,20 @@ class TrackerInstrument:
                 client.measuring = False
                 if complete:
                     client.outbox += tpi.encode_status_change(tpi.Event.COUNT_REACHED)
+
+    def _due(self, client: _Client, time_ns: int) -> bool:
+        """Return whether a point belongs on the client's grid; a point out of order does."""
+        separation = self._separation_ns
+        if client.newest_ns is not None and time_ns <= client.newest_ns:
+            return True
+        client.newest_ns = time_ns
+        # A quarter of slack: the plant's instants need not lie on the grid.
+        if client.due_ns is not None and time_ns < client.due_ns - separation // 4:
+            return False
+        client.due_ns = (client.due_ns or time_ns) + separation
+        if client.due_ns <= time_ns:
+            client.due_ns = time_ns + separation
+        return True
 
     def _emit(self, client: _Client) -> None:
         """Put the gathered points of a client into its outbox as one packet."""
