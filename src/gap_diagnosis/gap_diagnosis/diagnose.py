@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 #: A gain in the force balance is told from noise that regressors share with the residual.
-SERVO_RULES = Rules(of_noise=1.0)
+SERVO_RULES = Rules(of_noise=0.05)
 KINEMATIC_RULES = Rules(of_gap=1e-5)
 
 
@@ -38,6 +38,7 @@ class Part:
     problem: Problem
     selector: Selector
     selection: Selection
+    residual: Array  # of all rows, in the target's unit, never whitened
     row_axis: NDArray[np.int64]
     structure: judge.Structure
 
@@ -182,8 +183,27 @@ def _part(name: str, problem: Problem, rules: Rules, seed: int, without: Sequenc
                 del problem.terms[term]
     selector = Selector(problem, rules, seed)
     selection = selector.select()
-    structure = judge.structure(problem, selection, name)
-    return Part(name, problem, selector, selection, np.zeros(0, np.int64), structure)
+    residual = selection.fit.residual
+    found = judge.structure(problem, residual, name)
+    rho = judge.slow_remainder(residual, problem.judged) if name == 'tracker' else 0.0
+    if found.structured and rho > 0.0:
+        # A slow drift hides what is fast and imitates what is slow: judge beside it. Effects
+        # that are nearly the whole gap are no imitation.
+        plain = {n: e for n, e in selection.evidence.items() if e.share > 0.9}
+        selector = Selector(problem.whitened(rho), rules, seed, problem.target)
+        selection = selector.select()
+        selection = selector.with_given(selection, plain)
+        residual = _residual(problem, selection)
+        found = judge.structure(problem, residual, name)
+    return Part(name, problem, selector, selection, residual, np.zeros(0, np.int64), found)
+
+
+def _residual(problem: Problem, selection: Selection) -> Array:
+    """Residual of a selection that was fitted to whitened rows."""
+    residual = problem.target.copy()
+    for name, theta in selection.fit.thetas.items():
+        residual -= problem.terms[name].columns(theta) @ selection.fit.coefficients[name]
+    return residual
 
 
 def _servo_part(
@@ -209,28 +229,40 @@ def _servo_part(
         found = describe(part.selection, part.selector.regression)
         found.update(quantisation)
         effects = {n: {k: v for k, (v, _) in p.items()} for n, p in found.items()}
-        losses = {n: _closed_loop_gain(n, axis, effects, records, twin) for n in accepted}
-        worst = min(losses, key=lambda n: losses[n])
-        if losses[worst] > 0.0:
+        contradicted = _contradicted(axis, accepted, effects, records, twin)
+        if not contradicted:
             return part
-        barred.append(worst)
+        barred += contradicted
 
 
-def _closed_loop_gain(
-    name: str,
+def _contradicted(
     axis: str,
+    accepted: list[str],
     effects: dict[str, dict[str, float]],
     records: list[Record],
     twin: TwinFile,
-) -> float:
-    """Share by which the encoder's held-out gap grows when an effect is taken out."""
-    with_it, without_it = 0.0, 0.0
-    rest = {n: v for n, v in effects.items() if n != name}
-    for record in [r for r in records if r.held_out_session] or records:
-        mask = inside(record.time, held_out_windows(record))
-        with_it += float(np.mean(replay(record, twin, effects)[f'encoder.{axis}'][mask] ** 2))
-        without_it += float(np.mean(replay(record, twin, rest)[f'encoder.{axis}'][mask] ** 2))
-    return without_it / max(with_it, 1e-30) - 1.0
+) -> list[str]:
+    """Effects with which the closed loop follows the held-out record worse than without.
+
+    Where the encoder's gap is large and all of them together close almost nothing of it, the
+    force balance was imitated and all go. Below the encoder's step nothing is contradicted.
+    """
+    channel = f'encoder.{axis}'
+
+    def gap(some: dict[str, dict[str, float]]) -> float:
+        squares = []
+        for record in [r for r in records if r.held_out_session] or records:
+            mask = inside(record.time, held_out_windows(record))
+            squares.append(replay(record, twin, some)[channel][mask] ** 2)
+        return float(np.mean(np.concatenate(squares)))
+
+    step = float(getattr(twin.axes[axis], 'encoder_resolution', 1e-6)) ** 2
+    everything = gap(effects)
+    if gap({}) > 4.0 * step and everything > 0.7 * gap({}):
+        return list(accepted)
+    losses = {n: everything - gap({k: v for k, v in effects.items() if k != n}) for n in accepted}
+    worst = max(losses, key=lambda n: losses[n])
+    return [worst] if losses[worst] > max(0.05 * everything, 0.05 * step) else []
 
 
 def _channels(
@@ -267,7 +299,7 @@ def _channels(
                 channel = channels.setdefault(name, Channel(name, 'm', [], [], []))
                 channel.time.append(record.tracker_time[mask])
                 channel.before.append(part.problem.target[rows][mask])
-                channel.after.append(part.selection.fit.residual[rows][mask])
+                channel.after.append(part.residual[rows][mask])
     return channels
 
 
@@ -392,7 +424,7 @@ def _lesser(
     """Gap of every channel with one cause taken out of the corrected twin, not refitted."""
     out = {c.name: list(c.after) for c in channels.values()}
     if part is not None and part.name == 'tracker':
-        contribution = part.selector.regression.columns(name, part.selection.fit.thetas[name])
+        contribution = part.problem.terms[name].columns(part.selection.fit.thetas[name])
         contribution = contribution @ part.selection.fit.coefficients[name]
         at = 0
         for channel in ('tracker.x', 'tracker.y'):

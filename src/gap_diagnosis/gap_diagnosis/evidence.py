@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.data import Record
 from gap_diagnosis.regression import Problem
-from gap_diagnosis.selection import Evidence, Selection
+from gap_diagnosis.selection import Evidence
 from stage_core.quantities import UNKNOWN
 from stage_core.twin_file import TwinFile
 
@@ -61,7 +61,7 @@ class Cause:
         return 1.0 - self.gap_after / self.gap_before if self.gap_before > 0.0 else 0.0
 
 
-def structure(problem: Problem, selection: Selection, name: str) -> Structure:
+def structure(problem: Problem, everywhere: Array, name: str) -> Structure:
     """What of the residual is no noise.
 
     The tracker's noise is white: the mean of the autocovariance at the first three lags is what
@@ -69,11 +69,11 @@ def structure(problem: Problem, selection: Selection, name: str) -> Structure:
     exceeds it is structure.
     """
     rows = problem.held_out
-    residual = selection.fit.residual[rows]
+    residual = everywhere[rows]
     gap = max(problem.mean_square(rows) - problem.floor**2, 1e-300)
     if name == 'tracker':
         remaining = float(np.mean([np.mean(residual[k:] * residual[:-k]) for k in (1, 2, 3)]))
-        remaining = max(remaining, _line(selection.fit.residual))
+        remaining = max(remaining, _line(everywhere))
         least = (0.30 * problem.floor) ** 2
         share = min(max(remaining, 0.0) / gap, 1.0)
         return Structure(remaining, share, remaining > least and share > TRACKER_STRUCTURE)
@@ -82,6 +82,19 @@ def structure(problem: Problem, selection: Selection, name: str) -> Structure:
     return Structure(
         remaining, share, remaining > 1.5 * problem.floor**2 and share > SERVO_STRUCTURE
     )
+
+
+def slow_remainder(residual: Array, rows: NDArray[np.bool_]) -> float:
+    """ρ of a remainder that follows itself slowly (r_k ≈ ρ r_(k-1)), beside white noise.
+
+    The ratio of autocovariances at lags 4 and 2 knows nothing of the white part; 0 where less
+    than a third of the variance is slow.
+    """
+    kept = residual[rows]
+    c0, c2, c4 = (float(np.mean(kept[k:] * kept[: len(kept) - k])) for k in (0, 2, 4))
+    if c2 < c0 / 3.0 or c4 <= 0.0:
+        return 0.0
+    return float(np.clip((c4 / c2) ** 0.5, 0.0, 0.995))
 
 
 def _line(residual: Array) -> float:
@@ -100,14 +113,7 @@ def strength(part: Part | None, name: str) -> float:
     if part is None:
         return 1e3
     evidence = part.selection.evidence[name]
-    return evidence.gain / _least(part)
-
-
-def _least(part: Part) -> float:
-    selector = part.selector
-    return max(
-        selector.rules.of_gap * selector.gap, selector.rules.of_noise * selector.noise, 1e-300
-    )
+    return evidence.gain / part.selector.least(name)
 
 
 def logistic(ratio: float) -> float:
@@ -136,7 +142,9 @@ def rejected_causes(
                     gap_after=after,
                     interval=(0.0, 0.0),
                     status='below_noise' if 0.0 < found.gain < noise else 'rejected',
-                    strength=max(found.gain, 0.0) / _least(part) if found.admissible else 0.0,
+                    strength=max(found.gain, 0.0) / part.selector.least(name)
+                    if found.admissible
+                    else 0.0,
                 )
             )
     for name in (UNKNOWN, NONE):

@@ -92,6 +92,7 @@ class Kinematics:
             self.terms(),
             floor,
             not any_held_session,
+            seams=np.cumsum([0, *(len(t) for t in target[:-1])]),
         )
 
     def row_axis(self) -> NDArray[np.int64]:
@@ -182,7 +183,8 @@ class Kinematics:
             f'thermal_expansion.{axis}',
             lambda theta: signal,
             lambda theta, c: {'coefficient': float(c[0]), 'fixed_point': float(c[1] / c[0])},
-            admissible=lambda theta, c: abs(c[0]) < 50e-6 and abs(c[1]) < 2.0 * abs(c[0]),
+            # Screws grow with heat; a shrinking one is a drift of another kind.
+            admissible=lambda theta, c: 0.0 < c[0] < 50e-6 and abs(c[1]) < 2.0 * abs(c[0]),
         )
 
     def _shape(self, i: int) -> tuple[float, float]:
@@ -288,6 +290,7 @@ class Kinematics:
             lower=(-0.1,),
             upper=(0.1,),
             fixed=True,
+            noisy=True,
         )
 
     def _drift(self) -> Term:
@@ -303,6 +306,7 @@ class Kinematics:
             lower=(-1e-3,),
             upper=(1e-3,),
             fixed=True,
+            noisy=True,
         )
 
 

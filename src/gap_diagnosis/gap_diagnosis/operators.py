@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfiltfilt
 
 Array = NDArray[np.float64]
 
@@ -116,3 +116,12 @@ def carried_mass(acceleration: Array, period: float, frequency: float, damping: 
     a = [1.0, 2.0 * (omega**2 - k * k) / a0, (k * k - 2.0 * damping * omega * k + omega**2) / a0]
     b = [-k * k / a0, 2.0 * k * k / a0, -k * k / a0]
     return np.asarray(lfilter(b, a, acceleration))
+
+
+def band_limited(signal: Array, period: float, corner: float = 90.0) -> Array:
+    """Zero-phase Butterworth low-pass (n,), flat to about 0.8 of the corner [Hz].
+
+    Keeps the encoder's noise out of a regressor that the target shares it with.
+    """
+    sections = butter(4, min(2.0 * corner * period, 0.9), output='sos')
+    return np.asarray(sosfiltfilt(sections, signal))

@@ -8,8 +8,9 @@ Evidence for a term is the gain of its set on rows that no fit has seen.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,8 @@ class Term:
     admissible : (θ, coefficients) -> whether they are physical
     parameters : (θ, coefficients) -> parameters of the twin's effect
     fixed : whether θ says everything (a width, a delay): the one column has coefficient 1
+    noisy : whether its columns hold the same measurement noise as the target, so that it can
+        seem to explain as much as the noise
     nuisances : indices of the columns whose coefficients belong to a session
     """
 
@@ -44,6 +47,7 @@ class Term:
     upper: Theta = ()
     admissible: Callable[[Theta, Array], bool] = lambda theta, coefficients: True
     fixed: bool = False
+    noisy: bool = False
     nuisances: tuple[int, ...] = ()
 
 
@@ -59,6 +63,23 @@ class Problem:
     terms: dict[str, Term]
     floor: float  # standard deviation of a row's noise, in the target's unit
     crossable: bool = True  # False where the held-out rows are a session of their own
+    whitening: float = 0.0  # ρ of rows and columns r_k - ρ r_(k-1)
+    seams: NDArray[np.int64] | None = None  # rows before which no row of the same series comes
+
+    def whiten(self, rows: Array) -> Array:
+        """Rows (n,) or (n, k) freed of a slow remainder, r_k - ρ r_(k-1); zero at the seams."""
+        if self.whitening == 0.0:
+            return rows
+        out = rows.copy()
+        out[1:] -= self.whitening * rows[:-1]
+        if self.seams is not None:
+            out[self.seams] = 0.0
+        return out
+
+    def whitened(self, rho: float) -> Problem:
+        """The same problem for generalised least squares with a first-order remainder."""
+        other = replace(self, whitening=rho, floor=self.floor * math.sqrt(1.0 + rho**2))
+        return replace(other, target=other.whiten(self.target))
 
     @property
     def judged(self) -> Mask:
@@ -102,7 +123,8 @@ class Regression:
         if key not in self._cache:
             if len(self._cache) > 400:
                 self._cache.clear()
-            self._cache[key] = self.problem.terms[name].columns(theta)
+            columns = self.problem.terms[name].columns(theta)
+            self._cache[key] = self.problem.whiten(columns)
         return self._cache[key]
 
     def linear(self, thetas: dict[str, Theta]) -> Fit:

@@ -8,9 +8,10 @@ the place of an accepted one at no significant cost are its alternatives.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gap_diagnosis.regression import (
     Fit,
@@ -21,6 +22,8 @@ from gap_diagnosis.regression import (
     block_rms_gains,
     bootstrap_interval,
 )
+
+Array = NDArray[np.float64]
 
 #: Effects that hold others as special cases: the holder must beat the plain one clearly.
 HOLDS: dict[str, tuple[str, ...]] = {
@@ -37,6 +40,11 @@ EXCLUDES: dict[str, tuple[str, ...]] = {
     'inertia_mismatch': ('drive_gain',),
 }
 
+#: Two effects that together imitate a single one: the single one is taken if it does as well.
+MERGES: dict[str, tuple[str, str]] = {
+    'drive_gain': ('inertia_mismatch', 'viscous_friction'),
+}
+
 #: Among effects that gain about the same, the one with fewer parameters is taken.
 ABOUT_THE_SAME = 0.98
 
@@ -50,13 +58,15 @@ class Rules:
     of_gap : least share of the whole gap's mean square above the noise
     of_rest : least share of what the set without the effect leaves above the noise
     of_noise : least share of the noise's mean square
+    of_own_noise : the same for effects whose columns hold the target's noise
     level : of the bootstrap interval
     largest : number of effects in a set
     """
 
-    of_gap: float = 0.0005
+    of_gap: float = 1e-4
     of_rest: float = 0.10
     of_noise: float = 0.03
+    of_own_noise: float = 0.3
     level: float = 0.98
     largest: int = 10
 
@@ -86,12 +96,15 @@ class Selection:
 class Selector:
     """Selects effects for one problem; deterministic for a seed."""
 
-    def __init__(self, problem: Problem, rules: Rules, seed: int) -> None:
+    def __init__(
+        self, problem: Problem, rules: Rules, seed: int, raw: Array | None = None
+    ) -> None:
         self.problem = problem
         self.rules = rules
         self.seed = seed
         self.regression = Regression(problem)
         self.noise = problem.floor**2
+        self.raw = raw if raw is not None else problem.target
         self.gap = max(problem.mean_square(problem.judged) - self.noise, 0.0)
 
     def select(self) -> Selection:
@@ -115,11 +128,45 @@ class Selector:
             accepted.append(name)
             base = self.regression.refine(trials[name][1].thetas, accepted)
             accepted, base = self._simplify(accepted, base)
+        accepted, base = self._merge(accepted, base)
         accepted, base, evidence = self._prune(accepted, base)
         self._rivals(accepted, base, evidence)
         for name in accepted:
             rejected.pop(name, None)
         return Selection(accepted, base, evidence, rejected)
+
+    def with_given(self, selection: Selection, given: dict[str, Evidence]) -> Selection:
+        """A selection on whitened rows, joined with effects that unwhitened rows established.
+
+        An effect stays only if it also explains something of the rows as they were measured.
+        """
+        plain = Regression(replace(self.problem, whitening=0.0, target=self.raw))
+        names = list(given) + [n for n in selection.accepted if n not in given]
+        thetas = {
+            n: selection.fit.thetas.get(n) or self.regression.warm_start(selection.fit, n)
+            for n in names
+        }
+        fit = plain.linear({})
+        while thetas:
+            fit = plain.refine(thetas, list(thetas), rounds=8)
+            rows = plain.problem.judged
+            worse = [
+                n
+                for n in thetas
+                if n not in given
+                and np.mean(fit.crossed[rows] ** 2)
+                > np.mean(
+                    plain.linear({m: t for m, t in thetas.items() if m != n}).crossed[rows] ** 2
+                )
+            ]
+            if not worse:
+                break
+            thetas.pop(worse[0])
+        if not given:
+            kept = {n: t for n, t in selection.fit.thetas.items() if n in thetas}
+            fit = self.regression.linear(kept)
+        evidence = {n: given.get(n) or selection.evidence[n] for n in thetas}
+        return Selection(list(thetas), fit, evidence, selection.rejected)
 
     def _trials(self, base: Fit, accepted: list[str]) -> dict[str, tuple[Evidence, Fit]]:
         out = {}
@@ -188,8 +235,14 @@ class Selector:
     def _counts(self, evidence: Evidence, base: Fit) -> bool:
         rest = max(base.mean_square(self.problem) - self.noise, 0.0)
         rules = self.rules
-        least = max(rules.of_gap * self.gap, rules.of_rest * rest, rules.of_noise * self.noise)
+        least = max(self.least(evidence.name), rules.of_rest * rest)
         return evidence.admissible and evidence.interval[0] > 0.0 and evidence.gain > least
+
+    def least(self, name: str) -> float:
+        """Least mean-square gain of an effect, whatever else is in the set."""
+        rules = self.rules
+        noise = rules.of_own_noise if self.problem.terms[name].noisy else rules.of_noise
+        return max(rules.of_gap * self.gap, noise * self.noise, 1e-300)
 
     def _simplify(self, accepted: list[str], base: Fit) -> tuple[list[str], Fit]:
         """Drop plain effects that a later, richer one holds as special cases."""
@@ -202,6 +255,20 @@ class Selector:
                 {n: t for n, t in base.thetas.items() if n in accepted}, accepted
             )
         return accepted, base
+
+    def _merge(self, accepted: list[str], fit: Fit) -> tuple[list[str], Fit]:
+        """Replace two effects by the single one that explains as much as both."""
+        for name in self.problem.terms:
+            effect, _, axis = name.partition('.')
+            pair = [f'{other}.{axis}' for other in MERGES.get(effect, ())]
+            if not pair or any(p not in accepted for p in pair):
+                continue
+            kept = {n: t for n, t in fit.thetas.items() if n not in pair}
+            other = self.regression.refine({**kept, name: ()}, [*kept])
+            limit = 1.05 * fit.mean_square(self.problem)
+            if other.mean_square(self.problem) < limit and self._admissible(other, name):
+                return [a for a in accepted if a not in pair] + [name], other
+        return accepted, fit
 
     def _without(self, fit: Fit, name: str) -> Fit:
         kept = {n: t for n, t in fit.thetas.items() if n != name}

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.data import Record, held_out_windows, inside, nominal_mass
 from gap_diagnosis.operators import (
+    band_limited,
     carried_mass,
     central_difference,
     centred_hold,
@@ -67,6 +68,7 @@ class Servo:
             'force': force,
             'v': velocity,
             'a': second_difference(q, period),
+            'a_limited': band_limited(second_difference(q, period), period),
             'p': path,
             'v_smooth': smooth(velocity, period, 60.0),
         }
@@ -315,7 +317,7 @@ class Servo:
         def columns(theta: Theta) -> Array:
             return self._columns(
                 [
-                    self.mass * carried_mass(s['a'], r.period, theta[0], theta[1])
+                    self.mass * carried_mass(s['a_limited'], r.period, theta[0], theta[1])
                     for s, r in zip(self._signals, self.records, strict=True)
                 ]
             )
@@ -328,15 +330,11 @@ class Servo:
                 'damping': theta[1],
                 'mass_ratio': float(c[0]),
             },
-            grid=tuple(
-                (f, z)
-                for f in (12.0, 18.0, 25.0, 35.0, 50.0, 70.0, 100.0, 140.0, 200.0)
-                for z in (0.02, 0.1)
-            ),
+            grid=tuple((f, z) for f in (12.0, 18.0, 25.0, 35.0, 50.0, 70.0) for z in (0.02, 0.1)),
             lower=(8.0, 0.0),
-            upper=(300.0, 0.5),
+            upper=(90.0, 0.3),
             admissible=lambda theta, c: bool(
-                0.0 < c[0] < 0.9 and 8.5 < theta[0] < 290.0 and theta[1] < 0.4
+                0.0 < c[0] < 0.9 and 8.5 < theta[0] < 88.0 and theta[1] < 0.25
             ),
         )
 

@@ -1,0 +1,174 @@
+"""Node `gap_diagnosis`: diagnoses a bag on request and watches the gap of a running session."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from typing import Any
+
+import rclpy
+from geometry_msgs.msg import PointStamped, TransformStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from gap_diagnosis.live import LiveMonitor
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.frames import RigidTransform
+from stage_core.parameters import Parameter
+from stage_core.twin_file import TwinFile
+from stage_node.node import LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run, stamp_of
+
+PARAMETERS = (
+    Parameter('bag', '', 'session bag that ~/diagnose reads'),
+    Parameter('holdout', '', 'held-out session bag; empty: windows of the bag itself'),
+    Parameter('twin', '', 'twin file of the nominal machine; live mode follows it'),
+    Parameter('out', 'gap_report', 'directory that gets the report'),
+    Parameter('seed', 0, 'of bootstrap and permutations', minimum=0),
+    Parameter('live', True, 'follow the running session and keep its gap on /diagnostics'),
+    Parameter('window', 6.0, 'length of a window of live mode', 's', minimum=2.0, maximum=600.0),
+    Parameter('learn', 5, 'windows that make the band of live mode', minimum=2, maximum=1000),
+    Parameter('band', 5.0, 'half width of the band', 'standard deviations', minimum=1.0),
+)
+
+
+class GapDiagnosisNode(StageNode):
+    """Thin shell around `gap_diagnosis.service` and `gap_diagnosis.live`."""
+
+    def __init__(self) -> None:
+        super().__init__('gap_diagnosis', PARAMETERS)
+        self.verdict = 'no diagnosis yet'
+        self.monitor: LiveMonitor | None = None
+        self._process: subprocess.Popen[str] | None = None
+        self._lock = threading.Lock()
+        # A diagnosis takes seconds to minutes: its service waits in a thread of its own, and
+        # the computation in a process of its own, so that live mode misses nothing.
+        self._worker = Node('_gap_diagnosis_worker', use_global_arguments=False)
+        self._worker.create_service(Trigger, '/gap_diagnosis/diagnose', self._on_diagnose)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._worker)
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+        self.diagnostics.task('diagnosis', lambda: (OK, self.verdict, {}))
+        if self.value('live') and self.value('twin'):
+            self._start_live()
+
+    def _serve(self) -> None:
+        try:
+            self._executor.spin()
+        except (rclpy.executors.ExternalShutdownException, rclpy.executors.ShutdownException):
+            return
+
+    def _start_live(self) -> None:
+        twin = TwinFile.load(self.value('twin'))
+        if twin.kind != 'servo':
+            raise StageError('live mode needs a twin of kind servo: set live to false')
+        self.monitor = LiveMonitor(
+            twin, self.value('window'), self.value('learn'), self.value('band')
+        )
+        for topic, fields in (
+            (topics.REFERENCE, ('position', 'velocity')),
+            (topics.COMMAND, ('velocity',)),
+            (topics.JOINT_STATES, ('position',)),
+        ):
+            self.create_subscription(JointState, topic, self._collector(topic, fields), STATE_QOS)
+        self.create_subscription(PointStamped, topics.TRACKER_POINT, self._on_point, STATE_QOS)
+        self.create_subscription(
+            TransformStamped, topics.ALIGNMENT, self._on_alignment, LATCHED_QOS
+        )
+        self.create_timer(1.0, self._on_judge)
+        self.diagnostics.task('gap', self._gap)
+
+    def _collector(self, topic: str, fields: tuple[str, ...]) -> Any:
+        monitor = self.monitor
+        assert monitor is not None
+
+        def take(message: JointState) -> None:
+            values = tuple(v for name in fields for v in getattr(message, name))
+            if len(values) == len(fields) * len(message.name):
+                monitor.add(topic, stamp_of(message.header), tuple(message.name), values)
+
+        return take
+
+    def _on_point(self, message: PointStamped) -> None:
+        assert self.monitor is not None
+        p = message.point
+        self.monitor.add_point(stamp_of(message.header), p.x, p.y, p.z)
+
+    def _on_alignment(self, message: TransformStamped) -> None:
+        assert self.monitor is not None
+        q, t = message.transform.rotation, message.transform.translation
+        self.monitor.alignment = RigidTransform.from_quaternion(
+            (q.x, q.y, q.z, q.w), (t.x, t.y, t.z)
+        )
+
+    def _on_judge(self) -> None:
+        assert self.monitor is not None
+        try:
+            self.monitor.judge()
+        except StageError as error:
+            self.monitor.clear()
+            self.get_logger().warning(str(error))
+
+    def _gap(self) -> tuple[bytes, str, dict[str, Any]]:
+        assert self.monitor is not None
+        bands = self.monitor.bands
+        if not bands:
+            return OK, 'waiting for a running session', {}
+        values = {n: f'{1e6 * b.latest:.3f} µm' for n, b in bands.items()}
+        left = [n for n, b in bands.items() if b.left]
+        if left:
+            low, high = bands[left[0]].limits
+            return (
+                WARN,
+                f'the gap of {", ".join(left)} left its band ({1e6 * low:.2f} to '
+                f'{1e6 * high:.2f} µm): something on the machine changed, diagnose a session',
+                values,
+            )
+        ready = all(b.ready for b in bands.values())
+        return OK, 'within its band' if ready else 'learning the band', values
+
+    def _on_diagnose(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        """Run the diagnosis on the parameters; the message is the verdict line."""
+        if not self.value('bag') or not self.value('twin'):
+            response.success = False
+            response.message = 'set the parameters bag and twin first'
+            return response
+        command = [sys.executable, '-m', 'gap_diagnosis', 'diagnose', '--bag', self.value('bag')]
+        if self.value('holdout'):
+            command += ['--holdout', self.value('holdout')]
+        command += ['--twin', self.value('twin'), '--out', self.value('out')]
+        command += ['--seed', str(self.value('seed')), '--quiet']
+        with self._lock:
+            self._process = subprocess.Popen(
+                command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            )
+        output, errors = self._process.communicate()
+        response.success = self._process.returncode == 0
+        lines = (output if response.success else errors).strip().splitlines()
+        response.message = lines[-1] if lines else 'the diagnosis ended without a word'
+        self.verdict = response.message
+        return response
+
+    def shutdown(self) -> None:
+        """End a running diagnosis and the service's thread."""
+        with self._lock:
+            if self._process is not None and self._process.poll() is None:
+                self._process.terminate()
+        self._executor.shutdown(timeout_sec=2.0)
+        self._thread.join(timeout=2.0)
+        self._worker.destroy_node()
+
+
+def main() -> int:
+    """Entry point of ``ros2 run gap_diagnosis gap_diagnosis``."""
+    return run(GapDiagnosisNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
