@@ -141,9 +141,17 @@ def identify(
         matrix = design(shape, TYPICAL_PRESLIDING, sliding)
         return np.asarray(target[sliding] - matrix @ _solve(matrix, target[sliding]))
 
-    bounds = np.log(LOWER), np.log(UPPER)
+    # A Stribeck velocity near the top speed cannot be told apart from viscous friction.
+    upper = np.minimum(UPPER, [UPPER[0], 0.25 * np.max(np.abs(velocity))])
+    bounds = np.log(LOWER), np.log(upper)
     fits = [
-        least_squares(residual, np.log(start), bounds=bounds, diff_step=1e-3, max_nfev=30)
+        least_squares(
+            residual,
+            np.clip(np.log(start), bounds[0] + 1e-6, bounds[1] - 1e-6),
+            bounds=bounds,
+            diff_step=1e-3,
+            max_nfev=30,
+        )
         for start in STARTS
     ]
     best = min(fits, key=lambda fit: float(fit.cost))
@@ -161,7 +169,7 @@ def identify(
     found = minimize_scalar(
         left_over, bounds=np.log(PRESLIDING), method='bounded', options={'xatol': 0.02}
     )
-    without = target[inside] - base[inside] @ _solve(base[inside], target[inside])
+    without = target[inside] - base[inside] @ _solve(base[sliding], target[sliding])
     excess, stribeck = np.exp(best.x)
     model = LuGre(
         coulomb,
