@@ -112,7 +112,7 @@ def test_temperature_is_used_where_it_moves(grid_session):
     steady = prepare(grid_session(60, sensor=[20.0, 20.01]))
     result = train(steady, 'affine')
     assert result.sensors == () and result.model.sensors == 0
-    with pytest.raises(StageError, match='sensor screw_x holds no value'):
+    with pytest.raises(StageError, match='sensor screw_x dropped out'):
         prepare(grid_session(20, sensor=[np.nan]))
 
 

@@ -25,6 +25,8 @@ REST_STEP = 1e-8
 ENOUGH_RESTS = 8
 """With fewer rests than this a session is used as a stream of moving points."""
 MOST_STREAM_SAMPLES = 4000
+STALE = 60.0
+"""A temperature older than this [s] is a sensor that dropped out."""
 LARGEST_SHIFT = 0.5
 """Clock differences up to this [s] are searched."""
 
@@ -319,13 +321,15 @@ def _temperatures(session: Session, at: Array) -> tuple[tuple[str, ...], Array]:
     for name, sensor in series.items():
         values = sensor.values['temperature']
         times = to_seconds(sensor.stamps, session.start_ns)
-        good = np.isfinite(values)
-        if not good.any() or np.ptp(at) > 0 and times[good][-1] < at[0]:
+        times, values = times[np.isfinite(values)], values[np.isfinite(values)]
+        after = np.searchsorted(times, at)
+        near = [np.clip(after + side, 0, len(times) - 1) for side in (-1, 0)]
+        if not len(times) or np.min([np.abs(at - times[i]) for i in near], axis=0).max() > STALE:
             raise StageError(
-                f'{session.path}: temperature sensor {name} holds no value while the stage was '
-                'measured: repair the sensor or leave its topic out'
+                f'{session.path}: temperature sensor {name} dropped out for more than '
+                f'{STALE:.0f} s: repair the sensor or leave its topic out'
             )
-        columns.append(np.interp(at, times[good], values[good]))
+        columns.append(np.interp(at, times, values))
     return tuple(series), np.column_stack(columns) if columns else np.empty((len(at), 0))
 
 

@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from calibrator import model_file
@@ -21,6 +22,7 @@ from calibrator.training import (
     stored,
     train,
 )
+from calibrator.training_job import Job, read_training_sessions, run_job
 from stage_core.errors import StageError, command_line
 
 
@@ -28,11 +30,8 @@ from stage_core.errors import StageError, command_line
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, print the errors before and after, and write the model."""
     options = _parser().parse_args(arguments)
-    # Only here: reading bags imports more than `--help` needs.
-    from session_bags.reader import read_session
-
     bags = find_bags(options.bag)
-    sessions = [read_session(bag) for bag in bags]
+    sessions = read_training_sessions(bags, options.input, options.target)
     samples = samples_of(sessions, options.input, options.target)
     kind = 'rests' if samples.at_rest else 'moving points'
     print(
@@ -42,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     settings = {**default_options(options.method, sessions[0]), **_json_object(options.options)}
     held = None
     if options.holdout:
-        holdout = [read_session(bag) for bag in find_bags(options.holdout)]
+        holdout = read_training_sessions(find_bags(options.holdout), options.input, options.target)
         held = samples_of(holdout, options.input, options.target)
     if options.compare:
         shared = {m: default_options(m, sessions[0]) for m in METHODS}
@@ -58,6 +57,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
         model_file.save(stored(result, bags, options.machine, 1, options.seed), options.out)
         print(f'model written to {options.out}')
     return 0
+
+
+def train_from_bags(
+    bags: Sequence[str | Path],
+    method: str = 'structured',
+    options: dict[str, Any] | None = None,
+    seed: int = 0,
+) -> model_file.StoredModel:
+    """The model that the node would train from these bags with the same parameters.
+
+    Raises
+    ------
+    StageError
+        If a bag cannot be read or does not suffice.
+    """
+    job = Job(
+        out='', bags=[str(bag) for bag in bags], method=method, options=options or {}, seed=seed
+    )
+    return run_job(job)[1]
 
 
 def before_and_after(before: Metrics, after: Metrics, count: int) -> str:

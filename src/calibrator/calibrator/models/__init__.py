@@ -8,7 +8,9 @@ from calibrator.models.base import CalibrationModel
 from calibrator.models.black_box import GaussianProcess, GradientBoosting, Perceptron
 from calibrator.models.it2fls import FuzzySystem, Hybrid
 from calibrator.models.linear import Affine, Identity, Polynomial
+from calibrator.models.local_linear import LocalLinear
 from calibrator.models.structured import Structured
+from calibrator.models.thermal_model import Thermal
 from stage_core.errors import StageError
 
 METHODS: dict[str, type[CalibrationModel]] = {
@@ -20,6 +22,8 @@ METHODS: dict[str, type[CalibrationModel]] = {
         Structured,
         FuzzySystem,
         Hybrid,
+        Thermal,
+        LocalLinear,
         Perceptron,
         GaussianProcess,
         GradientBoosting,

@@ -24,8 +24,10 @@ class Structured(CalibrationModel):
 
     Regressors of output axis a, with u the command scaled to [-1, 1]:
 
-    - products of Legendre polynomials of u up to `degree`: offset, scale and squareness (degree
-      one), straightness and pitch error (higher degrees in one axis), angular error (mixed);
+    - products of Legendre polynomials of u up to `degree` (a number, or `auto`: per axis the
+      one with the smallest leave-one-out error, harmonics included or not likewise): offset,
+      scale and squareness (degree one), straightness and pitch error (higher degrees in one
+      axis), angular error (mixed);
     - sin and cos of 2π h u_a / lead_a for each harmonic h in `harmonics`, where `lead` is given
       or found (`lead: 'search'`, see :func:`find_period`);
     - the direction of approach of axis a, halved: its coefficient is the width of the backlash;
@@ -37,12 +39,14 @@ class Structured(CalibrationModel):
 
     method = 'structured'
     summary = 'stage physics by least squares'
-    defaults = {'degree': 5, 'lead': 'search', 'harmonics': [1, 2], 'ridge': 1e-9}
+    defaults = {'degree': 'auto', 'lead': 'search', 'harmonics': [1, 2], 'ridge': 1e-9}
 
     def parameter_count(self, axes: int, sensors: int) -> int:
-        """Polynomial terms, harmonics, reversal and thermal terms."""
-        terms = comb(axes + int(self.options['degree']), axes)
-        return terms + 2 * len(self.options['harmonics']) + 1 + 2 * sensors
+        """Polynomial terms, reversal and thermal terms; harmonics where their number is given."""
+        count = comb(axes + min(self._degrees()), axes) + 1 + 2 * sensors
+        if self.options['degree'] == 'auto':
+            return count
+        return count + 2 * len(self.options['harmonics'])
 
     def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
         centre, half = scaling_of(command)
@@ -52,24 +56,27 @@ class Structured(CalibrationModel):
             'temperature': temperatures.mean(axis=0) if self.sensors else np.empty(0),
             'reversal': np.array([_varies(direction[:, a]) for a in range(self.axes)], dtype=int),
             'leads': np.zeros(self.axes),
+            # The period is searched beside a cubic: enough to flatten what a period is not.
+            'degrees': np.full(self.axes, min(3, max(self._degrees()))),
         }
         leads = self._given_leads()
         coefficients, deviations, sigmas = [], [], []
         for axis in range(self.axes):
+            target = error[:, axis]
             if leads is None:
-                plain = self._design(command, direction, temperatures, axis)
-                period = find_period(command[:, axis], error[:, axis], plain)
-                self.state['leads'][axis] = period
+                design = self._design(command, direction, temperatures, axis)
+                self.state['leads'][axis] = find_period(command[:, axis], target, design)
             else:
                 self.state['leads'][axis] = leads[axis]
+            self._choose_degree(command, target, direction, temperatures, axis)
             design = self._design(command, direction, temperatures, axis)
             if len(design) <= design.shape[1]:
                 raise StageError(
                     f'{design.shape[1]} parameters but {len(design)} samples: record more '
                     'positions or lower the option degree'
                 )
-            solution, covariance = _solve(design, error[:, axis], self._ridge())
-            residual = error[:, axis] - design @ solution
+            solution, covariance = _solve(design, target, self._ridge())
+            residual = target - design @ solution
             sigma = float(np.sqrt(residual @ residual / (len(design) - design.shape[1])))
             coefficients.append(solution)
             deviations.append(sigma * np.sqrt(covariance))
@@ -121,9 +128,31 @@ class Structured(CalibrationModel):
         )
         count = sum(len(c) for c in self.state['coefficients'])
         return (
-            f'{self.method}: {self.summary}, degree {self.options["degree"]}, screw periods '
-            f'{leads}, {count} parameters'
+            f'{self.method}: {self.summary}, degrees {self.state["degrees"].tolist()}, screw '
+            f'periods {leads}, {count} parameters'
         )
+
+    def _choose_degree(
+        self, command: Array, target: Array, direction: Array, temperatures: Array, axis: int
+    ) -> None:
+        """Degree, and harmonics or none, with the smallest leave-one-out error."""
+        lead = float(self.state['leads'][axis])
+        degrees = self._degrees()
+        if len(degrees) == 1:
+            self.state['degrees'][axis] = degrees[0]
+            return
+        best = (np.inf, degrees[0], 0.0)
+        for candidate in (0.0, lead) if lead else (0.0,):
+            for degree in degrees:
+                self.state['leads'][axis], self.state['degrees'][axis] = candidate, degree
+                design = self._design(command, direction, temperatures, axis)
+                if len(design) > 1.2 * design.shape[1]:
+                    best = min(best, (_left_out(design, target, self._ridge()), degree, candidate))
+        self.state['degrees'][axis], self.state['leads'][axis] = best[1], best[2]
+
+    def _degrees(self) -> list[int]:
+        degree = self.options['degree']
+        return list(range(1, 8)) if degree == 'auto' else [int(degree)]
 
     def _ridge(self) -> float:
         return float(self.options['ridge'])
@@ -140,7 +169,7 @@ class Structured(CalibrationModel):
 
     def _design(self, command: Array, direction: Array, temperatures: Array, axis: int) -> Array:
         scaled = (command - self.state['centre']) / self.state['half']
-        columns = [legendre_products(scaled, int(self.options['degree']))[0]]
+        columns = [legendre_products(scaled, int(self.state['degrees'][axis]))[0]]
         lead = float(self.state['leads'][axis])
         if lead > 0.0:
             phase = 2.0 * np.pi * command[:, axis] / lead
@@ -155,7 +184,7 @@ class Structured(CalibrationModel):
 
     def _names(self, axis: int) -> list[str]:
         one = np.zeros((1, self.axes))
-        orders = legendre_products(one, int(self.options['degree']))[1]
+        orders = legendre_products(one, int(self.state['degrees'][axis]))[1]
         names = ['·'.join(f'P{p}({AXES[a]})' for a, p in enumerate(o) if p) or '1' for o in orders]
         if self.state['leads'][axis] > 0.0:
             for harmonic in self.options['harmonics']:
@@ -229,6 +258,17 @@ def _solve(design: Array, target: Array, ridge: float) -> tuple[Array, Array]:
     solution = (vt.T @ (damped * (u.T @ target))) / length
     inverse_diagonal = np.sum((vt.T * damped) ** 2, axis=1) / length**2
     return solution, inverse_diagonal
+
+
+def _left_out(design: Array, target: Array, ridge: float) -> float:
+    """Root mean square leave-one-out error of the ridge solution, from the hat matrix."""
+    length = np.sqrt(np.mean(design**2, axis=0))
+    length[length == 0.0] = 1.0
+    u, s, _ = np.linalg.svd(design / length, full_matrices=False)
+    kept = s**2 / (s**2 + ridge)
+    residual = target - u @ (kept * (u.T @ target))
+    leverage = np.sum(u**2 * kept, axis=1)
+    return float(np.sqrt(np.mean((residual / np.maximum(1.0 - leverage, 1e-3)) ** 2)))
 
 
 def _varies(direction: Array) -> bool:

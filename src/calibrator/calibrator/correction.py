@@ -1,0 +1,80 @@
+"""The correction in the command path: from a wanted table point to the set-point."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrator.model_file import StoredModel
+from calibrator.prepare import REST_STEP
+from stage_core.errors import StageError
+
+Array = NDArray[np.float64]
+
+
+class Correction:
+    """Applies the inverse of a model while it is active, the identity otherwise."""
+
+    def __init__(self, max_correction: float) -> None:
+        self.max_correction = max_correction
+        self.stored: StoredModel | None = None
+        self.active = False
+        self.largest = 0.0
+        self._last: Array | None = None
+        self._direction: Array | None = None
+
+    def activate(self, active: bool) -> None:
+        """Switch the correction.
+
+        Raises
+        ------
+        StageError
+            If there is no model to apply.
+        """
+        if active and self.stored is None:
+            raise StageError('there is no model to activate: call ~/retrain or ~/load first')
+        self.active = active
+
+    def apply(self, target: Array, temperatures: dict[str, float] | None = None) -> Array:
+        """Set-point (axes,) [m] for a wanted table point (axes,) [m].
+
+        Raises
+        ------
+        StageError
+            If the point is not finite, the model has other axes, cannot be inverted there, or
+            the correction exceeds `max_correction`: the stage must not go there.
+        """
+        wanted = np.asarray(target, dtype=float)
+        if not np.isfinite(wanted).all():
+            raise StageError('the wanted table point is not finite: the target is ignored')
+        self._follow(wanted)
+        if not self.active or self.stored is None:
+            return wanted
+        heat = self._heat(self.stored, temperatures or {})
+        command = self.stored.invert(wanted[None], self._direction, heat)[0]
+        correction = float(np.max(np.abs(command - wanted)))
+        if correction > self.max_correction:
+            raise StageError(
+                f'the correction at {wanted.tolist()} m is {1e6 * correction:.1f} um, beyond '
+                f'max_correction {1e6 * self.max_correction:.1f} um: the target is ignored; '
+                'retrain, or raise max_correction'
+            )
+        self.largest = max(self.largest, correction)
+        return command
+
+    def _follow(self, wanted: Array) -> None:
+        """Keep the sign of each axis' last move, which the play of a screw depends on."""
+        if self._last is None or self._last.shape != wanted.shape:
+            self._direction = np.zeros((1, len(wanted)))
+        else:
+            step = wanted - self._last
+            assert self._direction is not None
+            self._direction = np.where(np.abs(step) < REST_STEP, self._direction, np.sign(step))
+        self._last = wanted.copy()
+
+    @staticmethod
+    def _heat(stored: StoredModel, temperatures: dict[str, float]) -> Array | None:
+        if not stored.sensors or any(s not in temperatures for s in stored.sensors):
+            # The means of the training stand in for a sensor that is silent.
+            return None
+        return np.array([[temperatures[sensor] for sensor in stored.sensors]])

@@ -1,0 +1,133 @@
+"""What the calibrator hears while it runs, in rings of fixed size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.frames import RigidTransform
+from stage_core.session import Series, Session
+
+Array = NDArray[np.float64]
+
+
+class Ring:
+    """The newest `capacity` rows of numbers with their stamps."""
+
+    def __init__(self, capacity: int, width: int) -> None:
+        self._stamps = np.zeros(capacity, dtype=np.int64)
+        self._rows = np.zeros((capacity, width))
+        self._count = 0
+
+    def __len__(self) -> int:
+        return min(self._count, len(self._stamps))
+
+    def add(self, stamp: int, row: Sequence[float]) -> None:
+        """Append a row stamped `stamp` [ns]."""
+        at = self._count % len(self._stamps)
+        self._stamps[at] = stamp
+        self._rows[at] = row
+        self._count += 1
+
+    def content(self) -> tuple[NDArray[np.int64], Array]:
+        """Stamps and rows by time."""
+        order = np.argsort(self._stamps[: len(self)], kind='stable')
+        return self._stamps[: len(self)][order], self._rows[: len(self)][order]
+
+
+class LiveBuffer:
+    """Reference, table points, alignment and temperatures of the recent past."""
+
+    def __init__(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._reference: Ring | None = None
+        self._axes: tuple[str, ...] = ()
+        self._points = Ring(capacity, 3)
+        self._sensors: dict[str, Ring] = {}
+        self.alignment: RigidTransform | None = None
+
+    def add_reference(self, stamp: int, axes: tuple[str, ...], position: Sequence[float]) -> None:
+        """Take a reference; another set of axes starts the buffer anew."""
+        if self._reference is None or axes != self._axes:
+            self._axes, self._reference = axes, Ring(self._capacity, len(axes))
+        self._reference.add(stamp, position)
+
+    def add_point(self, stamp: int, point: Sequence[float]) -> None:
+        """Take a raw tracker point (x, y, z) [m]."""
+        self._points.add(stamp, point)
+
+    def add_temperature(self, stamp: int, sensor: str, value: float) -> None:
+        """Take a temperature [degC]."""
+        if sensor not in self._sensors:
+            self._sensors[sensor] = Ring(min(self._capacity, 20_000), 1)
+        self._sensors[sensor].add(stamp, (value,))
+
+    def counts(self) -> dict[str, int]:
+        """Number of references and points held."""
+        held = 0 if self._reference is None else len(self._reference)
+        return {'references': held, 'points': len(self._points)}
+
+    def session(self) -> Session:
+        """The buffer as a session.
+
+        Raises
+        ------
+        StageError
+            If nothing was heard of the stage or the tracker yet.
+        """
+        if self._reference is None or not len(self._points):
+            raise StageError(
+                'the live buffer holds no pair of reference and tracker point: move the stage '
+                'with the tracker connected, or set the parameter bag'
+            )
+        stamps, rows = self._reference.content()
+        series = {
+            topics.REFERENCE: Series(
+                topics.REFERENCE,
+                stamps,
+                {f'position.{axis}': rows[:, i] for i, axis in enumerate(self._axes)},
+            )
+        }
+        stamps, rows = self._points.content()
+        series[topics.TRACKER_POINT] = Series(
+            topics.TRACKER_POINT, stamps, {a: rows[:, i] for i, a in enumerate('xyz')}
+        )
+        for sensor, ring in self._sensors.items():
+            key = topics.temperature_key(sensor)
+            stamps, rows = ring.content()
+            series[key] = Series(key, stamps, {'temperature': rows[:, 0]})
+        return Session('the live buffer', series, None, self.alignment)
+
+
+def save_session(session: Session, path: Path) -> None:
+    """Write the numbers of a session for another process (.npz)."""
+    arrays: dict[str, NDArray[np.float64] | NDArray[np.int64]] = {}
+    for topic, series in session.series.items():
+        arrays[f'{topic}|stamps'] = series.stamps
+        for name, values in series.values.items():
+            arrays[f'{topic}|values|{name}'] = values
+    if session.alignment is not None:
+        arrays['|rotation'] = session.alignment.rotation
+        arrays['|translation'] = session.alignment.translation
+    with path.open('wb') as stream:
+        np.savez(stream, **arrays)  # type: ignore[arg-type]
+
+
+def load_session(path: str | Path) -> Session:
+    """Read what `save_session` wrote."""
+    with np.load(path, allow_pickle=False) as arrays:
+        names = list(arrays)
+        series = {}
+        for topic in {name.split('|')[0] for name in names} - {''}:
+            prefix = f'{topic}|values|'
+            values = {n[len(prefix) :]: arrays[n] for n in names if n.startswith(prefix)}
+            series[topic] = Series(topic, arrays[f'{topic}|stamps'], values)
+        alignment = None
+        if '|rotation' in names:
+            alignment = RigidTransform(arrays['|rotation'], arrays['|translation'])
+    return Session('the live buffer', series, None, alignment)

@@ -1,0 +1,94 @@
+"""Thermal calibration of paper 2: stepwise regression on geometric and thermal terms per axis."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from calibrator.models.base import Array, CalibrationModel, scaling_of
+from calibrator.stepwise import stepwise
+from calibrator.thermal import monomials, thermal_terms
+
+
+class Thermal(CalibrationModel):
+    """Eq. 4 of paper 2 per axis, terms selected by p-value; inverted by Newton-Raphson.
+
+    The temperature columns are as the caller gives them: readings, and where wanted their first
+    and second derivatives as further columns of `temperatures` (option `derivatives`: the last
+    two thirds of the columns are derivatives).
+    """
+
+    method = 'thermal'
+    summary = 'stepwise regression on geometric and thermal terms (paper 2)'
+    defaults = {'enter': 0.05, 'remove': 0.10, 'terms': 'derivatives', 'derivatives': False}
+
+    def parameter_count(self, axes: int, sensors: int) -> int:
+        """First-order terms: what a selection will hold at least."""
+        return axes + 1
+
+    def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
+        centre, half = scaling_of(command)
+        count = self._readings()
+        self.state = {
+            'centre': centre,
+            'half': half,
+            'reference': temperatures[:, :count].mean(axis=0),
+            'low': temperatures[:, :count].min(axis=0) if count else np.empty(0),
+            'high': temperatures[:, :count].max(axis=0) if count else np.empty(0),
+        }
+        columns = self._columns(command, temperatures)
+        fits = [
+            stepwise(
+                columns,
+                error[:, axis],
+                float(self.options['enter']),
+                float(self.options['remove']),
+            )
+            for axis in range(self.axes)
+        ]
+        self.state['coefficients'] = np.array([fit.coefficients for fit in fits])
+        self.state['intercept'] = np.array([fit.intercept for fit in fits])
+        self.state['sigma'] = np.array([fit.sigma for fit in fits])
+
+    def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
+        readings = temperatures[:, : self._readings()]
+        span = self.state['high'] - self.state['low']
+        outside = (readings < self.state['low'] - 0.5 * span) | (
+            readings > self.state['high'] + 0.5 * span
+        )
+        if outside.any():
+            warnings.warn(
+                'a temperature is far outside those of the calibration: the thermal model '
+                'extrapolates',
+                stacklevel=4,
+            )
+        columns = self._columns(command, temperatures)
+        return self.state['intercept'] + columns @ self.state['coefficients'].T
+
+    def describe(self) -> str:
+        """Number of selected terms per axis."""
+        if not self.fitted:
+            return super().describe()
+        kept = [int(np.count_nonzero(c)) for c in self.state['coefficients']]
+        return f'{self.method}: {self.summary}, {kept} of {self._candidates()} terms'
+
+    def _readings(self) -> int:
+        return self.sensors // 3 if self.options['derivatives'] else self.sensors
+
+    def _candidates(self) -> int:
+        return int(self.state['coefficients'].shape[1])
+
+    def _columns(self, command: Array, temperatures: Array) -> Array:
+        scaled = (command - self.state['centre']) / self.state['half']
+        count = self._readings()
+        if count == 0:
+            powers = monomials(self.axes)
+            return np.column_stack([np.prod(scaled ** np.array(p), axis=1) for p in powers])
+        first = second = None
+        if self.options['derivatives']:
+            first, second = temperatures[:, count : 2 * count], temperatures[:, 2 * count :]
+        table = thermal_terms(
+            scaled, temperatures[:, :count], first, second, self.state['reference']
+        )
+        return table.up_to(str(self.options['terms'])).columns

@@ -1,0 +1,288 @@
+"""Node that learns the stage's error and corrects the command path."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PointStamped, TransformStamped
+from sensor_msgs.msg import JointState, Temperature
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from calibrator import model_file
+from calibrator.correction import Correction
+from calibrator.live_buffer import LiveBuffer, save_session
+from calibrator.models import METHODS, make_model
+from calibrator.prepare import INPUTS, TARGETS
+from calibrator.trainer import Trainer
+from calibrator.training_job import Job
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.frames import RigidTransform
+from stage_core.parameters import Parameter
+from stage_core.quantities import AXES
+from stage_driver.deferred_service import create_deferred_service
+from stage_node.node import (
+    ERROR,
+    LATCHED_QOS,
+    OK,
+    SETPOINT_QOS,
+    STATE_QOS,
+    WARN,
+    StageNode,
+    joint_state,
+    run,
+    stamp_of,
+)
+
+PARAMETERS = (
+    Parameter('bag', '', 'bag or folder of bags to train from; empty: what was heard live'),
+    Parameter('method', 'structured', 'calibration method', choices=tuple(METHODS)),
+    Parameter('options', '{}', 'options of the method, a JSON object'),
+    Parameter('input', 'reference', 'model input', choices=INPUTS),
+    Parameter('target', 'tracker', 'model output', choices=TARGETS),
+    Parameter('seed', 0, 'seed of the training', minimum=0, maximum=2**31 - 1),
+    Parameter('machine', '', 'name of the stage; models of another one are refused'),
+    Parameter('model_folder', 'bags/models', 'folder that new models are written to'),
+    Parameter('model_file', '', 'model to load at the start and with ~/load'),
+    Parameter('max_correction', 1e-3, 'larger corrections are refused', 'm', 0.0, 1.0),
+    Parameter(
+        'buffer_size', 300_000, 'messages kept per topic', '', 100, 10_000_000, read_only=True
+    ),
+)
+
+
+class Calibrator(StageNode):
+    """Subscribes what training needs, answers ``~/retrain`` and corrects ``/stage/target``."""
+
+    def __init__(self) -> None:
+        super().__init__('calibrator', PARAMETERS)
+        self._correction = Correction(self.value('max_correction'))
+        self._buffer = LiveBuffer(self.value('buffer_size'))
+        self._trainer = Trainer()
+        self._temperatures: dict[str, float] = {}
+        self._file = ''
+        self._failure = ''
+        self._refused = 0
+        self._scratch = tempfile.TemporaryDirectory(prefix='calibrator-')
+        self._setpoints = self.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
+        self._models = self.create_publisher(String, topics.MODEL, LATCHED_QOS)
+        subscribe = self.create_subscription
+        subscribe(JointState, topics.TARGET, self._on_target, SETPOINT_QOS)
+        subscribe(JointState, topics.REFERENCE, self._on_reference, STATE_QOS)
+        subscribe(PointStamped, topics.TRACKER_POINT, self._on_point, STATE_QOS)
+        subscribe(TransformStamped, topics.ALIGNMENT, self._on_alignment, LATCHED_QOS)
+        subscribe(Temperature, topics.TEMPERATURE, self._on_temperature, STATE_QOS)
+        create_deferred_service(self, Trigger, '~/retrain', lambda _: self._retrain())
+        self.create_service(SetBool, '~/activate', self._on_activate)
+        self.create_service(Trigger, '~/abort', self._on_abort)
+        self.create_service(Trigger, '~/load', self._on_load)
+        self.diagnostics.task('model', self._status)
+        if self.value('model_file'):
+            self._use(Path(self.value('model_file')))
+        self._announce()
+
+    def shutdown(self) -> None:
+        """End a training under way and remove scratch files."""
+        self._trainer.abort()
+        self._scratch.cleanup()
+
+    def parameters_changed(self, changed: dict[str, Any]) -> str | None:
+        """Refuse options that the method does not know."""
+        if 'max_correction' in changed:
+            self._correction.max_correction = float(changed['max_correction'])
+        if not {'method', 'options'} & set(changed):
+            return None
+        try:
+            method = str(changed.get('method', self.value('method')))
+            make_model(method, **_options(str(changed.get('options', self.value('options')))))
+        except StageError as error:
+            return str(error)
+        return None
+
+    def _on_target(self, message: JointState) -> None:
+        axes = tuple(message.name)
+        known = tuple(axis for axis in AXES if axis in axes)
+        if len(message.position) != len(axes) or len(known) != len(axes):
+            self._refuse(f'{topics.TARGET} needs one position for each of the axes x, y')
+            return
+        target = np.array([message.position[axes.index(axis)] for axis in known])
+        try:
+            command = self._correction.apply(target, self._temperatures)
+        except StageError as error:
+            self._refuse(str(error))
+            return
+        stamp = stamp_of(message.header)
+        self._setpoints.publish(joint_state(stamp, known, position=command.tolist()))
+
+    def _refuse(self, reason: str) -> None:
+        self._refused += 1
+        self._failure = reason
+        self.get_logger().error(reason)
+
+    def _on_reference(self, message: JointState) -> None:
+        if len(message.position) == len(message.name):
+            axes = tuple(message.name)
+            self._buffer.add_reference(stamp_of(message.header), axes, message.position)
+
+    def _on_point(self, message: PointStamped) -> None:
+        p = message.point
+        self._buffer.add_point(stamp_of(message.header), (p.x, p.y, p.z))
+
+    def _on_alignment(self, message: TransformStamped) -> None:
+        q, t = message.transform.rotation, message.transform.translation
+        try:
+            self._buffer.alignment = RigidTransform.from_quaternion(
+                (q.x, q.y, q.z, q.w), (t.x, t.y, t.z)
+            )
+        except StageError as error:
+            self._refuse(str(error))
+
+    def _on_temperature(self, message: Temperature) -> None:
+        name = message.header.frame_id
+        self._temperatures[name] = message.temperature
+        self._buffer.add_temperature(stamp_of(message.header), name, message.temperature)
+
+    def _retrain(self) -> Future[str]:
+        answer: Future[str] = Future()
+        try:
+            job = self._job()
+            training = self._trainer.start(job, Path(self._scratch.name) / 'job.json')
+        except (StageError, OSError) as error:
+            answer.set_exception(_as_stage_error(error))
+            return answer
+        self.get_logger().info(f'training {job.method} for {job.out}')
+
+        def finish(done: Future[str]) -> None:
+            try:
+                message = done.result()
+                self._use(Path(job.out))
+            except StageError as error:
+                self._failure = str(error)
+                answer.set_exception(error)
+                return
+            self._failure = ''
+            self._announce()
+            answer.set_result(message)
+
+        training.add_done_callback(finish)
+        return answer
+
+    def _job(self) -> Job:
+        folder = Path(self.value('model_folder')).absolute()
+        version = 1 + max([0, *(_version_of(path) for path in folder.glob('model_*.json'))])
+        bag, live = self.value('bag'), ''
+        if not bag:
+            live = str(Path(self._scratch.name) / 'live.npz')
+            save_session(self._buffer.session(), Path(live))
+        return Job(
+            out=str(folder / f'model_{version:04d}.json'),
+            bags=[bag] if bag else [],
+            live=live,
+            method=self.value('method'),
+            options=_options(self.value('options')),
+            source=self.value('input'),
+            target=self.value('target'),
+            machine=self.value('machine'),
+            version=version,
+            seed=self.value('seed'),
+        )
+
+    def _use(self, path: Path) -> None:
+        """Load a model and swap it in; on an error the old one stays."""
+        stored = model_file.load(path, self.value('machine'))
+        # One assignment: a target is corrected with the old model or with the new one.
+        self._correction.stored = stored
+        self._file = str(path.absolute())
+
+    def _announce(self) -> None:
+        stored = self._correction.stored
+        content = {
+            'active': self._correction.active,
+            'method': stored.model.method if stored else 'identity',
+            'version': stored.version if stored else 0,
+            'metrics': stored.metrics if stored else {},
+            'file': self._file,
+        }
+        self._models.publish(String(data=json.dumps(content)))
+
+    def _on_activate(self, request: Any, response: Any) -> Any:
+        try:
+            self._correction.activate(bool(request.data))
+        except StageError as error:
+            response.success, response.message = False, str(error)
+            return response
+        self._announce()
+        response.success = True
+        response.message = 'correction active' if request.data else 'correction off'
+        return response
+
+    def _on_abort(self, _: Any, response: Any) -> Any:
+        response.success = self._trainer.abort()
+        response.message = 'training aborted' if response.success else 'no training under way'
+        return response
+
+    def _on_load(self, _: Any, response: Any) -> Any:
+        try:
+            if not self.value('model_file'):
+                raise StageError('the parameter model_file is empty: name a model file')
+            self._use(Path(self.value('model_file')))
+        except StageError as error:
+            response.success, response.message = False, str(error)
+            return response
+        self._announce()
+        assert self._correction.stored is not None
+        response.success, response.message = True, self._correction.stored.model.describe()
+        return response
+
+    def _status(self) -> tuple[bytes, str, dict[str, Any]]:
+        stored = self._correction.stored
+        values: dict[str, Any] = {
+            'active': self._correction.active,
+            'file': self._file,
+            'largest correction [m]': self._correction.largest,
+            'refused targets': self._refused,
+            'training': self._trainer.progress if self._trainer.running else 'no',
+            **self._buffer.counts(),
+        }
+        if stored:
+            values['held-out RMS [m]'] = stored.metrics.get('after', {}).get('rms')
+        if self._refused:
+            return ERROR, self._failure, values
+        if self._failure:
+            return WARN, self._failure, values
+        return OK, stored.model.describe() if stored else 'no model', values
+
+
+def _options(text: str) -> dict[str, Any]:
+    try:
+        content = json.loads(text or '{}')
+    except json.JSONDecodeError as error:
+        raise StageError(f'the parameter options is no JSON: {error.msg}') from error
+    if not isinstance(content, dict):
+        raise StageError('the parameter options must be a JSON object like {"degree": 7}')
+    return content
+
+
+def _version_of(path: Path) -> int:
+    digits = path.stem.removeprefix('model_')
+    return int(digits) if digits.isdigit() else 0
+
+
+def _as_stage_error(error: Exception) -> StageError:
+    return error if isinstance(error, StageError) else StageError(f'training failed: {error}')
+
+
+def main() -> int:
+    """Entry point of ``ros2 run calibrator calibrator``."""
+    return run(Calibrator)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

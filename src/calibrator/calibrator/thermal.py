@@ -1,0 +1,122 @@
+"""Candidate terms of the thermal calibration (paper 2), for any number of axes and sensors.
+
+For q axes and s sensors: all monomials of the coordinates of order one to three, each of them
+times each temperature, and per sensor the temperature and its first and second derivative. Three
+axes and nine sensors give 19 + 171 + 9 + 18 = 217 terms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs
+
+from stage_core.errors import StageError
+
+Array = NDArray[np.float64]
+
+SETS = ('geometric', 'thermal', 'correlated', 'derivatives')
+"""Groups of terms in the order of the paper's section V.B; each set holds those before it."""
+
+
+@dataclass(frozen=True)
+class TermTable:
+    """Candidate columns (m, n) with the name and group of each."""
+
+    columns: Array
+    names: tuple[str, ...]
+    groups: tuple[str, ...]
+
+    def up_to(self, group: str) -> TermTable:
+        """The columns of the groups up to and including one."""
+        if group not in SETS:
+            raise StageError(f'there is no set of terms {group}: choose one of {", ".join(SETS)}')
+        wanted = SETS[: SETS.index(group) + 1]
+        kept = [i for i, g in enumerate(self.groups) if g in wanted]
+        return TermTable(
+            self.columns[:, kept],
+            tuple(self.names[i] for i in kept),
+            tuple(self.groups[i] for i in kept),
+        )
+
+
+def monomials(axes: int, order: int = 3) -> list[tuple[int, ...]]:
+    """Exponent per axis of all monomials of order 1 to `order`: 19 for three axes."""
+    result = []
+    for total in range(1, order + 1):
+        for chosen in combinations_with_replacement(range(axes), total):
+            result.append(tuple(chosen.count(axis) for axis in range(axes)))
+    return result
+
+
+def thermal_terms(
+    coordinates: Array,
+    temperatures: Array,
+    first: Array | None = None,
+    second: Array | None = None,
+    reference: Array | None = None,
+) -> TermTable:
+    """The candidate terms of samples.
+
+    Parameters
+    ----------
+    coordinates
+        (m, axes), any unit; scaled ones keep products readable.
+    temperatures, first, second
+        (m, sensors) [degC], their derivatives [K/s] and [K/s2]; without derivatives their terms
+        are left out.
+    reference
+        Temperatures (sensors,) that are subtracted; a product with raw degC is collinear with its
+        coordinate. Zero where not given.
+    """
+    q = np.asarray(coordinates, dtype=float)
+    t = np.asarray(temperatures, dtype=float)
+    if reference is not None:
+        t = t - reference
+    powers = monomials(q.shape[1])
+    geometric = np.column_stack([np.prod(q ** np.array(power), axis=1) for power in powers])
+    labels = ['·'.join(f'q{a + 1}^{p}' for a, p in enumerate(power) if p) for power in powers]
+    columns = [geometric, t]
+    names = labels + [f'T{s + 1}' for s in range(t.shape[1])]
+    groups = ['geometric'] * len(labels) + ['thermal'] * t.shape[1]
+    for s in range(t.shape[1]):
+        columns.append(geometric * t[:, s : s + 1])
+        names += [f'{label}·T{s + 1}' for label in labels]
+        groups += ['correlated'] * len(labels)
+    for derivative, mark in ((first, "'"), (second, "''")):
+        if derivative is not None:
+            columns.append(np.asarray(derivative, dtype=float))
+            names += [f'T{s + 1}{mark}' for s in range(t.shape[1])]
+            groups += ['derivatives'] * t.shape[1]
+    return TermTable(np.column_stack(columns), tuple(names), tuple(groups))
+
+
+def temperature_derivatives(
+    temperatures: Array, period: float, window: int = 31
+) -> tuple[Array, Array]:
+    """First and second derivative of temperatures sampled every `period` [s], (m, sensors) each.
+
+    Causal Savitzky-Golay parabola over the last `window` samples, as a controller would have it:
+    plain differences of a sensor with 1 mK noise at 10 s are ten times the drift itself. The
+    first samples use the parabola of the first full window.
+
+    Raises
+    ------
+    StageError
+        If there are fewer samples than the window holds.
+    """
+    t = np.asarray(temperatures, dtype=float)
+    if len(t) < window:
+        raise StageError(
+            f'{len(t)} temperatures are too few for derivatives over {window}: record longer'
+        )
+    results = []
+    for order in (1, 2):
+        weights = savgol_coeffs(window, 2, order, period, pos=window - 1, use='dot')
+        windows = np.lib.stride_tricks.sliding_window_view(t, window, axis=0)
+        value = windows @ weights
+        results.append(np.vstack([np.repeat(value[:1], window - 1, axis=0), value]))
+    return results[0], results[1]

@@ -1,0 +1,117 @@
+"""One training in a process of its own, so that a node's topics and services stay live.
+
+``python -m calibrator.training_job JOB.json`` trains, writes the model file and prints one JSON
+object per line: ``{"progress": [iteration, error]}`` and at the end ``{"result": message}`` or
+``{"error": message}``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from calibrator import model_file
+from calibrator.live_buffer import load_session
+from calibrator.training import (
+    Training,
+    default_options,
+    find_bags,
+    samples_of,
+    stored,
+    train,
+)
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.session import Session
+
+NICENESS = 10
+"""A training yields the processor to the nodes that control the stage."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What to train; `live` is a file of `live_buffer.save_session` where `bags` is empty."""
+
+    out: str
+    bags: list[str] = field(default_factory=list)
+    live: str = ''
+    method: str = 'structured'
+    options: dict[str, Any] = field(default_factory=dict)
+    source: str = 'reference'
+    target: str = 'tracker'
+    machine: str = ''
+    version: int = 1
+    seed: int = 0
+
+    def save(self, path: Path) -> None:
+        """Write the job as JSON."""
+        path.write_text(json.dumps(asdict(self)), encoding='utf-8')
+
+    @classmethod
+    def load(cls, path: Path) -> Job:
+        """Read a job that `save` wrote."""
+        return cls(**json.loads(path.read_text(encoding='utf-8')))
+
+
+def run_job(job: Job, progress: Any = None) -> tuple[Training, model_file.StoredModel]:
+    """Train as the job says; the caller writes the model.
+
+    Raises
+    ------
+    StageError
+        If the data do not suffice, or the new model is worse than no correction.
+    """
+    bags: list[Path] = []
+    if job.bags:
+        bags = find_bags(job.bags)
+        sessions = read_training_sessions(bags, job.source, job.target)
+    else:
+        sessions = [load_session(job.live)]
+    samples = samples_of(sessions, job.source, job.target)
+    options = {**default_options(job.method, sessions[0]), **job.options}
+    result = train(samples, job.method, options, job.seed, progress=progress)
+    if result.after.rms > 1.02 * result.before.rms:
+        raise StageError(
+            f'the new model is worse than none ({result.line()}): record more positions or '
+            'choose a simpler method'
+        )
+    return result, stored(result, bags, job.machine, job.version, job.seed)
+
+
+def read_training_sessions(bags: list[Path], source: str, target: str) -> list[Session]:
+    """Sessions of bags, with only the topics that a training reads."""
+    # Only here: the reader is not needed to train from the live buffer.
+    from session_bags.reader import read_session
+
+    wanted = {topics.REFERENCE, topics.TEMPERATURE}
+    if 'encoder' in (source, target):
+        wanted.add(topics.JOINT_STATES)
+    if target == 'tracker':
+        wanted.add(topics.TRACKER_POINT)
+    return [read_session(bag, wanted) for bag in bags]
+
+
+def main() -> int:
+    """Entry point of the process."""
+    os.nice(NICENESS)
+
+    def say(**content: Any) -> None:
+        print(json.dumps(content), flush=True)
+
+    try:
+        job = Job.load(Path(sys.argv[1]))
+        result, model = run_job(job, lambda i, best: say(progress=[i, best]))
+        model_file.save(model, job.out)
+    except StageError as error:
+        say(error=' '.join(str(error).split()))
+        return 2
+    say(result=result.line())
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,114 @@
+"""The node as a process: it learns from what it hears and corrects the command path."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from stage_core import topics
+from stage_core.errors import StageError
+
+
+@pytest.fixture
+def calibrator(ros_env, tmp_path):
+    parameters = {'model_folder': str(tmp_path / 'models'), 'buffer_size': 200_000}
+    arguments = [item for k, v in parameters.items() for item in ('-p', f'{k}:={v}')]
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'calibrator.node', '--ros-args', *arguments],
+        env=ros_env,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    yield process
+    if process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(20.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+    process.communicate()
+
+
+def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted_map):
+    from geometry_msgs.msg import PointStamped
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import String
+
+    from stage_node.client_node import GraphClient
+    from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, set_stamp
+
+    session = grid_session(40, rest=0.12)
+    reference = session.series[topics.REFERENCE]
+    points = session.series[topics.TRACKER_POINT]
+    with GraphClient() as client:
+        client.watch(String, topics.MODEL, LATCHED_QOS)
+        client.watch(JointState, topics.SETPOINT, SETPOINT_QOS)
+        make = client.node.create_publisher
+        targets = make(JointState, topics.TARGET, SETPOINT_QOS)
+        states = make(JointState, topics.REFERENCE, STATE_QOS)
+        measured = make(PointStamped, topics.TRACKER_POINT, STATE_QOS)
+        client.wait_for(lambda: client.latest(topics.MODEL) is not None, 60.0, 'a model')
+        for publisher in (targets, states, measured):
+            client.wait_for(lambda p=publisher: p.get_subscription_count() > 0, 30.0, 'discovery')
+        client.wait_for(
+            lambda: client.node.count_publishers(topics.SETPOINT) > 0, 30.0, 'discovery'
+        )
+
+        def corrected(target, stamp):
+            targets.publish(joint_state(stamp, ('x', 'y'), position=target))
+            client.wait_for(
+                lambda: (
+                    (m := client.latest(topics.SETPOINT)) is not None
+                    and m.header.stamp.sec == stamp // 10**9
+                ),
+                30.0,
+                'a set-point',
+            )
+            return np.array(client.latest(topics.SETPOINT).position)
+
+        np.testing.assert_array_equal(corrected((0.01, 0.02), 5 * 10**9), (0.01, 0.02))
+        with pytest.raises(StageError, match='live buffer holds no pair'):
+            client.trigger('/calibrator/retrain', 60.0)
+        with pytest.raises(StageError, match='no model to activate'):
+            client.set_bool('/calibrator/activate', True)
+
+        rows = reference.columns('position', ('x', 'y'))
+        for i, stamp in enumerate(reference.stamps):
+            states.publish(joint_state(int(stamp), ('x', 'y'), position=rows[i].tolist()))
+            if i % 5 == 0:
+                message = PointStamped()
+                set_stamp(message.header, int(points.stamps[i // 5]))
+                for axis in 'xyz':
+                    setattr(message.point, axis, float(points.values[axis][i // 5]))
+                measured.publish(message)
+            if i % 200 == 0:
+                time.sleep(0.01)
+        time.sleep(0.5)
+        message = client.trigger('/calibrator/retrain', 60.0)
+        assert 'held-out RMS' in message and 'before' in message and 'after' in message
+        client.set_bool('/calibrator/activate', True)
+        client.wait_for(
+            lambda: json.loads(client.latest(topics.MODEL).data)['active'], 30.0, 'activation'
+        )
+        content = json.loads(client.latest(topics.MODEL).data)
+        assert content['method'] == 'structured' and content['version'] == 1
+        assert content['metrics']['after']['rms'] < 0.5 * content['metrics']['before']['rms']
+
+        corrected((0.02, 0.02), 6 * 10**9)
+        goal = np.array([0.031, 0.027])
+        command = corrected(goal.tolist(), 7 * 10**9)
+        reached = planted_map(command[None], np.ones((1, 2)))[0]
+        before = planted_map(goal[None], np.ones((1, 2)))[0] - goal
+        assert np.abs(reached - goal).max() < 0.3 * np.abs(before).max()
+
+        # A training that fails leaves the model in use, and says why.
+        client.set_parameters('/calibrator', bag='/nonexistent/bag')
+        with pytest.raises(StageError, match='there is no bag /nonexistent/bag'):
+            client.trigger('/calibrator/retrain', 60.0)
+        np.testing.assert_array_equal(corrected(goal.tolist(), 8 * 10**9), command)
+    calibrator.send_signal(signal.SIGTERM)
+    assert calibrator.wait(20.0) == 0

@@ -1,0 +1,137 @@
+"""The parts of the node that need no ROS: correction, live buffer, training process."""
+
+import json
+import threading
+
+import numpy as np
+import pytest
+
+from calibrator import model_file
+from calibrator.correction import Correction
+from calibrator.live_buffer import LiveBuffer, Ring, load_session, save_session
+from calibrator.models import make_model
+from calibrator.prepare import prepare
+from calibrator.trainer import Trainer
+from calibrator.training_job import Job, run_job
+from stage_core import topics
+from stage_core.errors import StageError
+
+
+def stored(method='structured', size=4e-5, **options):
+    generator = np.random.default_rng(0)
+    command = generator.uniform(0, 0.1, (200, 2))
+    direction = generator.choice([-1.0, 1.0], (200, 2))
+    measured = command + size * np.sin(40 * command) + 0.5 * direction * 1e-5
+    model = make_model(method, **options).fit(command, measured, direction)
+    return model_file.StoredModel(model)
+
+
+def test_correction_is_the_inverse_with_the_direction_of_approach():
+    correction = Correction(1e-3)
+    np.testing.assert_array_equal(correction.apply(np.array([0.01, 0.02])), [0.01, 0.02])
+    with pytest.raises(StageError, match='no model to activate'):
+        correction.activate(True)
+    correction.stored = stored(degree=9)
+    correction.activate(True)
+    correction.apply(np.array([0.02, 0.02]))
+    command = correction.apply(np.array([0.03, 0.01]))
+    reached = command + 4e-5 * np.sin(40 * command) + 0.5 * np.array([1, -1]) * 1e-5
+    np.testing.assert_allclose(reached, [0.03, 0.01], atol=1e-7)
+    correction.activate(False)
+    np.testing.assert_array_equal(correction.apply(np.array([0.01, 0.02])), [0.01, 0.02])
+
+
+def test_correction_refuses_what_is_too_large_or_no_number():
+    correction = Correction(2e-5)
+    correction.stored = stored()
+    correction.activate(True)
+    with pytest.raises(StageError, match='beyond max_correction 20.0 um'):
+        correction.apply(np.array([0.04, 0.04]))
+    with pytest.raises(StageError, match='not finite'):
+        correction.apply(np.array([np.nan, 0.0]))
+    with pytest.raises(StageError, match='trained for 2 axes'):
+        correction.apply(np.array([0.01]))
+
+
+def test_ring_keeps_the_newest_in_order():
+    ring = Ring(4, 1)
+    for stamp in (5, 1, 7, 9, 8, 10):
+        ring.add(stamp, (float(stamp),))
+    stamps, rows = ring.content()
+    assert list(stamps) == [7, 8, 9, 10] and list(rows[:, 0]) == [7.0, 8.0, 9.0, 10.0]
+
+
+def test_live_buffer_gives_the_same_samples_as_the_session(grid_session, tmp_path):
+    session = grid_session(20)
+    buffer = LiveBuffer(100_000)
+    with pytest.raises(StageError, match='live buffer holds no pair'):
+        buffer.session()
+    reference = session.series[topics.REFERENCE]
+    for stamp, row in zip(
+        reference.stamps, reference.columns('position', ('x', 'y')), strict=True
+    ):
+        buffer.add_reference(int(stamp), ('x', 'y'), row)
+    points = session.series[topics.TRACKER_POINT]
+    for i, stamp in enumerate(points.stamps):
+        buffer.add_point(int(stamp), [points.values[a][i] for a in 'xyz'])
+    buffer.add_temperature(int(reference.stamps[0]), 'air', 21.0)
+    save_session(buffer.session(), tmp_path / 'live.npz')
+    loaded = load_session(tmp_path / 'live.npz')
+    expected = prepare(session)
+    np.testing.assert_array_equal(prepare(loaded).measured, expected.measured)
+    assert prepare(loaded).sensors == ('air',)
+
+
+def job(tmp_path, session, **changes):
+    save_session(session, tmp_path / 'live.npz')
+    settings = {'out': str(tmp_path / 'models' / 'm.json'), 'live': str(tmp_path / 'live.npz')}
+    return Job(**{**settings, 'version': 3, 'machine': 'm1', **changes})
+
+
+def test_a_model_that_is_worse_than_none_is_refused(grid_session, tmp_path):
+    # Ten random positions cannot carry a polynomial in two axes beyond themselves.
+    session = grid_session(16, noise=3e-5)
+    with pytest.raises(StageError, match='worse than none'):
+        run_job(job(tmp_path, session, method='polynomial', options={'degree': 3}))
+
+
+def test_training_process_writes_the_model_or_says_why_not(grid_session, tmp_path):
+    trainer = Trainer()
+    wanted = job(tmp_path, grid_session(40))
+    message = trainer.start(wanted, tmp_path / 'job.json').result(60.0)
+    assert message.startswith('structured: held-out RMS')
+    loaded = model_file.load(wanted.out, 'm1')
+    assert loaded.version == 3
+    direct = run_job(wanted)[1]
+    points = np.random.default_rng(0).uniform(0, 0.05, (5, 2))
+    np.testing.assert_array_equal(loaded.predict(points), direct.predict(points))
+    with pytest.raises(StageError, match='fits 36 parameters|fits 28 parameters'):
+        trainer.start(
+            job(tmp_path, grid_session(20), method='polynomial', options={'degree': 6}),
+            tmp_path / 'job.json',
+        ).result(60.0)
+    assert not trainer.running
+
+
+def test_training_reports_progress_and_is_aborted(grid_session, tmp_path):
+    trainer = Trainer()
+    assert not trainer.abort()
+    long = job(
+        tmp_path,
+        grid_session(40),
+        method='it2fls',
+        options={'particles': 50, 'iterations': 1_000_000},
+    )
+    future = trainer.start(long, tmp_path / 'job.json')
+    with pytest.raises(StageError, match='under way'):
+        trainer.start(long, tmp_path / 'job2.json')
+    waiting = threading.Event()
+    for _ in range(1200):
+        if trainer.progress is not None:
+            break
+        waiting.wait(0.1)
+    assert trainer.progress is not None
+    assert trainer.abort()
+    with pytest.raises(StageError, match='aborted'):
+        future.result(30.0)
+    assert not trainer.running and not json.loads((tmp_path / 'job.json').read_text())['bags']
