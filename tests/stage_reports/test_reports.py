@@ -153,7 +153,7 @@ def test_learning_pictures_and_spectra() -> None:
     curve = figures.convergence({'RMS': [1e-5, 5e-6, 1e-6]}).axes[0]
     np.testing.assert_allclose(curve.lines[0].get_ydata(), [10.0, 5.0, 1.0])
     assert curve.get_yscale() == 'log'
-    assert len(figures.learning_rate([1.0, 0.5], [1.0, 0.2]).axes[0].lines) == 2
+    assert len(figures.learning_rate({'x': [1.0, 0.5], 'reward': [1.0, 0.2]}).axes[0].lines) == 2
     rate = 1000.0
     tone = np.sin(2.0 * np.pi * 50.0 * np.arange(8192) / rate)
     line = figures.spectrum({'tone': tone}, rate, 'µm').axes[0].lines[0]
@@ -161,6 +161,7 @@ def test_learning_pictures_and_spectra() -> None:
     assert peak == pytest.approx(50.0, abs=0.5)
     for bad in (
         lambda: figures.convergence({}),
+        lambda: figures.learning_rate({}),
         lambda: figures.spectrum({'a': [1.0]}, 1.0, 'm'),
         lambda: figures.spectrum({'a': np.ones(16)}, 0.0, 'm'),
         lambda: figures.time_series([0.0], {'a': [1.0, 2.0]}, 'm'),
@@ -230,6 +231,11 @@ def test_trials_are_compared(tmp_path: Path) -> None:
     report = trials_report(sessions)
     lines = report.figures[0][1].axes[0].lines
     np.testing.assert_allclose(lines[0].get_ydata(), [4.0, 2.0, 1.0], rtol=1e-3)
+    rates = report.figures[1][1].axes[0].lines
+    assert [line.get_label() for line in rates[:2]] == ['rate of x', 'reward of x']
+    # The error halves twice: each is a large improvement, so the rate stays at its height.
+    assert rates[0].get_ydata()[0] == 1.0
+    assert (rates[0].get_ydata() >= 0.1).all()
     bags = [write_session(tmp_path / f'trial_{k}', s) for k, s in enumerate(sessions[:2])]
     arguments = [part for bag in bags for part in ('--bag', str(bag))]
     assert main([*arguments, '--out', str(tmp_path / 'out')]) == 0

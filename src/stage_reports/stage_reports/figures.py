@@ -182,25 +182,28 @@ def convergence(errors: Mapping[str, ArrayLike], title: str = 'learning') -> Fig
     return figure
 
 
-def learning_rate(
-    rates: ArrayLike, reinforcement: ArrayLike | None = None, title: str = 'learning rate'
-) -> Figure:
-    """Learning rate (as the user scales it) and reinforcement signal over the trials."""
-    values = np.asarray(rates, dtype=float)
-    trials = np.arange(1, values.size + 1)
+def learning_rate(values: Mapping[str, ArrayLike], title: str = 'learning rate') -> Figure:
+    """Factors without unit over the trials: learning rates, reinforcement signals.
+
+    Parameters
+    ----------
+    values : name of a factor -> its value in each trial (n,).
+    """
+    if not values:
+        raise StageError('no learning rate given: pass at least one list')
     figure = Figure(figsize=(7.0, 4.2), layout='constrained')
     axes = figure.subplots()
-    axes.step(trials, values, where='mid', color=BLUE, marker='o', label='learning rate')
-    if reinforcement is not None:
+    for colour, (name, curve) in zip(np.resize(COLOURS, len(values)), values.items(), strict=True):
+        data = np.asarray(curve, dtype=float)
         axes.step(
-            trials,
-            np.asarray(reinforcement, dtype=float),
+            np.arange(1, data.size + 1),
+            data,
             where='mid',
-            color=ORANGE,
-            marker='s',
-            label='reinforcement',
+            marker='o',
+            color=str(colour),
+            label=name,
         )
-    axes.set(title=title, xlabel='trial', ylabel='value')
+    axes.set(title=title, xlabel='trial', ylabel='factor')
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.grid(alpha=0.3)
     axes.legend()

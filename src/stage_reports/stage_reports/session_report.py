@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from contour_ctrl.reinforcement import LearningRate
 from session_bags.reader import read_session
 from stage_core import topics
 from stage_core.errors import StageError, command_line
@@ -269,10 +270,35 @@ def trials_report(sessions: Sequence[Session]) -> Report:
     report.figure(
         figures.convergence(complete, 'RMS error over the trials'), 'Error of each trial'
     )
+    _regulated_rates(report, sessions)
     report.table(
         ['trial', 'session', 'encoder RMS (µm)', 'tracker RMS (µm)', 'contour RMS (µm)'], rows
     )
     return report
+
+
+def _regulated_rates(report: Report, sessions: Sequence[Session]) -> None:
+    """Draw what the reinforcement regulator makes of the errors of these trials.
+
+    It is run again on the RMS errors of each axis with its default settings; the recording does
+    not say which rate was used.
+    """
+    errors = [tracking_errors(session) for session in sessions]
+    if not all(errors):
+        return
+    curves: dict[str, list[float]] = {}
+    for column, axis in enumerate(sessions[0].axes):
+        regulator = LearningRate()
+        for trial in errors:
+            rate = regulator.after(error_figures(trial[0].errors[:, column]).rms)
+            curves.setdefault(f'rate of {axis}', []).append(rate)
+            curves.setdefault(f'reward of {axis}', []).append(regulator.reward)
+    report.heading('Tuning of the learning rate')
+    report.figure(
+        figures.learning_rate(curves, 'factor on the initial learning rate'),
+        'Learning rate and reward that the regulator with default settings derives from the '
+        'errors above',
+    )
 
 
 @command_line
