@@ -21,12 +21,9 @@ def write_report(options: Options, result: SessionResult) -> Path:
         'of the table position that the tracker measures, at points that no model was trained on.'
     )
     report.heading('Errors before and after the correction')
-    header = [
-        'µm, k = 1',
-        *(f'{n} {w}' for w in ('before', 'after') for n in ['RMS', 'MAE', 'max', 'σ']),
-    ]
+    names = [f'{n} {w}' for w in ('before', 'after') for n in ('RMS', 'MAE', 'max', 'σ')]
     report.table(
-        header,
+        ['µm, k = 1', *names],
         [
             [
                 row.name,
