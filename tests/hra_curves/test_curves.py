@@ -19,9 +19,11 @@ from hra_curves import (
     Monomial,
     Rational,
     Trigonometric,
+    chord_length_nodes,
     collocation_matrix,
     fit_to_tolerance,
     interpolate,
+    interpolate_to_tolerance,
     least_squares_curve,
     parameter_nodes,
     peers,
@@ -167,6 +169,38 @@ def test_the_fewest_control_points_within_a_tolerance(basis: Basis, expected: in
         fit_to_tolerance(points, 1e-30, basis, counts=[3, 5])
     with pytest.raises(StageError, match='positive'):
         fit_to_tolerance(points, 0.0, basis)
+
+
+@pytest.mark.parametrize(('basis', 'expected'), [(Bernstein(), 12), (Trigonometric(), 17)])
+def test_the_fewest_interpolation_points_within_a_tolerance(basis: Basis, expected: int) -> None:
+    """12 where Section 6.1 rounds 0.053 to 0.05 at 11; 17 is the next after 16 with constants."""
+    curve = interpolate_to_tolerance(cycloid, (0.0, TURN), 5e-8, basis)
+    assert curve.control_points.shape == (expected, 2)
+    theta = np.linspace(0.0, TURN, 997)
+    assert np.linalg.norm(curve.evaluate(theta) - cycloid(theta), axis=1).max() < 5.5e-8
+    with pytest.raises(StageError, match='no interpolant'):
+        interpolate_to_tolerance(cycloid, (0.0, TURN), 5e-8, basis, 8)
+    with pytest.raises(StageError, match='positive'):
+        interpolate_to_tolerance(cycloid, (0.0, TURN), -1.0, basis)
+
+
+def test_chord_length_nodes_suit_uneven_points() -> None:
+    angle = np.array([0.0, 0.1, 0.2, 0.9, 1.0, 1.9, 2.0, 3.0])
+    points = np.column_stack([np.cos(angle), np.sin(angle)])
+    basis = Bernstein()
+    nodes = chord_length_nodes(points, basis.domain)
+    assert nodes[0] == 0.0
+    assert nodes[-1] == 1.0
+    u = np.linspace(0.0, 1.0, 200)
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', HraWarning)
+        even = interpolate(points, basis).evaluate(u)
+    chord = interpolate(points, basis, nodes).evaluate(u)
+    off_even = np.abs(np.linalg.norm(even, axis=1) - 1.0).max()
+    off_chord = np.abs(np.linalg.norm(chord, axis=1) - 1.0).max()
+    assert off_chord < 0.3 * off_even
+    with pytest.raises(StageError, match='neighbours'):
+        chord_length_nodes(np.zeros((3, 2)), basis.domain)
 
 
 def test_bad_points_and_parameters_are_named() -> None:

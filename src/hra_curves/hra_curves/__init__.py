@@ -13,8 +13,10 @@ from hra_curves.curve import HraCurve
 from hra_curves.factorisation import Bidiagonal, collocation_matrix, factorise
 from hra_curves.fitting import (
     HraWarning,
+    chord_length_nodes,
     fit_to_tolerance,
     interpolate,
+    interpolate_to_tolerance,
     least_squares_curve,
     parameter_nodes,
 )
@@ -39,11 +41,13 @@ __all__ = [
     'Rational',
     'Trigonometric',
     'basis_named',
+    'chord_length_nodes',
     'collocation_matrix',
     'determinant',
     'factorise',
     'fit_to_tolerance',
     'interpolate',
+    'interpolate_to_tolerance',
     'inverse',
     'least_squares',
     'least_squares_curve',

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,6 +42,27 @@ def parameter_nodes(domain: tuple[float, float], count: int, placement: str = 'c
         raise StageError(f'no placement {placement!r}: choose one of {", ".join(PLACEMENTS)}')
     lower, upper = domain
     return lower + (upper - lower) * fractions
+
+
+def chord_length_nodes(points: ArrayLike, domain: tuple[float, float]) -> Array:
+    """Nodes (n,) in an interval, spaced as the points (n, d) are along their chords.
+
+    For points that are not equally spaced on the curve; equal nodes would make it swing.
+
+    Raises
+    ------
+    StageError
+        Two neighbouring points coincide.
+    """
+    values = _check_points(points)
+    steps = np.linalg.norm(np.diff(values, axis=0), axis=1)
+    if values.shape[0] < 2 or (steps <= 0.0).any():
+        raise StageError('chord lengths need two or more points, no two neighbours equal')
+    fractions = np.concatenate(([0.0], np.cumsum(steps)))
+    lower, upper = domain
+    nodes = lower + (upper - lower) * (fractions / fractions[-1])
+    nodes[-1] = upper
+    return nodes
 
 
 def _check_points(points: ArrayLike) -> Array:
@@ -137,6 +158,49 @@ def interpolate(
             stacklevel=2,
         )
     return curve
+
+
+def interpolate_to_tolerance(
+    function: Callable[[Array], Array],
+    domain: tuple[float, float],
+    tolerance: float,
+    basis: Basis | None = None,
+    maximum_points: int = 61,
+) -> HraCurve:
+    """Interpolant of a known curve with the fewest points whose error stays in a tolerance.
+
+    Parameters
+    ----------
+    function : parameters (m,) in ``domain`` -> points (m, d), metres.
+    tolerance : largest distance at equal parameter, looked at in eight places between
+        neighbouring data, metres.
+    maximum_points : the search goes from 2 points to this number, over those whose space
+        contains the constants.
+
+    Raises
+    ------
+    StageError
+        If no number of points reaches the tolerance.
+    """
+    chosen = basis or Bernstein()
+    if not tolerance > 0.0:
+        raise StageError(f'the tolerance {tolerance} must be positive: give metres')
+    best = math.inf
+    for count in range(2, maximum_points + 1):
+        if not chosen.contains_constants(count - 1):
+            continue
+        points = _check_points(function(parameter_nodes(domain, count)))
+        nodes = parameter_nodes(chosen.domain, count)
+        curve = HraCurve(chosen, solve(factorise(chosen, nodes), points), domain)
+        between = parameter_nodes(domain, 8 * (count - 1) + 1)
+        error = np.linalg.norm(curve.evaluate(between) - function(between), axis=1).max()
+        best = min(best, float(error))
+        if best <= tolerance:
+            return curve
+    raise StageError(
+        f'no interpolant of up to {maximum_points} points stays within {tolerance:.3g} m (the '
+        f'best reaches {best:.3g} m): split the curve, raise the tolerance or use a spline'
+    )
 
 
 def least_squares_curve(
