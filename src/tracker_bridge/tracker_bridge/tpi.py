@@ -11,120 +11,68 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 
 from stage_core.errors import StageError
+from tracker_bridge.tpi_words import (
+    CARTESIAN_RIGHT_HANDED,
+    CONTINUOUS_TIME_MODE,
+    METRES_PER_UNIT,
+    Command,
+    Event,
+    LengthUnit,
+    PacketType,
+    PointStatus,
+    ResultStatus,
+)
+
+__all__ = [
+    'Answer',
+    'CARTESIAN_RIGHT_HANDED',
+    'CONTINUOUS_TIME_MODE',
+    'Command',
+    'CommandPacket',
+    'ErrorPacket',
+    'Event',
+    'HEADER',
+    'LengthUnit',
+    'MAXIMUM_SIZE',
+    'METRES_PER_UNIT',
+    'MultiMeasurement',
+    'OtherPacket',
+    'POINT',
+    'POINT_2',
+    'PacketType',
+    'PointStatus',
+    'ReflectorPosition',
+    'ResultStatus',
+    'ServerPacket',
+    'SingleMeasurement',
+    'StatusChange',
+    'StreamSplitter',
+    'TpiError',
+    'decode',
+    'decode_command',
+    'decode_reflectors',
+    'encode_answer',
+    'encode_command',
+    'encode_error',
+    'encode_multi',
+    'encode_reflector_position',
+    'encode_reflectors',
+    'encode_single',
+    'encode_status_change',
+    'set_units',
+]
 
 HEADER = struct.Struct('<ii')
 MAXIMUM_SIZE = 65536
-DEFAULT_PORT = 700
 
 
 class TpiError(StageError):
     """Bytes that are no TPI packet: the stream is lost and must be opened again."""
 
-
-class PacketType(IntEnum):
-    """Second word of every packet."""
-
-    COMMAND = 0
-    ERROR = 1
-    SINGLE_MEASUREMENT = 2
-    MULTI_MEASUREMENT = 3
-    STATIONARY_PROBE = 4
-    CONTINUOUS_PROBE = 5
-    NIVEL = 6
-    REFLECTOR_POSITION = 7
-    STATUS_CHANGE = 8
-    SINGLE_MEASUREMENT_2 = 9
-    MULTI_MEASUREMENT_2 = 10
-    PROBE_POSITION = 11
-
-
-class Command(IntEnum):
-    """Commands that the public client uses."""
-
-    GET_SYSTEM_STATUS = 1
-    SET_UNITS = 5
-    INITIALIZE = 7
-    SET_STATION_ORIENTATION = 12
-    SET_TRANSFORMATION = 14
-    SET_MEASUREMENT_MODE = 24
-    SET_COORDINATE_SYSTEM_TYPE = 26
-    SET_CONTINUOUS_TIME_MODE_PARAMS = 30
-    SET_REFLECTOR = 40
-    GET_REFLECTORS = 42
-    SET_SYSTEM_SETTINGS = 47
-    START_MEASUREMENT = 49
-    STOP_MEASUREMENT = 52
-    GO_BIRD_BATH = 54
-    FIND_REFLECTOR = 63
-    UNKNOWN = 64
-
-
-class ResultStatus(IntEnum):
-    """Answers and measurement packets carry one of these (or a newer number from 10000)."""
-
-    OK = 0
-    BUSY = 1
-    NOT_IMPLEMENTED = 2
-    WRONG_PARAMETER = 3
-    NO_TRACKER_PROCESSOR = 26
-    NO_LAST_POINT = 28
-    USAGE_CONFLICT = 35
-    NOT_INITIALISED = 39
-
-
-class PointStatus(IntEnum):
-    """Status of one point of a multi-measurement packet."""
-
-    OK = 0
-    SPEED_WARNING = 1
-    SPEED_EXCEEDED = 2
-    PRISM_ERROR = 3
-    TRIGGER_TIME_VIOLATION = 4
-
-
-class Event(IntEnum):
-    """Events of a status-change packet that the bridge acts on or reports."""
-
-    UNITS_CHANGED = 6
-    REFLECTOR_CHANGED = 7
-    COORDINATE_SYSTEM_CHANGED = 12
-    TRANSFORMATION_CHANGED = 16
-    MEASUREMENT_NOT_READY = 25
-    MEASUREMENT_BUSY = 26
-    MEASUREMENT_READY = 27
-    COUNT_REACHED = 28
-    FACE_1 = 30
-    FACE_2 = 31
-    SERVER_CLOSING = 998
-
-
-class LengthUnit(IntEnum):
-    """First word of SetUnits."""
-
-    METRE = 0
-    MILLIMETRE = 1
-    MICROMETRE = 2
-    FOOT = 3
-    YARD = 4
-    INCH = 5
-
-
-METRES_PER_UNIT = {
-    LengthUnit.METRE: 1.0,
-    LengthUnit.MILLIMETRE: 1e-3,
-    LengthUnit.MICROMETRE: 1e-6,
-    LengthUnit.FOOT: 0.3048,
-    LengthUnit.YARD: 0.9144,
-    LengthUnit.INCH: 0.0254,
-}
-
-CARTESIAN_RIGHT_HANDED = 0
-CONTINUOUS_TIME_MODE = 1
 
 # One record of a multi-measurement packet and of its successor with covariances. Offsets are
 # explicit because the doubles are aligned to 4 bytes only.
