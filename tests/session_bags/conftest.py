@@ -38,7 +38,7 @@ def random_session(
     }
     setpoint = joint('position', 'velocity')
     for axis in axes:
-        setpoint[f'position.{axis}'][::3] = np.nan
+        setpoint[f'position.{axis}'][1::3] = np.nan
     series[topics.SETPOINT] = Series(topics.SETPOINT, stamps, setpoint)
     slow = stamps[::10]
     for topic in (topics.TRACKER_POINT, topics.CONTOUR_ERROR):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from session_bags.bag import Bag
 from session_bags.bulk import MESSAGE_RECORD
-from session_bags.records import indexed_messages, unpack_chunk, walk_messages
+from session_bags.records import chunk_messages
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,10 @@ def arrivals(bag: Bag) -> dict[str, Arrivals]:
     for index in bag.files:
         with open(index.path, 'rb') as stream:
             for place in index.chunks:
-                stream.seek(place.offset)
-                raw = stream.read(max(place.length, place.index_end - place.offset))
-                data = raw if place.bare else unpack_chunk(raw, index.path)
-                found = indexed_messages(raw, place) or walk_messages(data)
+                data, found = chunk_messages(stream, index.path, place)
                 for channel, rows in found.items():
                     offsets = rows[:, 1].astype(np.int64)
-                    if channel not in index.channels or offsets.max() > len(data) - size:
+                    if channel not in index.channels:
                         continue
                     windows = np.ndarray((len(data) - size + 1,), f'V{size}', data, 0, (1,))
                     topic = index.channels[channel].topic

@@ -90,6 +90,8 @@ def _open_directory(path: Path) -> Bag:
 
 def _adopt(bag: Bag, index: FileIndex) -> None:
     """Take the custom data from the file where ``metadata.yaml`` has none."""
+    if bag.description.custom_data:
+        return
     inner = metadata.parse_inner(index.metadata.get('rosbag2', {}).get('serialized_metadata', ''))
     if inner is not None:
         for key, value in inner.custom_data.items():

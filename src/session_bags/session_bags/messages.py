@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from session_bags.bag import Bag
 from session_bags.bulk import MESSAGE_RECORD
 from session_bags.container import RECORD_HEADER
-from session_bags.records import FileIndex, indexed_messages, unpack_chunk, walk_messages
+from session_bags.records import FileIndex, chunk_messages
 from stage_core.errors import StageError
 
 _HEAD = struct.Struct('<BQHIQQ').unpack_from
@@ -57,17 +57,12 @@ def _of_file(index: FileIndex, topics: Collection[str] | None) -> Iterator[RawMe
     places = sorted(index.chunks, key=lambda place: place.start)
     with open(index.path, 'rb') as stream:
         for position, place in enumerate(places):
-            stream.seek(place.offset)
-            raw = stream.read(max(place.length, place.index_end - place.offset))
-            data = raw if place.bare else unpack_chunk(raw, index.path)
-            found = indexed_messages(raw, place) or walk_messages(data)
+            data, found = chunk_messages(stream, index.path, place)
             for channel, rows in found.items():
                 if channel not in channels:
                     continue
                 topic, type_name = channels[channel]
                 for offset in rows[:, 1].tolist():
-                    if offset + MESSAGE_RECORD.itemsize > len(data):
-                        raise StageError(f'{index.path} is damaged: repair it first')
                     _, length, _, sequence, log_time, publish_time = _HEAD(data, offset)
                     begin, end = offset + MESSAGE_RECORD.itemsize, offset + RECORD_HEADER + length
                     message = RawMessage(

@@ -111,6 +111,11 @@ def dump(content: Any) -> str:
     return yaml.dump(content, Dumper=_Dumper, sort_keys=False, default_flow_style=False)
 
 
+def _load_yaml(text: str) -> Any:
+    """Parse YAML, by libyaml where PyYAML has it: ten times faster."""
+    return yaml.load(text, Loader=getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+
+
 def load(directory: Path) -> BagMetadata | None:
     """Read ``metadata.yaml`` of any version; None where there is none.
 
@@ -123,7 +128,7 @@ def load(directory: Path) -> BagMetadata | None:
     if not path.is_file():
         return None
     try:
-        inner = yaml.safe_load(path.read_text(encoding='utf-8'))[_OUTER_KEY]
+        inner = _load_yaml(path.read_text(encoding='utf-8'))[_OUTER_KEY]
         return _parse(inner)
     except (
         yaml.YAMLError,
@@ -143,7 +148,7 @@ def load(directory: Path) -> BagMetadata | None:
 def parse_inner(text: str) -> BagMetadata | None:
     """Metadata from the ``rosbag2`` record of an mcap file; None where it cannot be read."""
     try:
-        return _parse(yaml.safe_load(text))
+        return _parse(_load_yaml(text))
     except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError):
         return None
 
@@ -188,7 +193,7 @@ def parse_qos(profiles: Any) -> list[dict[str, Any]]:
     """Quality of service as a list of mappings; versions before 9 hold it as YAML text."""
     if isinstance(profiles, str):
         try:
-            profiles = yaml.safe_load(profiles)
+            profiles = _load_yaml(profiles)
         except yaml.YAMLError:
             return []
     return [dict(p) for p in profiles or () if isinstance(p, Mapping)]

@@ -15,13 +15,7 @@ from session_bags.bulk import MESSAGE_RECORD
 from session_bags.cdr import NUMERIC_TYPES
 from session_bags.columns import TopicDecoder
 from session_bags.container import MESSAGE_HEADER
-from session_bags.records import (
-    ChunkPlace,
-    FileIndex,
-    indexed_messages,
-    unpack_chunk,
-    walk_messages,
-)
+from session_bags.records import ChunkPlace, FileIndex, chunk_messages
 from session_bags.writer import TWIN_KEY
 from stage_core import topics as names
 from stage_core.clocks import NANOSECONDS
@@ -187,10 +181,7 @@ def _read_file(
     try:
         with open(index.path, 'rb') as stream:
             for place in places:
-                stream.seek(place.offset)
-                raw = stream.read(max(place.length, place.index_end - place.offset))
-                data = raw if place.bare else unpack_chunk(raw, index.path)
-                found = indexed_messages(raw, place) or walk_messages(data)
+                data, found = chunk_messages(stream, index.path, place)
                 for channel, rows in found.items():
                     if channel in channels:
                         offsets.setdefault(channel, []).append(rows[:, 1] + np.uint64(size))

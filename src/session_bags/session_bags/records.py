@@ -226,6 +226,9 @@ def _from_scan(path: Path, stream: BinaryIO) -> FileIndex:
             _note(index, opcode, stream.read(length))
         position = end
     index.lost_bytes = size - position
+    if index.chunks:
+        # The end may have cut its message indexes: its messages are found by walking.
+        index.chunks[-1].index = {}
     return index
 
 
@@ -298,7 +301,39 @@ def walk_messages(data: bytes) -> dict[int, NDArray[np.uint64]]:
     return {channel: np.array(rows, np.uint64) for channel, rows in found.items()}
 
 
-def indexed_messages(raw: bytes, place: ChunkPlace) -> dict[int, NDArray[np.uint64]] | None:
+def chunk_messages(
+    stream: BinaryIO, path: Path, place: ChunkPlace
+) -> tuple[bytes, dict[int, NDArray[np.uint64]]]:
+    """Uncompressed records of a chunk, and channel -> rows of (log time, offset) in them.
+
+    Raises
+    ------
+    StageError
+        If the chunk is damaged.
+    """
+    stream.seek(place.offset)
+    raw = stream.read(max(place.length, place.index_end - place.offset))
+    data = raw if place.bare else unpack_chunk(raw, path)
+    found = _indexed_messages(raw, place)
+    last = len(data) - RECORD_HEADER - MESSAGE_HEADER
+    if found is None or any(len(r) and int(r[:, 1].max()) > last for r in found.values()):
+        found = walk_messages(data)
+    return data, found
+
+
+def index_agrees(raw: bytes, place: ChunkPlace, messages: dict[int, NDArray[np.uint64]]) -> bool:
+    """Whether the message indexes after a chunk name exactly these messages."""
+    found = _indexed_messages(raw, place)
+    return (
+        found is not None
+        and found.keys() == messages.keys()
+        and all(
+            np.array_equal(np.sort(found[c], axis=0), np.sort(messages[c], axis=0)) for c in found
+        )
+    )
+
+
+def _indexed_messages(raw: bytes, place: ChunkPlace) -> dict[int, NDArray[np.uint64]] | None:
     """Like :func:`walk_messages` from the message indexes; `raw` is the file from the chunk on.
 
     None where an index is missing or cut.

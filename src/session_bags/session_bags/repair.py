@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from session_bags import metadata
-from session_bags.container import ContainerWriter
+from session_bags.container import ChunkMessages, ContainerWriter
 from session_bags.definitions import typestore
 from session_bags.records import (
     ChunkPlace,
     FileIndex,
+    index_agrees,
     read_index,
     split_chunk,
     unpack_chunk,
@@ -63,9 +64,9 @@ def _repair_file(path: Path) -> Repaired:
     try:
         with open(target, 'wb', buffering=0) as stream:
             container = ContainerWriter(stream)
-            lost = _copy(index, container)
+            lost, agrees = _copy(index, container)
             os.fsync(stream.fileno())
-        if index.finished and not lost:
+        if index.finished and agrees and not lost:
             target.unlink()
             return Repaired(path, container.message_count, 0, 0, True)
         if not container.message_count:
@@ -82,9 +83,9 @@ def _repair_file(path: Path) -> Repaired:
     return Repaired(path, container.message_count, lost, index.lost_bytes, False)
 
 
-def _copy(index: FileIndex, container: ContainerWriter) -> int:
-    """Copy every whole chunk; the number of those that are damaged."""
-    lost = 0
+def _copy(index: FileIndex, container: ContainerWriter) -> tuple[int, bool]:
+    """Copy every whole chunk; the number of damaged ones, and whether the indexes were right."""
+    lost, agrees = 0, True
     for schema in index.schemas.values():
         container.add_schema(schema)
     for channel in index.channels.values():
@@ -92,27 +93,39 @@ def _copy(index: FileIndex, container: ContainerWriter) -> int:
     with open(index.path, 'rb') as stream:
         for place in index.chunks:
             stream.seek(place.offset)
+            raw = stream.read(max(place.length, place.index_end - place.offset))
             try:
-                _copy_chunk(index, place, stream.read(place.length), container)
+                agrees &= _copy_chunk(index, place, raw, container)
             except StageError:
                 lost += 1
     for name, content in index.metadata.items():
         container.add_metadata(name, content)
     container.finish()
-    return lost
+    return lost, agrees
 
 
 def _copy_chunk(
     index: FileIndex, place: ChunkPlace, raw: bytes, container: ContainerWriter
-) -> None:
-    data = raw if place.bare else unpack_chunk(raw, index.path)
-    found = walk_messages(data)
-    messages = {c: rows for c, rows in found.items() if c in index.channels}
+) -> bool:
+    """Copy a chunk; whether its message indexes were right.
+
+    Raises
+    ------
+    StageError
+        If the chunk is damaged.
+    """
     if place.bare:
-        container.add_chunk(data, messages)
-    else:
-        compressed, compression, size, crc = split_chunk(raw, index.path)
-        container.add_compressed_chunk(compressed, compression, size, crc, messages)
+        data = raw[: place.length]
+        container.add_chunk(data, _known(index, walk_messages(data)))
+        return True
+    found = walk_messages(unpack_chunk(raw, index.path))
+    compressed, compression, size, crc = split_chunk(raw, index.path)
+    container.add_compressed_chunk(compressed, compression, size, crc, _known(index, found))
+    return not place.index or index_agrees(raw, place, found)
+
+
+def _known(index: FileIndex, messages: ChunkMessages) -> ChunkMessages:
+    return {channel: rows for channel, rows in messages.items() if channel in index.channels}
 
 
 def _describe(directory: Path, files: Sequence[Path]) -> None:

@@ -1,0 +1,390 @@
+"""The reader against the writer and two independent readers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import CompressionType
+from mcap.writer import Writer as PlainWriter
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from session_bags.cdr import NUMERIC_TYPES
+from session_bags.definitions import definition
+from session_bags.metadata import load
+from session_bags.reader import read_session
+from session_bags.writer import SessionWriter, write_session
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+
+from .conftest import START, assert_same, random_session
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+def columns_of(message: object) -> dict[str, float]:
+    """Columns of a decoded message, by the names of a series."""
+    part = next(
+        (getattr(message, n) for n in ('point', 'vector', 'wrench') if hasattr(message, n)),
+        message,
+    )
+    if hasattr(part, 'position'):
+        found = {}
+        for quantity in ('position', 'velocity', 'effort'):
+            values = getattr(part, quantity)
+            found |= {f'{quantity}.{j}': v for j, v in zip(part.name, values, strict=False)}
+        return found
+    if hasattr(part, 'force'):
+        return {
+            f'{name}.{axis}': getattr(getattr(part, name), axis)
+            for name in ('force', 'torque')
+            for axis in 'xyz'
+        }
+    if hasattr(part, 'temperature'):
+        return {'temperature': part.temperature, 'variance': part.variance}
+    return {axis: getattr(part, axis) for axis in 'xyz'}
+
+
+def collect(messages: object) -> dict[str, list[tuple[int, dict[str, float]]]]:
+    found: dict[str, list[tuple[int, dict[str, float]]]] = {}
+    for topic, message in messages:  # type: ignore[attr-defined]
+        if topic == topics.ALIGNMENT:
+            continue
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        key = topic
+        if topic == topics.TEMPERATURE:
+            key = topics.temperature_key(message.header.frame_id)
+        found.setdefault(key, []).append((stamp, columns_of(message)))
+    return found
+
+
+def assert_equal(session: Session, found: dict[str, list[tuple[int, dict[str, float]]]]) -> None:
+    found = {key: sorted(entries, key=lambda e: e[0]) for key, entries in found.items()}
+    assert session.series.keys() == found.keys()
+    for key, messages in found.items():
+        series = session.series[key]
+        assert series.stamps.tolist() == [stamp for stamp, _ in messages], key
+        for name, column in series.values.items():
+            other = [columns.get(name, np.nan) for _, columns in messages]
+            np.testing.assert_array_equal(column, other, err_msg=f'{key} {name}')
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    count=st.integers(1, 60),
+    seed=st.integers(0, 1000),
+    axes=st.sampled_from([('x', 'y'), ('x',)]),
+    effort=st.booleans(),
+)
+def test_equal_to_rosbags_and_mcap_ros2(
+    tmp_path_factory: pytest.TempPathFactory,
+    count: int,
+    seed: int,
+    axes: tuple[str, ...],
+    effort: bool,
+) -> None:
+    session = random_session(count, seed, axes, effort)
+    path = write_session(tmp_path_factory.mktemp('bags') / 'bag', session)
+    mine = read_session(path)
+    assert_same(session, mine)
+    with AnyReader([path]) as reader:
+        decoded = [(c.topic, reader.deserialize(r, c.msgtype)) for c, _, r in reader.messages()]
+    assert_equal(mine, collect(decoded))
+    with open(path / f'{path.name}_0.mcap', 'rb') as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        both = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]
+    assert_equal(mine, collect(both))
+
+
+def test_metadata_has_all_that_rosbag2_reads(bag: Path) -> None:
+    import yaml
+
+    inner = yaml.safe_load((bag / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+    assert inner['version'] == 9 and inner['storage_identifier'] == 'mcap'
+    for key in ('duration', 'starting_time', 'message_count', 'compression_format', 'custom_data',
+                'compression_mode', 'relative_file_paths', 'files', 'ros_distro'):  # fmt: skip
+        assert key in inner
+    for topic in inner['topics_with_message_count']:
+        record = topic['topic_metadata']
+        assert record['serialization_format'] == 'cdr'
+        assert record['type_description_hash'].startswith('RIHS01_')
+        latched = record['name'] in topics.LATCHED
+        (qos,) = record['offered_qos_profiles']
+        assert qos['durability'] == ('transient_local' if latched else 'volatile')
+        assert qos['deadline'] == {'sec': 9223372036, 'nsec': 854775807}
+    with open(bag / 'bag_0.mcap', 'rb') as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == 'ros2'
+        summary = reader.get_summary()
+        (metadata,) = reader.iter_metadata()
+    assert summary is not None and summary.statistics is not None
+    assert summary.statistics.message_count == inner['message_count']
+    assert all(schema.encoding == 'ros2msg' for schema in summary.schemas.values())
+    assert metadata.name == 'rosbag2' and 'serialized_metadata' in metadata.metadata
+
+
+def test_live_writer_keeps_times_and_sequence(tmp_path: Path) -> None:
+    from session_bags.bag import open_bag
+    from session_bags.messages import raw_messages
+
+    data = bytes(
+        STORE.serialize_cdr(STORE.types['std_msgs/msg/String']('hello'), 'std_msgs/msg/String')
+    )
+    with SessionWriter(tmp_path / 'bag', {'kind': 'servo'}, chunk_bytes=300) as writer:
+        for k in range(50):
+            writer.write(topics.MODEL, data, 1000 + k, 900 + k, k + 7)
+        assert writer.counts == {topics.MODEL: 50}
+    messages = list(raw_messages(open_bag(tmp_path / 'bag')))
+    assert [(m.log_time, m.publish_time, m.sequence) for m in messages] == [
+        (1000 + k, 900 + k, k + 7) for k in range(50)
+    ]
+    assert all(m.data == data for m in messages)
+    with pytest.raises(StageError, match='exists already'):
+        SessionWriter(tmp_path / 'bag')
+    with pytest.raises(StageError, match='closed'):
+        writer.add_topic(topics.REFERENCE)
+
+
+def test_twin_travels_with_the_bag(tmp_path: Path) -> None:
+    from stage_core.twin_file import TwinFile
+
+    twin = TwinFile.nominal_servo()
+    path = write_session(tmp_path / 'bag', random_session(5), twin)
+    found = read_session(path).twin
+    assert found is not None and TwinFile.from_dict(found).to_dict() == twin.to_dict()
+    # A bare file carries it too.
+    assert read_session(path / 'bag_0.mcap').twin == found
+
+
+@pytest.mark.parametrize('start, stop', [(0.1, 0.25), (None, 0.05), (0.75, None), (0.2, 0.2001)])
+def test_a_part_is_read_from_its_chunks_only(
+    tmp_path: Path, start: float | None, stop: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from session_bags import records
+    from session_bags.bulk import session_blocks
+
+    session = random_session(1000)
+    with SessionWriter(tmp_path / 'bag') as writer:
+        writer.write_blocks(session_blocks(session), chunk_bytes=8192)
+    whole = read_session(tmp_path / 'bag')
+    unpacked = []
+    real = records.unpack_chunk
+    monkeypatch.setattr(
+        records, 'unpack_chunk', lambda raw, path: unpacked.append(1) or real(raw, path)
+    )
+    part = read_session(tmp_path / 'bag', start=start, stop=stop)
+    first = whole.start_ns + (0 if start is None else round(start * 1e9))
+    last = 1 << 62 if stop is None else whole.start_ns + round(stop * 1e9)
+    for key, series in whole.series.items():
+        expected = series.between(first, last)
+        np.testing.assert_array_equal(part.series[key].stamps, expected.stamps, err_msg=key)
+        for name, column in expected.values.items():
+            np.testing.assert_array_equal(part.series[key].values[name], column)
+    assert part.alignment is not None
+    with monkeypatch.context() as patch:
+        unpacked_part = len(unpacked)
+        patch.setattr(
+            records, 'unpack_chunk', lambda raw, path: unpacked.append(1) or real(raw, path)
+        )
+        read_session(tmp_path / 'bag')
+    assert unpacked_part < 0.75 * (len(unpacked) - unpacked_part)
+
+
+def test_named_topics_only(bag: Path) -> None:
+    part = read_session(bag, topics=[topics.REFERENCE, topics.TRACKER_POINT])
+    assert part.series.keys() == {topics.REFERENCE, topics.TRACKER_POINT}
+    assert part.alignment is not None
+    with pytest.raises(StageError, match='/stage/command, which drives'):
+        part.require(topics.COMMAND, 'drives')
+
+
+@pytest.mark.parametrize('compression', list(CompressionType))
+@pytest.mark.parametrize('chunked', [True, False])
+def test_files_of_other_recorders(
+    tmp_path: Path, compression: CompressionType, chunked: bool
+) -> None:
+    """Schemas inside chunks, lz4 or no compression, no chunks at all, no metadata.yaml."""
+    session = random_session(80)
+    source = write_session(tmp_path / 'bag', session)
+    path = tmp_path / 'other.mcap'
+    writer = PlainWriter(str(path), chunk_size=4096, compression=compression, use_chunking=chunked)
+    writer.start('ros2')
+    channels: dict[str, int] = {}
+    with AnyReader([source]) as reader:
+        for connection, time, raw in reader.messages():
+            if connection.topic not in channels:
+                text = definition(connection.msgtype)[0].encode()
+                schema = writer.register_schema(connection.msgtype, 'ros2msg', text)
+                channels[connection.topic] = writer.register_channel(
+                    connection.topic, 'cdr', schema
+                )
+            writer.add_message(channels[connection.topic], time, bytes(raw), time)
+    writer.finish()
+    assert_same(session, read_session(path))
+
+
+def test_sqlite_bag_and_big_endian_messages(tmp_path: Path) -> None:
+    session = random_session(40)
+    source = write_session(tmp_path / 'bag', session)
+    with (
+        AnyReader([source]) as reader,
+        Writer(tmp_path / 'old', version=9, storage_plugin=StoragePlugin.SQLITE3) as writer,
+    ):
+        connections = {
+            c.topic: writer.add_connection(c.topic, c.msgtype, typestore=STORE)
+            for c in reader.connections
+        }
+        for number, (connection, time, raw) in enumerate(reader.messages()):
+            message = reader.deserialize(raw, connection.msgtype)
+            swapped = STORE.serialize_cdr(
+                message, connection.msgtype, little_endian=bool(number % 3)
+            )
+            writer.write(connections[connection.topic], time, swapped)
+    assert_same(session, read_session(tmp_path / 'old'))
+    part = read_session(tmp_path / 'old', start=0.01, stop=0.02)
+    assert len(part.series[topics.REFERENCE]) == 10
+
+
+def test_padding_and_many_layouts(tmp_path: Path) -> None:
+    """Bytes that CDR leaves open may hold anything; frames may change from message to message."""
+    from session_bags.cdr import blank_layout, encode
+
+    rng = np.random.default_rng(3)
+    stamps = START + np.arange(60) * 1_000_000
+    layout = blank_layout('sensor_msgs/msg/JointState', 'stage', ('x',), ('position',))
+    values = rng.normal(size=60)
+    rows = encode(layout, stamps, {'position.x': values})
+    used = layout.mask.copy()
+    used[4:12] = 255
+    for _, offset in layout.fields:
+        used[offset : offset + 8] = 255
+    free = used == 0
+    assert free.any()
+    rows[:, free] = rng.integers(0, 255, (60, int(free.sum())))
+    with SessionWriter(tmp_path / 'bag') as writer:
+        for stamp, row in zip(stamps, rows, strict=True):
+            writer.write(topics.REFERENCE, row.tobytes() + bytes(int(stamp) % 4), int(stamp))
+        for k, stamp in enumerate(stamps):
+            sensor = blank_layout('sensor_msgs/msg/Temperature', f'sensor_{k}')
+            row = encode(sensor, stamps[k : k + 1], {'temperature': np.array([float(k)])})
+            writer.write(topics.TEMPERATURE, row.tobytes(), int(stamp))
+    session = read_session(tmp_path / 'bag')
+    np.testing.assert_array_equal(session.series[topics.REFERENCE].values['position.x'], values)
+    assert len(session.temperatures()) == 60
+    assert session.temperatures()['sensor_59'].values['temperature'][0] == 59.0
+
+
+def test_messages_out_of_order_are_sorted_and_said(tmp_path: Path) -> None:
+    session = random_session(20)
+    reference = session.series[topics.REFERENCE]
+    order = np.random.default_rng(0).permutation(20)
+    shuffled = Series(
+        topics.REFERENCE,
+        reference.stamps[order],
+        {k: v[order] for k, v in reference.values.items()},
+    )
+    from session_bags.bulk import blocks_of
+
+    with SessionWriter(tmp_path / 'bag') as writer:
+        for block in blocks_of(shuffled, topics.REFERENCE):
+            for k, row in enumerate(block.rows):
+                writer.write(topics.REFERENCE, row.tobytes(), START + k)
+    found = read_session(tmp_path / 'bag')
+    np.testing.assert_array_equal(found.series[topics.REFERENCE].stamps, reference.stamps)
+    assert 'order of its stamps' in found.warnings[0]
+
+
+class TestBadInput:
+    """Each is one StageError that names the thing and the remedy."""
+
+    def test_no_bag(self, tmp_path: Path) -> None:
+        with pytest.raises(StageError, match='does not exist'):
+            read_session(tmp_path / 'nothing')
+        with pytest.raises(StageError, match='holds no bag'):
+            read_session(tmp_path)
+        (tmp_path / 'text.mcap').write_text('hello, this is no bag at all')
+        with pytest.raises(StageError, match='not an mcap file'):
+            read_session(tmp_path / 'text.mcap')
+
+    def test_no_message(self, tmp_path: Path) -> None:
+        SessionWriter(tmp_path / 'bag').close()
+        with pytest.raises(StageError, match='holds no message'):
+            read_session(tmp_path / 'bag')
+        with SessionWriter(tmp_path / 'empty') as writer:
+            writer.add_topic(topics.REFERENCE)
+        with pytest.raises(StageError, match='holds no message'):
+            read_session(tmp_path / 'empty')
+
+    def test_one_message(self, tmp_path: Path) -> None:
+        path = write_session(tmp_path / 'bag', random_session(1))
+        assert len(read_session(path).series[topics.REFERENCE]) == 1
+
+    def test_not_a_number(self, tmp_path: Path) -> None:
+        session = random_session(30)
+        session.series[topics.TRACKER_POINT].values['y'][2] = np.nan
+        path = write_session(tmp_path / 'bag', session)
+        with pytest.raises(StageError, match=r'/tracker/point holds .*\(y at stamp'):
+            read_session(path)
+        assert_same(session, read_session(path, allow_nan=True))
+        read_session(path, topics=[topics.REFERENCE])
+
+    def test_wrong_type(self, tmp_path: Path) -> None:
+        with SessionWriter(tmp_path / 'bag') as writer:
+            writer.add_topic(topics.REFERENCE, 'geometry_msgs/msg/PointStamped')
+        with pytest.raises(StageError, match='the contract has sensor_msgs/msg/JointState'):
+            read_session(tmp_path / 'bag')
+
+    @pytest.mark.parametrize(
+        'data', [b'', b'\0\1', b'\0\1\0\0' + bytes(30), b'\0\7\0\0' + bytes(60)]
+    )
+    def test_malformed_message(self, tmp_path: Path, data: bytes) -> None:
+        with SessionWriter(tmp_path / 'bag') as writer:
+            writer.write(topics.TRACKER_POINT, data, 5)
+        with pytest.raises(StageError, match='/tracker/point is no geometry_msgs'):
+            read_session(tmp_path / 'bag')
+
+    def test_unknown_type_cannot_be_written(self, tmp_path: Path) -> None:
+        with (
+            SessionWriter(tmp_path / 'bag') as writer,
+            pytest.raises(StageError, match='type of /other is unknown'),
+        ):
+            writer.add_topic('/other')
+        with (
+            SessionWriter(tmp_path / 'bag2') as writer,
+            pytest.raises(StageError, match='own_msgs/msg/Odd is unknown'),
+        ):
+            writer.add_topic('/other', 'own_msgs/msg/Odd')
+
+    def test_missing_file_of_a_bag(self, bag: Path) -> None:
+        (bag / 'bag_0.mcap').unlink()
+        with pytest.raises(StageError, match='lacks its file bag_0.mcap'):
+            read_session(bag)
+
+    @pytest.mark.parametrize('text', ['', '{', 'a: 1', 'rosbag2_bagfile_information: 3', '\0\xff'])
+    def test_unreadable_metadata_does_not_matter(self, bag: Path, text: str) -> None:
+        (bag / 'metadata.yaml').write_text(text)
+        session = read_session(bag)
+        assert 'metadata.yaml' in session.warnings[0] and session.twin is not None
+        with pytest.raises(StageError, match='session_bags repair'):
+            load(bag)
+
+    def test_garbage_messages_never_escape(self, tmp_path: Path) -> None:
+        rng = np.random.default_rng(11)
+        for number in range(12):
+            path = tmp_path / f'bag{number}'
+            with SessionWriter(path) as writer:
+                for topic, kind in topics.TOPIC_TYPES.items():
+                    if kind in NUMERIC_TYPES:
+                        size = int(rng.integers(0, 200))
+                        noise = b'\0\1\0\0' + rng.integers(0, 4, size, np.uint8).tobytes()
+                        writer.write(topic, noise, number)
+            with pytest.raises(StageError):
+                read_session(path)

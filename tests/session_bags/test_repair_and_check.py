@@ -1,0 +1,361 @@
+"""Truncation, corruption, kills and full disks; the checker's findings."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from rosbags.highlevel import AnyReader
+
+from session_bags import check, info, repair
+from session_bags.bulk import session_blocks
+from session_bags.check import ERROR, OK, WARNING, check_bag
+from session_bags.drops import DropCounter
+from session_bags.reader import read_session
+from session_bags.writer import SessionWriter, write_session
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+from stage_core.twin_file import TwinFile
+
+from .conftest import START, assert_same, random_session
+
+#: A failing example is small as it is, and each costs a bag.
+NO_SHRINKING = (Phase.explicit, Phase.generate)
+
+
+class Example:
+    """An mcap file and its session; short when hypothesis prints it."""
+
+    def __init__(self, data: bytes, session: Session) -> None:
+        self.data, self.session = data, session
+
+    def __repr__(self) -> str:
+        return f'Example({len(self.data)} bytes)'
+
+
+@pytest.fixture(scope='module')
+def example(tmp_path_factory: pytest.TempPathFactory) -> Example:
+    """An mcap file of several chunks, and its session."""
+    session = random_session(300)
+    path = tmp_path_factory.mktemp('bags') / 'bag'
+    with SessionWriter(path, session.twin) as writer:
+        writer.write_blocks(session_blocks(session), chunk_bytes=16_384)
+    return Example((path / 'bag_0.mcap').read_bytes(), session)
+
+
+def bag_with(data: bytes, folder: Path) -> Path:
+    """A bag whose recorder was killed: the file, and a provisional description."""
+    SessionWriter(folder / 'bag', {'kind': 'servo'})
+    (folder / 'bag' / 'bag_0.mcap').write_bytes(data)
+    return folder / 'bag'
+
+
+def prefix_of(part: Session, whole: Session) -> None:
+    """Every series of `part` begins that of `whole`, bit for bit."""
+    for key, series in part.series.items():
+        expected = whole.series[key]
+        assert len(series) <= len(expected)
+        np.testing.assert_array_equal(series.stamps, expected.stamps[: len(series)])
+        for name, column in series.values.items():
+            np.testing.assert_array_equal(column, expected.values[name][: len(series)])
+
+
+@settings(
+    max_examples=25, deadline=None, phases=NO_SHRINKING, suppress_health_check=list(HealthCheck)
+)
+@given(share=st.floats(0, 1))
+def test_truncated_anywhere(
+    example: Example, tmp_path_factory: pytest.TempPathFactory, share: float
+) -> None:
+    data, session = example.data, example.session
+    bag = bag_with(data[: int(share * len(data))], tmp_path_factory.mktemp('cut'))
+    try:
+        part = read_session(bag)
+    except StageError:
+        assert share < 0.2, 'no complete chunk is left only near the beginning'
+        return
+    prefix_of(part, session)
+    repair.repair(bag)
+    again = read_session(bag)
+    assert not again.warnings and again.twin is not None
+    assert_same(part, again)
+    with AnyReader([bag]) as reader:
+        count = sum(1 for _ in reader.messages())
+        assert (
+            count == reader.message_count == sum(info.contents(info.open_bag(bag)).counts.values())
+        )
+
+
+@settings(
+    max_examples=40, deadline=None, phases=NO_SHRINKING, suppress_health_check=list(HealthCheck)
+)
+@given(place=st.floats(0, 1), value=st.integers(0, 255), length=st.integers(1, 40))
+def test_corrupted_anywhere(
+    example: Example,
+    tmp_path_factory: pytest.TempPathFactory,
+    place: float,
+    value: int,
+    length: int,
+) -> None:
+    """Nothing but a StageError escapes, and what a repair keeps reads cleanly."""
+    data = bytearray(example.data)
+    begin = int(place * (len(data) - length))
+    data[begin : begin + length] = bytes([value]) * length
+    bag = bag_with(bytes(data), tmp_path_factory.mktemp('bad'))
+    for use in (read_session, check_bag, info.describe):
+        try:
+            use(bag)
+        except StageError as error:
+            assert str(bag) in str(error) or 'bag' in str(error)
+    try:
+        repair.repair(bag)
+    except StageError:
+        return
+    read_session(bag, allow_nan=True)
+
+
+KILLED = """
+import sys, time
+from session_bags.bulk import session_blocks
+from session_bags.writer import SessionWriter
+sys.path.insert(0, sys.argv[2])
+from tests.session_bags.conftest import random_session
+writer = SessionWriter(sys.argv[1], chunk_period=0.1)
+block = session_blocks(random_session(4000))[0]
+begin = time.monotonic()
+for k, (stamp, row) in enumerate(zip(block.times, block.rows)):
+    while time.monotonic() - begin < k * 1e-3:
+        time.sleep(1e-4)
+    writer.write(block.topic, row.tobytes(), int(stamp))
+    print(k + 1, flush=True)
+"""
+
+
+def test_kill_of_a_writer_loses_the_open_chunk_only(tmp_path: Path) -> None:
+    root = Path(__file__).resolve().parents[2]
+    process = subprocess.Popen(
+        [sys.executable, '-c', KILLED, str(tmp_path / 'bag'), str(root)],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        written = 0
+        while written < 800:
+            written = int(process.stdout.readline())
+    finally:
+        process.kill()
+    written = max([written, *(int(line) for line in process.stdout.read().split())])
+    process.wait()
+    process.stdout.close()
+    session = read_session(tmp_path / 'bag')
+    kept = len(session.series[topics.REFERENCE])
+    # At 1 kHz a chunk of 0.1 s holds a hundred messages; a second would hold a thousand.
+    assert 0 < written - kept < 1000
+    prefix_of(session, random_session(4000))
+    (done,) = repair.repair(tmp_path / 'bag')
+    assert done.messages == kept and not done.was_whole
+    assert (tmp_path / 'bag' / 'bag_0.mcap.unfinished').is_file()
+    assert repair.repair(tmp_path / 'bag')[0].was_whole
+
+
+FULL = """
+import resource, signal, sys
+sys.path.insert(0, sys.argv[2])
+from session_bags.bulk import session_blocks
+from session_bags.writer import SessionWriter
+from stage_core.errors import command_line
+from tests.session_bags.conftest import random_session
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+@command_line
+def main():
+    writer = SessionWriter(sys.argv[1])
+    blocks = session_blocks(random_session(3000))
+    limit = int(sys.argv[3])
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+    with writer:
+        writer.write_blocks(blocks, chunk_bytes=20000)
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize('limit', [100_000, 103_000, 111_111])
+def test_full_disk(tmp_path: Path, limit: int) -> None:
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run(
+        [sys.executable, '-c', FULL, str(tmp_path / 'bag'), str(root), str(limit)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 2
+    assert 'free space' in done.stderr and 'Traceback' not in done.stderr
+    session = read_session(tmp_path / 'bag')
+    assert f'the {sum(len(s) for s in session.series.values()) + 1} messages' in done.stderr
+    prefix_of(session, random_session(3000))
+
+
+def test_repair_says_what_it_did(
+    example: Example, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = bag_with(example.data[:40_000], tmp_path)
+    assert repair.main([str(bag)]) == 0
+    assert 'repaired' in capsys.readouterr().out
+    assert repair.main([str(bag)]) == 0
+    assert 'whole' in capsys.readouterr().out
+    assert repair.main([str(tmp_path / 'nothing')]) == 2
+    assert 'error: ' in capsys.readouterr().err
+
+
+def smooth_session() -> Session:
+    """A session that keeps the contract: a circle, followed exactly."""
+    count = 2000
+    stamps = START + np.arange(count) * 1_000_000
+    angle = np.linspace(0, 6, count)
+    turn = 6 / (count - 1) * 1000.0
+    columns = {
+        'position.x': 0.01 * np.cos(angle),
+        'position.y': 0.01 * np.sin(angle),
+        'velocity.x': -0.01 * turn * np.sin(angle),
+        'velocity.y': 0.01 * turn * np.cos(angle),
+    }
+    slow = stamps[::10]
+    points = {'x': columns['position.x'][::10], 'y': columns['position.y'][::10]}
+    command = {k: v for k, v in columns.items() if k.startswith('velocity')}
+    series = {
+        topics.REFERENCE: Series(topics.REFERENCE, stamps, dict(columns)),
+        topics.JOINT_STATES: Series(topics.JOINT_STATES, stamps, dict(columns)),
+        topics.COMMAND: Series(topics.COMMAND, stamps, command),
+        topics.TRACKER_POINT: Series(
+            topics.TRACKER_POINT, slow, {**points, 'z': np.zeros(len(slow))}
+        ),
+        topics.temperature_key('air'): Series(
+            topics.TEMPERATURE, slow, {'temperature': np.full(len(slow), 20.5)}
+        ),
+    }
+    return Session('smooth', series, TwinFile.nominal_servo().to_dict())
+
+
+def test_a_good_bag_keeps_the_contract(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write_session(tmp_path / 'bag', smooth_session())
+    assert [f for f in check_bag(path) if f.level != OK] == []
+    assert check.main([str(path)]) == 0
+    out = capsys.readouterr().out
+    assert 'keeps the contract: 0 errors, 0 warnings' in out and '1000 Hz' in out
+    assert info.main([str(path)]) == 0
+    assert 'Topic: /stage/reference' in capsys.readouterr().out
+
+
+def test_one_axis_is_enough(tmp_path: Path) -> None:
+    session = smooth_session()
+    one = {
+        key: Series(s.topic, s.stamps, {k: v for k, v in s.values.items() if not k.endswith('.y')})
+        for key, s in session.series.items()
+    }
+    path = write_session(tmp_path / 'bag', Session('one', one))
+    assert [f for f in check_bag(path) if f.level != OK] == []
+
+
+Break = Callable[[dict[str, Series]], None]
+
+
+def scaled(topic: str, names: tuple[str, ...], factor: float) -> Break:
+    def change(series: dict[str, Series]) -> None:
+        for name in names:
+            series[topic].values[name] = series[topic].values[name] * factor
+
+    return change
+
+
+def stamps_changed(change: Callable[[np.ndarray], np.ndarray]) -> Break:
+    def apply(series: dict[str, Series]) -> None:
+        old = series[topics.JOINT_STATES]
+        series[topics.JOINT_STATES] = Series(old.topic, change(old.stamps.copy()), old.values)
+
+    return apply
+
+
+def without(topic: str) -> Break:
+    return lambda series: series.__delitem__(topic)
+
+
+def renamed(series: dict[str, Series]) -> None:
+    old = series[topics.REFERENCE]
+    values = {k.replace('.x', '.joint1'): v for k, v in old.values.items()}
+    series[topics.REFERENCE] = Series(old.topic, old.stamps, values)
+
+
+@pytest.mark.parametrize(
+    ('breaks', 'level', 'text'),
+    [
+        (without(topics.REFERENCE), ERROR, '/stage/reference: is absent'),
+        (without(topics.TRACKER_POINT), WARNING, '/tracker/point: is absent'),
+        (renamed, ERROR, "names joint 'joint1'"),
+        (
+            scaled(topics.JOINT_STATES, ('position.x', 'velocity.x'), 1e3),
+            WARNING,
+            'travels 1e+03 times as far',
+        ),
+        (scaled(topics.REFERENCE, ('velocity.x',), 1e3), WARNING, 'times the derivative'),
+        (scaled(topics.TRACKER_POINT, ('x',), 1e6), WARNING, 'points are in metres'),
+        (scaled('/stage/temperature:air', ('temperature',), 14.3), WARNING, 'room temperature'),
+        (
+            stamps_changed(lambda s: s + np.where(np.arange(len(s)) > 999, 10**9, 0)),
+            WARNING,
+            'gap',
+        ),
+        (stamps_changed(lambda s: np.repeat(s[::2], 2)), WARNING, 'repeat the stamp'),
+        (scaled(topics.REFERENCE, ('position.x',), np.inf), ERROR, 'not a finite number'),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, breaks: Break, level: str, text: str) -> None:
+    session = smooth_session()
+    breaks(session.series)
+    path = write_session(tmp_path / 'bag', session)
+    found = [str(f) for f in check_bag(path) if f.level == level]
+    assert any(text in line for line in found), found
+    assert check.main([str(path), '-q']) == (1 if level == ERROR else 0)
+
+
+def test_findings_about_the_container(tmp_path: Path) -> None:
+    from session_bags.bulk import blocks_of
+
+    session = smooth_session()
+    with SessionWriter(tmp_path / 'bag', 'kind: nonsense') as writer:
+        writer.add_topic('/stage/refrence', 'sensor_msgs/msg/JointState')
+        writer.add_topic(topics.MODEL, latched=False)
+        writer.add_topic(topics.CONTACT_FORCE, 'geometry_msgs/msg/PointStamped')
+        writer.write_blocks(session_blocks(session))
+        (block,) = blocks_of(session.series[topics.REFERENCE], topics.REFERENCE)
+        # One message at the end that comes late and was preceded by two lost ones.
+        writer.write(topics.REFERENCE, block.rows[5].tobytes(), START + 3 * 10**9, sequence=2003)
+    text = '\n'.join(str(finding) for finding in check_bag(tmp_path / 'bag'))
+    for expected in (
+        'twin is no twin file',
+        '/stage/refrence: is no topic of the contract',
+        '/calibrator/model: is not latched',
+        '/stage/contact_force: is of type geometry_msgs/msg/PointStamped',
+        '/stage/reference: 2 messages were dropped',
+        '/stage/reference: stamps go back in time',
+    ):
+        assert expected in text, text
+
+
+@pytest.mark.parametrize(
+    ('numbers', 'dropped'),
+    [([1, 2, 3], 0), ([5, 6, 9, 10], 2), ([7, 8, 1, 2], 0), ([1, 4, 1, 3], 3), ([], 0)],
+)
+def test_drop_counter(numbers: list[int], dropped: int) -> None:
+    counter = DropCounter()
+    for number in numbers:
+        counter.add(number)
+    assert counter.received == len(numbers) and counter.known_drops == dropped
+    counter.several_publishers = True
+    assert counter.known_drops is None
