@@ -320,6 +320,7 @@ def _check_controller(record: Record, twin: TwinFile) -> None:
             )
         if not record.moving[i]:
             continue
+        _check_position_loop(record, axis, i)
         expected, found = controller_force(record, axis, i)
         force = record.force[1:, i]
         free = (np.abs(force) < 0.98 * min(axis.force_limit, float(np.abs(force).max())))[5:]
@@ -331,6 +332,30 @@ def _check_controller(record: Record, twin: TwinFile) -> None:
                 f"{record.name}: the recorded forces of axis {name} do not follow the twin's "
                 'controller: the twin belongs to another machine (gains, filter or units)'
             )
+
+
+def _check_position_loop(record: Record, axis: ServoAxis, i: int) -> None:
+    """Refuse a twin whose position gain did not make the recorded velocity commands.
+
+    What a compensation adds is free; what is a multiple of the following error is another gain.
+    """
+    error = record.reference[:, i] - record.encoder[:, i]
+    law = axis.position_gain * error
+    if axis.velocity_feedforward:
+        law = law + axis.velocity_feedforward * record.reference_velocity[:, i]
+    rest = record.velocity_command[:, i] - law
+    energy = float(error @ error)
+    if energy <= 0.0 or float(rest @ rest) <= 0.0:
+        return
+    gain = float(error @ rest) / energy
+    unexplained = rest - gain * error
+    explained = 1.0 - float(unexplained @ unexplained) / float(rest @ rest)
+    if abs(gain) > 0.2 * max(axis.position_gain, 1e-9) and explained > 0.98:
+        raise StageError(
+            f'{record.name}: the recorded velocity commands of axis {record.axes[i]} have a '
+            f'position gain of {axis.position_gain + gain:.3g} 1/s, the twin one of '
+            f'{axis.position_gain:.3g} 1/s: the twin belongs to another machine'
+        )
 
 
 def nominal_mass(axis: object) -> tuple[float, float]:

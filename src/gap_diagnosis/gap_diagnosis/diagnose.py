@@ -118,7 +118,7 @@ def diagnose(
     Parameters
     ----------
     sessions, holdout : what the fit sees, and what only the judgement sees
-    twin : the nominal twin; effects that it already has stay in it
+    twin : the nominal twin, without effects
     seed : of the bootstrap and of the permutations
     without : effects taken out of the library (for the leave-one-effect-out check)
 
@@ -127,6 +127,11 @@ def diagnose(
     StageError
         If a session cannot be diagnosed; see :func:`gap_diagnosis.data.load_record`.
     """
+    if twin.effects:
+        raise StageError(
+            f'{twin_name} already holds effects ({", ".join(twin.effects)}): diagnose with the '
+            'nominal twin, which has none'
+        )
     records = [load_record(s, twin) for s in sessions]
     records += [load_record(s, twin, held_out=True) for s in holdout]
     axes = records[0].axes
@@ -292,7 +297,7 @@ def _channels(
             for axis in record.axes:
                 rows = slice(at, at + count)
                 at += count
-                if record not in scored:
+                if not any(record is other for other in scored):
                     continue
                 mask = part.problem.held_out[rows]
                 name = f'tracker.{axis}'

@@ -124,9 +124,19 @@ class Selector:
             if not good:
                 rejected.update({n: e for n, (e, _) in trials.items()})
                 break
-            name = self._simplest(good)
-            accepted.append(name)
-            base = self.regression.refine(trials[name][1].thetas, accepted)
+            while good:
+                name = self._simplest(good)
+                good = [(gain, other) for gain, other in good if other != name]
+                joint = self.regression.refine(
+                    trials[name][1].thetas, list(trials[name][1].thetas)
+                )
+                # A set in which one effect takes an impossible value explains nothing.
+                if all(self._admissible(joint, n) for n in joint.thetas):
+                    accepted, base = [*accepted, name], joint
+                    break
+            else:
+                rejected.update({n: e for n, (e, _) in trials.items()})
+                break
             accepted, base = self._simplify(accepted, base)
         accepted, base = self._merge(accepted, base)
         accepted, base, evidence = self._prune(accepted, base)
@@ -265,7 +275,8 @@ class Selector:
                 continue
             kept = {n: t for n, t in fit.thetas.items() if n not in pair}
             other = self.regression.refine({**kept, name: ()}, [*kept])
-            limit = 1.05 * fit.mean_square(self.problem)
+            now = fit.mean_square(self.problem)
+            limit = max(1.05 * now, now + 1e-3 * self.gap)
             if other.mean_square(self.problem) < limit and self._admissible(other, name):
                 return [a for a in accepted if a not in pair] + [name], other
         return accepted, fit

@@ -343,6 +343,9 @@ class Servo:
         if peak <= 0.0:
             return []
         direct = self.applied()
+        strength = np.abs(
+            np.concatenate([s['force'][k] for s, k in zip(self._signals, self.keep, strict=True)])
+        )
 
         def columns(theta: Theta) -> Array:
             clipped = self.applied(limit=theta[0] * peak)
@@ -359,5 +362,7 @@ class Servo:
                 lower=(0.002,),
                 upper=(1.0,),
                 fixed=True,
+                # With no force at all the equation of motion has the trivial solution 0 = 0.
+                admissible=lambda theta, c: float(np.mean(strength > theta[0] * peak)) < 0.5,
             )
         ]

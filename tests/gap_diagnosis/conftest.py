@@ -1,0 +1,96 @@
+"""Sessions simulated with the twin, with planted effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stage_core import topics
+from stage_core.session import Series, Session
+from stage_core.twin_file import TrackerSpec, TwinFile
+from stage_twin.simulate import simulate
+
+START = 1_750_000_000_000_000_000
+Effects = Mapping[str, Mapping[str, float]]
+
+
+def reference(duration: float, period: float, axes: int, seed: int = 3) -> np.ndarray:
+    """Smooth strokes with dwells, then a shrinking sweep; (n, axes) [m]."""
+    generator = np.random.default_rng(seed)
+    t = np.arange(round(duration / period)) * period
+    out = np.zeros((len(t), axes))
+    for i in range(axes):
+        at, position = 0.3, 0.0
+        while at < duration - 4.0:
+            target = generator.uniform(-0.03, 0.03)
+            length = float(generator.uniform(0.4, 1.2))
+            s = np.clip((t - at) / length, 0.0, 1.0)
+            out[:, i] += (target - position) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+            position = target
+            at += length + 0.15
+        u = np.clip(t - at, 0.0, None)
+        out[:, i] += 0.008 * np.sin(2.0 * np.pi * (0.7 * u + 0.2 * u**2)) * np.minimum(1.0, 2 * u)
+    return out
+
+
+def make_session(
+    effects: Effects, duration: float = 20.0, axes: tuple[str, ...] = ('x',), seed: int = 0
+) -> Session:
+    """A session of the nominal machine with planted effects, as a bag would hold it."""
+    twin = nominal(axes)
+    path = reference(duration, twin.control_period, len(axes))
+    rate = np.gradient(path, twin.control_period, axis=0)
+    rise = 20.0 + 4.0 * (1.0 - np.exp(-np.arange(len(path)) * 1e-3 / 8.0))
+    warm = np.tile(rise[:, None], (1, len(axes)))
+    result = simulate(twin.with_effects(effects), path, rate, temperatures=warm, seed=seed)
+
+    def stamps(seconds: np.ndarray) -> np.ndarray:
+        return START + np.rint(seconds * 1e9).astype(np.int64)
+
+    def joints(topic: str, **columns: np.ndarray) -> Series:
+        values = {
+            f'{name}.{axis}': column[:, i]
+            for name, column in columns.items()
+            for i, axis in enumerate(axes)
+        }
+        return Series(topic, stamps(result.times), values)
+
+    points = result.tracker_points
+    series = {
+        topics.REFERENCE: joints(topics.REFERENCE, position=path, velocity=rate),
+        topics.COMMAND: joints(
+            topics.COMMAND, velocity=result.velocity_command, effort=result.force
+        ),
+        topics.JOINT_STATES: joints(
+            topics.JOINT_STATES, position=result.encoder, velocity=result.velocity
+        ),
+        topics.TRACKER_POINT: Series(
+            topics.TRACKER_POINT,
+            stamps(result.tracker_stamps),
+            {'x': points[:, 0], 'y': points[:, 1], 'z': points[:, 2]},
+        ),
+    }
+    for axis in axes:
+        seconds = np.arange(0.0, duration, 1.0)
+        key = topics.temperature_key(f'screw_{axis}')
+        series[key] = Series(
+            topics.TEMPERATURE,
+            stamps(seconds),
+            {'temperature': np.interp(seconds, result.times, warm[:, 0])},
+        )
+    return Session('planted', series, twin.to_dict(), None)
+
+
+def nominal(axes: tuple[str, ...] = ('x',)) -> TwinFile:
+    """The nominal twin with the axes of a test."""
+    whole = TwinFile.nominal_servo()
+    return replace(whole, axes={a: whole.axes[a] for a in axes}, tracker=TrackerSpec(100.0, 1e-6))
+
+
+@pytest.fixture(scope='session')
+def planted() -> Callable[..., Session]:
+    """Maker of sessions with planted effects."""
+    return make_session

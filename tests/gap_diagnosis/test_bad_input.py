@@ -1,0 +1,145 @@
+"""Input that cannot be diagnosed: one line, exit status 2, no report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gap_diagnosis.__main__ import main
+from session_bags.writer import write_session
+from stage_core import topics
+from stage_core.session import Series, Session
+from stage_core.twin_file import ServoAxis, TwinFile
+
+Maker = Callable[..., Session]
+
+
+def without(session: Session, topic: str) -> Session:
+    return replace(session, series={k: s for k, s in session.series.items() if k != topic})
+
+
+def changed(session: Session, topic: str, **columns: np.ndarray) -> Session:
+    old = session.series[topic]
+    values = {**old.values, **{k.replace('_', '.'): v for k, v in columns.items()}}
+    return replace(session, series={**session.series, topic: Series(topic, old.stamps, values)})
+
+
+def shifted(session: Session, topic: str, seconds: float) -> Session:
+    old = session.series[topic]
+    late = Series(topic, old.stamps + np.int64(seconds * 1e9), old.values)
+    return replace(session, series={**session.series, topic: late})
+
+
+def nan_encoder(session: Session) -> Session:
+    position = session.series[topics.JOINT_STATES].values['position.x'].copy()
+    position[1000] = np.nan
+    return changed(session, topics.JOINT_STATES, position_x=position)
+
+
+def still(session: Session) -> Session:
+    zero = np.zeros(len(session.series[topics.REFERENCE]))
+    for topic in (topics.REFERENCE, topics.JOINT_STATES):
+        session = changed(session, topic, position_x=zero)
+    return session
+
+
+def frozen_tracker(session: Session) -> Session:
+    constant = np.full(len(session.series[topics.TRACKER_POINT]), 1e-3)
+    return changed(session, topics.TRACKER_POINT, x=constant)
+
+
+def one_way(session: Session) -> Session:
+    ramp = np.linspace(0.0, 0.05, len(session.series[topics.REFERENCE]))
+    for topic in (topics.REFERENCE, topics.JOINT_STATES):
+        session = changed(session, topic, position_x=ramp)
+    return session
+
+
+def cut(session: Session, seconds: float) -> Session:
+    start = session.start_ns
+    stop = start + int(seconds * 1e9)
+    return replace(session, series={k: s.between(start, stop) for k, s in session.series.items()})
+
+
+CASES: list[tuple[str, Callable[[Session], Session], str]] = [
+    ('no reference', lambda s: without(s, topics.REFERENCE), topics.REFERENCE),
+    ('no command', lambda s: without(s, topics.COMMAND), topics.COMMAND),
+    ('no encoder', lambda s: without(s, topics.JOINT_STATES), topics.JOINT_STATES),
+    ('NaN', nan_encoder, 'NaN|not.*number'),
+    ('no motion', still, 'motion is missing'),
+    ('one direction', one_way, 'reversals'),
+    ('frozen tracker', frozen_tracker, 'frozen'),
+    ('too short', lambda s: cut(s, 3.0), 'too short'),
+    ('tracker at another time', lambda s: shifted(s, topics.TRACKER_POINT, 900.0), 'overlap'),
+    ('command at another time', lambda s: shifted(s, topics.COMMAND, 900.0), 'overlap'),
+]
+
+
+@pytest.mark.parametrize(('name', 'spoil', 'words'), CASES, ids=[c[0] for c in CASES])
+def test_a_spoilt_session_is_refused(
+    planted: Maker,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    spoil: Callable[[Session], Session],
+    words: str,
+) -> None:
+    import re
+
+    bag = write_session(tmp_path / 'bag', spoil(planted({}, duration=10.0)))
+    TwinFile.nominal_servo().save(tmp_path / 'twin.yaml')
+    status = main(
+        ['diagnose', '--bag', str(bag), '--twin', str(tmp_path / 'twin.yaml')]
+        + ['--out', str(tmp_path / 'out'), '--quiet']
+    )
+    error = capsys.readouterr().err.strip()
+    assert status == 2
+    assert len(error.splitlines()) == 1
+    assert re.search(words, error), error
+    assert not (tmp_path / 'out' / 'report.json').exists()
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'velocity_gain': 900.0, 'integral_gain': 9000.0}, 'another machine'),
+        ({'position_gain': 15.0}, 'another machine'),
+        ({'velocity_filter': 100.0}, 'another machine'),
+    ],
+)
+def test_the_twin_of_another_machine_is_refused(
+    planted: Maker,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    change: dict[str, float],
+    words: str,
+) -> None:
+    bag = write_session(tmp_path / 'bag', planted({}, duration=10.0))
+    twin = TwinFile.nominal_servo()
+    axis = twin.axes['x']
+    assert isinstance(axis, ServoAxis)
+    other = replace(twin, axes={'x': replace(axis, **change)})
+    other.save(tmp_path / 'twin.yaml')
+    arguments = ['--bag', str(bag), '--twin', str(tmp_path / 'twin.yaml'), '--quiet']
+    assert main([*arguments, '--out', str(tmp_path / 'out')]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_an_axis_or_a_kind_that_the_twin_lacks(
+    planted: Maker, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = write_session(tmp_path / 'bag', planted({}, duration=10.0))
+    twin = TwinFile.nominal_servo()
+    replace(twin, axes={'y': twin.axes['y']}).save(tmp_path / 'y.yaml')
+    (tmp_path / 'stepper.yaml').write_text('kind: stepper\naxes: {x: {}}\n')
+    for name, word in (('y', 'axis x'), ('stepper', 'stepper'), ('absent', 'absent.yaml')):
+        arguments = ['--bag', str(bag), '--twin', str(tmp_path / f'{name}.yaml'), '--quiet']
+        assert main([*arguments, '--out', str(tmp_path / 'out')]) == 2
+        assert word in capsys.readouterr().err
+    arguments = ['--bag', str(tmp_path / 'nowhere'), '--twin', str(tmp_path / 'y.yaml')]
+    assert main([*arguments, '--out', str(tmp_path / 'out'), '--quiet']) == 2
+    assert 'nowhere' in capsys.readouterr().err

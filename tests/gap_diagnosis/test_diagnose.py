@@ -1,0 +1,127 @@
+"""Planted effects are named with their parameters, and nothing else is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gap_diagnosis import report
+from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.service import run
+from session_bags.writer import write_session
+from stage_core.session import Session
+from stage_core.twin_file import TwinFile
+from stage_twin.simulate import simulate
+
+Maker = Callable[..., Session]
+
+
+def one_axis() -> TwinFile:
+    twin = TwinFile.nominal_servo()
+    return TwinFile.from_dict({**twin.to_dict(), 'axes': {'x': twin.to_dict()['axes']['x']}})
+
+
+@pytest.mark.parametrize(
+    ('effect', 'parameter', 'value', 'tolerance'),
+    [
+        ('coulomb_friction.x', 'coulomb', 6.0, 0.05),
+        ('viscous_friction.x', 'viscous', 60.0, 0.05),
+        ('inertia_mismatch.x', 'ratio', 0.2, 0.05),
+        ('backlash.x', 'width', 8e-6, 0.05),
+        ('scale_error.x', 'error', 2e-4, 0.05),
+        ('cyclic_pitch_error.x', 'amplitude', 4e-6, 0.1),
+        ('tracker_latency', 'latency', 2e-3, 0.05),
+        ('force_offset.x', 'offset', 5.0, 0.05),
+    ],
+)
+def test_a_single_planted_effect_is_named(
+    planted: Maker, effect: str, parameter: str, value: float, tolerance: float
+) -> None:
+    found = diagnose([planted({effect: {parameter: value}})], [], one_axis())
+    assert found.verdict == [effect]
+    estimate, deviation = found.parameters[effect][parameter]
+    assert estimate == pytest.approx(value, rel=tolerance)
+    assert 0.0 < deviation < 0.2 * value
+    assert found.causes[0].probability > 0.8
+    assert sum(c.probability for c in found.causes) == pytest.approx(1.0)
+
+
+def test_the_nominal_machine_has_no_gap(planted: Maker) -> None:
+    found = diagnose([planted({})], [], one_axis())
+    assert found.verdict == []
+    assert found.after < 2.0 * found.noise_floor
+    none = next(c for c in found.causes if c.effect == 'none')
+    assert none.probability > 0.7
+
+
+def test_an_effect_outside_the_library_is_unknown(planted: Maker) -> None:
+    found = diagnose(
+        [planted({'backlash.x': {'width': 20e-6}})], [], one_axis(), without=['backlash']
+    )
+    assert 'unknown' in found.verdict
+    assert 'backlash.x' not in found.verdict
+
+
+def both_axes(planted: Maker) -> Diagnosis:
+    effects = {
+        'backlash.x': {'width': 8e-6},
+        'cyclic_pitch_error.y': {'amplitude': 3e-6, 'phase': 0.7},
+        'nonorthogonality': {'angle': 80e-6},
+        'coulomb_friction.x': {'coulomb': 8.0},
+    }
+    return diagnose([planted(effects, axes=('x', 'y'))], [], TwinFile.nominal_servo())
+
+
+def test_four_effects_at_once_and_the_corrected_twin(planted: Maker, tmp_path: Path) -> None:
+    found = both_axes(planted)
+    assert set(found.verdict) == {
+        'backlash.x', 'cyclic_pitch_error.y', 'nonorthogonality', 'coulomb_friction.x',
+    }  # fmt: skip
+    assert found.after < 0.35 * found.before
+    # The corrected twin runs as it is, and reproduces the machine's tracker points.
+    report.write(found, tmp_path)
+    corrected = TwinFile.load(tmp_path / 'corrected_twin.yaml')
+    record = found.records[0]
+    assert record.tracker is not None and record.tracker_time is not None
+    result = simulate(
+        corrected,
+        record.reference,
+        record.reference_velocity,
+        tracker_times=record.tracker_time,
+        noise=False,
+    )
+    gap = record.tracker - result.tracker_points[:, :2]
+    assert float(np.sqrt(np.mean(gap**2))) < 2.5e-6
+
+
+def test_a_held_out_session_judges_the_fit_of_another(planted: Maker) -> None:
+    effects = {'coulomb_friction.x': {'coulomb': 6.0}, 'backlash.x': {'width': 8e-6}}
+    fit, judge = planted(effects, seed=1), planted(effects, seed=2)
+    found = diagnose([fit], [judge], one_axis())
+    assert set(found.verdict) == set(effects)
+    assert len(found.windows) == 1 and found.windows[0][0] > 1.0
+
+
+def test_two_diagnoses_write_the_same_report(planted: Maker, tmp_path: Path) -> None:
+    bag = write_session(tmp_path / 'bag', planted({'backlash.x': {'width': 8e-6}}), one_axis())
+    one_axis().save(tmp_path / 'twin.yaml')
+    texts = []
+    for name in ('a', 'b'):
+        run([str(bag)], [], str(tmp_path / 'twin.yaml'), tmp_path / name, quiet=True)
+        texts.append((tmp_path / name / 'report.json').read_bytes())
+        assert b'<img' in (tmp_path / name / 'report.html').read_bytes()
+    assert texts[0] == texts[1]
+    content = json.loads(texts[0])
+    assert content['schema'] == 'gap-report/1'
+    assert content['verdict'] == ['backlash.x'] == [content['causes'][0]['effect']]
+    assert content['where']['link'] == 'kinematic'
+    assert content['where']['conditions'][0]['name'] == 'reversal'
+    assert content['gap']['shrink'] == pytest.approx(
+        1.0 - content['gap']['after'] / content['gap']['before'], rel=1e-6
+    )
+    low, high = content['causes'][0]['shrink_ci95']
+    assert low <= content['causes'][0]['shrink'] <= high
