@@ -76,7 +76,7 @@ def error_map(
             width=0.003,
         )
         axes.quiverkey(
-            arrow, 0.8, 1.03, longest * MICRO, f'{longest * MICRO:.3g} µm', labelpos='E'
+            arrow, 0.68, 1.03, longest * MICRO, f'{longest * MICRO:.3g} µm', labelpos='E'
         )
         rms = float(np.sqrt((values**2).sum(axis=1).mean())) * MICRO
         axes.set_title(f'{name}: RMS {rms:.3g} µm', loc='left')

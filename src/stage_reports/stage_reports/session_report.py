@@ -206,15 +206,22 @@ def _signals(report: Report, session: Session) -> None:
             ),
             'Contour error over time',
         )
-    for sensor, series in sorted(session.temperatures().items()):
-        if len(series) > 1:
-            seconds = session.seconds(topics.temperature_key(sensor))
-            report.figure(
-                figures.time_series(
-                    seconds, {sensor: series.values['temperature']}, 'temperature (°C)'
-                ),
-                f'Temperature of {sensor}',
+    sensors = {name: s for name, s in sorted(session.temperatures().items()) if len(s) > 1}
+    if sensors:
+        longest = max(sensors, key=lambda name: len(sensors[name]))
+        seconds = session.seconds(topics.temperature_key(longest))
+        # One axis of time for all; temperatures change slowly against their sampling.
+        curves = {
+            name: np.interp(
+                seconds, session.seconds(topics.temperature_key(name)), s.values['temperature']
             )
+            for name, s in sensors.items()
+        }
+        report.heading('Temperatures')
+        report.figure(
+            figures.time_series(seconds, curves, 'temperature (°C)'),
+            f'Temperature of {", ".join(sensors)}',
+        )
 
 
 def session_report(session: Session) -> Report:

@@ -1,0 +1,7 @@
+"""``python -m stage_reports --bag BAG --out DIR``: the same as ``ros2 run stage_reports report``."""
+
+import sys
+
+from stage_reports.session_report import main
+
+sys.exit(main())
