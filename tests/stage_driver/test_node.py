@@ -13,8 +13,15 @@ from driver_rig import SmallPlant
 from sensor_msgs.msg import JointState
 
 from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.twin_file import StepperAxis, TwinFile
 from stage_node.client_node import GraphClient
 from stage_node.node import SETPOINT_QOS, joint_state
+from stage_twin.emulators.zaber import ZaberChain
+from stage_twin.emulators.zaber_pty import ZaberPty
+from stage_twin.stepper import StepperPlant
+
+STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
 
 CONFIG = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config' / 'stage_driver_servo.yaml'
 DRIVER = [sys.executable, '-m', 'stage_driver.node', '--ros-args']
@@ -32,7 +39,7 @@ def process(command, environment):
     finally:
         running.terminate()
         try:
-            running.communicate(timeout=15)
+            print(running.communicate(timeout=15)[1])
         except subprocess.TimeoutExpired:
             running.kill()
             running.communicate()
@@ -114,6 +121,50 @@ def test_killed_driver_leaves_the_stage_at_rest_and_a_new_one_takes_over(ros_env
                 assert plant.position[0] == pytest.approx(where, abs=1e-5)
     finally:
         plant.close()
+
+
+def test_zaber_node_reports_a_pulled_cable_and_goes_on_after_the_reset(ros_env, tmp_path):
+    plant = StepperPlant(STEPPER)
+    plant.reset([1000, 1000])
+    link = tmp_path / 'zaber'
+    command = [*DRIVER, '--params-file', str(CONFIG.with_name('stage_driver_zaber.yaml'))]
+    command += arguments(port=link)
+    with (
+        ZaberPty(ZaberChain(plant), link=link) as server,
+        process(command, ros_env),
+        GraphClient('test_client') as client,
+    ):
+        client.watch(JointState, topics.JOINT_STATES)
+        client.watch(DiagnosticArray, topics.DIAGNOSTICS)
+        assert client.trigger('/stage_driver/home', 60) == 'homed: x, y'
+        setpoints = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
+        client.wait_for(lambda: setpoints.get_subscription_count() > 0, 30, 'the driver')
+
+        def shown(words):
+            found = statuses(client.latest(topics.DIAGNOSTICS) or DiagnosticArray())
+            status = found.get('stage_driver: state')
+            return status is not None and words in status.message
+
+        def arrived(x):
+            latest = client.latest(topics.JOINT_STATES)
+            return latest is not None and abs(latest.position[0] - x) < 1e-6
+
+        setpoints.publish(joint_state(0, ['x', 'y'], [0.002, 0.001]))
+        client.wait_for(lambda: arrived(0.002), 30, 'the move')
+        server.unplug()
+        client.wait_for(lambda: shown('fault'), 30, 'the fault on /diagnostics')
+        server.plug()
+
+        def reset():
+            try:
+                return client.trigger('/stage_driver/reset_fault', 30) == 'ready'
+            except StageError as error:
+                assert 'cable' in str(error)
+                return False
+
+        client.wait_for(reset, 30, 'the reset')
+        setpoints.publish(joint_state(0, ['x', 'y'], [0.003, 0.001]))
+        client.wait_for(lambda: arrived(0.003), 30, 'the move after the reset')
 
 
 @pytest.mark.parametrize(

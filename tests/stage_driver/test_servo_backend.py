@@ -251,6 +251,31 @@ def test_drive_restart_asks_for_homing():
         assert plant.tick == 0
 
 
+def test_drive_that_dies_while_the_world_is_quiet_is_a_fault_and_may_come_back():
+    with rig(lockstep_timeout=0.3) as (plant, backend, recorder):
+        move(backend, recorder, 0.001, 0.0)
+        plant.muted = True
+        recorder.wait(lambda: recorder.said('no encoder datagram'))
+        assert backend.status().state is State.FAULT and not backend.status().connected
+        plant.muted = False
+        recorder.wait(lambda: recorder.said('drive back'))
+        assert backend.reset_fault().result(timeout=10) == 'ready'
+        move(backend, recorder, 0.002, 0.0)
+        assert plant.position[0] == pytest.approx(0.002, abs=3e-6)
+
+
+@pytest.mark.parametrize(
+    'babble', [b'', b'noise', b'SDL1' + bytes(40), b'SDL1\x01\x02' + bytes(34)]
+)
+def test_garbage_on_the_drive_link_is_dropped(babble):
+    not_a_number = drive_link.encode_encoder(10**6, 10**15, (float('nan'), 0.0))
+    with rig() as (plant, backend, recorder):
+        for data in (babble, not_a_number):
+            plant.socket.sendto(data, plant.driver)
+        move(backend, recorder, 0.001, 0.0)
+        assert plant.position[0] == pytest.approx(0.001, abs=3e-6)
+
+
 def test_friction_compensation_is_part_of_the_published_command():
     import numpy as np
 

@@ -10,13 +10,11 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
-from rclpy.node import Node
-
 from stage_core.errors import StageError
 
 
 def create_deferred_service(
-    node: Node, service_type: type, name: str, begin: Callable[[Any], Future[str]]
+    node: Any, service_type: type, name: str, begin: Callable[[Any], Future[str]]
 ) -> Any:
     """Create a service whose response is the outcome of the future that `begin(request)` returns.
 
@@ -36,10 +34,14 @@ def create_deferred_service(
 
         def answer(done: Future[str]) -> None:
             error = done.exception()
-            if error is not None and not isinstance(error, StageError):
-                raise error
             response.success = error is None
-            response.message = done.result() if error is None else str(error)
+            if error is None:
+                response.message = done.result()
+            elif isinstance(error, StageError):
+                response.message = str(error)
+            else:
+                # A caller must not wait for ever because of a mistake in here.
+                response.message = f'internal error: {error!r}'
             send_now(response, header)
 
         future.add_done_callback(answer)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import time
 
@@ -88,7 +89,7 @@ class DriveSocket:
         except StageError:
             self.garbage += 1
             return None
-        if datagram.kind != drive_link.ENCODER:
+        if datagram.kind != drive_link.ENCODER or not all(map(math.isfinite, datagram.values)):
             self.garbage += 1
             return None
         self._heard = time.monotonic()

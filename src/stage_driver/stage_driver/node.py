@@ -169,8 +169,10 @@ class StageDriver(StageNode):
             return WARN, 'disabled: call ~/enable with data true', values
         if not status.homed:
             return WARN, 'not homed: call ~/home', values
-        if status.warnings:
-            return WARN, '; '.join(describe_flag(flag) for flag in status.warnings), values
+        # Notes, such as that a stop interrupted a move, are no warnings.
+        serious = [flag for flag in status.warnings if not flag.startswith('N')]
+        if serious:
+            return WARN, '; '.join(describe_flag(flag) for flag in serious), values
         return OK, status.state.value, values
 
     def _setpoint_status(self) -> tuple[bytes, str, dict[str, Any]]:

@@ -25,8 +25,10 @@ from stage_driver.servo_axes import ServoAxes, ServoConfig
 from stage_driver.states import Event, State
 
 SECOND = 1_000_000_000
-#: Wall time after which braking under control gives way to the drive's own brake [s].
+#: Stage time after which braking under control gives way to the drive's own brake [s].
 BRAKE_TIMEOUT = 2.0
+#: Longest wait for rest when the driver shuts down [s].
+CLOSE_TIMEOUT = 2.0
 
 
 class ServoBackend(InboxBackend):
@@ -50,7 +52,7 @@ class ServoBackend(InboxBackend):
         self._last_second = -1
         self._last_packet = b''
         self._braking = False
-        self._brake_started = 0.0
+        self._brake_ticks = 0
         self._counts.update(missed_ticks=0, late_setpoints=0)
 
     # -- calls from other threads -------------------------------------------------------------
@@ -63,7 +65,7 @@ class ServoBackend(InboxBackend):
         """Stop in a controlled way, then end the thread."""
         if self._thread.is_alive():
             self._inbox.put(lambda: self._stop('the driver shuts down'))
-            deadline = time.monotonic() + BRAKE_TIMEOUT
+            deadline = time.monotonic() + CLOSE_TIMEOUT
             while self._link.connected and time.monotonic() < deadline and not self._is_quiet():
                 time.sleep(0.005)
             self._ended.set()
@@ -91,17 +93,25 @@ class ServoBackend(InboxBackend):
 
     def _run(self) -> None:
         while not self._ended.is_set():
-            datagram = self._link.receive(0.05)
-            if datagram is not None:
-                self._on_encoder(datagram)
-                continue
-            self._drain()
-            silent = self._link.silence()
-            if self._link.connected and not self._link.lockstep:
-                if silent > self.config.link_timeout:
-                    self._lost(silent)
-            elif self._link.connected and silent > self.config.lockstep_timeout:
+            try:
+                self._step()
+            except Exception as error:
+                # Whatever it is, the stage must come to rest and somebody must hear of it.
+                self._fail(f'internal error: {error!r}')
+
+    def _step(self) -> None:
+        """Serve one encoder datagram, or the silence in its place."""
+        datagram = self._link.receive(0.05)
+        if datagram is not None:
+            self._on_encoder(datagram)
+            return
+        self._drain()
+        silent = self._link.silence()
+        if self._link.connected and not self._link.lockstep:
+            if silent > self.config.link_timeout:
                 self._lost(silent)
+        elif self._link.connected and silent > self.config.lockstep_timeout:
+            self._lost(silent)
 
     def _lost(self, silent: float) -> None:
         self._link.connected = False
@@ -120,7 +130,8 @@ class ServoBackend(InboxBackend):
             )
             return
         restarted = bool(datagram.flags & drive_link.RESET) or datagram.tick < self._tick
-        if datagram.tick == self._tick and not restarted:
+        repeated = datagram.tick == self._tick and not restarted
+        if repeated and self._link.connected:
             if self._answered == datagram.tick:
                 self._link.send(self._last_packet)
             return
@@ -129,6 +140,17 @@ class ServoBackend(InboxBackend):
         elif datagram.tick > self._tick + 1:
             self._counts['missed_ticks'] += datagram.tick - self._tick - 1
         self._tick, self._stamp = datagram.tick, datagram.stamp
+        if not repeated:
+            self._publish_state(datagram)
+        self._drain()
+        if self._link.lockstep:
+            self._wait_in_lockstep()
+        elif self._controlling():
+            self._watch_stream()
+            self._control()
+
+    def _publish_state(self, datagram: drive_link.Datagram) -> None:
+        """Estimate the velocity and publish what was measured; temperatures once a second."""
         self._axes.measure(datagram.values)
         self._listener.on_state(
             self._stamp, self._axes.encoder.tolist(), self._axes.velocity.tolist()
@@ -137,12 +159,6 @@ class ServoBackend(InboxBackend):
         if second != self._last_second and datagram.temperatures:
             self._last_second = second
             self._listener.on_temperatures(self._stamp, drive_link.SENSORS, datagram.temperatures)
-        self._drain()
-        if self._link.lockstep:
-            self._wait_in_lockstep()
-        elif self._controlling():
-            self._watch_stream()
-            self._control()
 
     def _contact(self, datagram: drive_link.Datagram, restarted: bool) -> None:
         """First encoder of a drive, or the first after it was lost or reset."""
@@ -178,6 +194,11 @@ class ServoBackend(InboxBackend):
             except queue.Empty:
                 if self._link.peek_reset():
                     return
+                # A drive that waits repeats its tick several times a second.
+                silent = self._link.silence()
+                if silent > self.config.lockstep_timeout:
+                    self._lost(silent)
+                    return
                 waited = time.monotonic() - waiting_since
                 if self.motion.streaming and waited > self.config.lockstep_timeout:
                     self._watchdog(f'no set-point for tick {self._tick} in {waited:.0f} s')
@@ -210,11 +231,11 @@ class ServoBackend(InboxBackend):
             self._finished()
         elif (fault := axes.following_fault()) is not None and not self._braking:
             self._fail(fault)
-        if self._braking and (
-            self.motion.at_rest or time.monotonic() - self._brake_started > BRAKE_TIMEOUT
-        ):
-            self._braking = False
-            self.motion.hold(self._axes.encoder)
+        if self._braking:
+            self._brake_ticks -= 1
+            if self.motion.at_rest or self._brake_ticks <= 0:
+                self._braking = False
+                self.motion.hold(self._axes.encoder)
 
     def _watch_stream(self) -> None:
         """Real time: bring the stage to rest when the stream's set-points stop coming."""
@@ -316,7 +337,7 @@ class ServoBackend(InboxBackend):
     def _brake(self, reason: str) -> None:
         """Stop under control although the state no longer allows motion."""
         if not self.motion.at_rest and not self._braking:
-            self._braking, self._brake_started = True, time.monotonic()
+            self._braking, self._brake_ticks = True, round(BRAKE_TIMEOUT / self._axes.period)
         self._stop(reason)
 
     def _abandon(self, reason: str) -> None:

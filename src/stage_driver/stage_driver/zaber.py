@@ -108,6 +108,9 @@ class ZaberBackend(InboxBackend):
                 self._lose(f'{error}: put the cable back, then call ~/reset_fault')
             except StageError as error:
                 self._fail(str(error))
+            except Exception as error:
+                # Whatever it is, the stage must come to rest and somebody must hear of it.
+                self._fail(f'internal error: {error!r}')
             due = max(due + period, time.monotonic())
             self._ended.wait(due - time.monotonic())
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import os
+import termios
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
 from dataclasses import dataclass
@@ -68,11 +69,10 @@ class ZaberLink:
         self.url = url
         self.timeout = timeout
         self.counts: Counter[str] = Counter()
-        self.on_alert: Callable[[Alert], None] | None = None
         self.garbage_sample = b''
         try:
             self._port = serial.serial_for_url(url, baudrate=baud, timeout=0.05, write_timeout=0.5)
-        except (serial.SerialException, OSError, ValueError) as error:
+        except (serial.SerialException, OSError, ValueError, termios.error) as error:
             raise StageError(
                 f'cannot open port {url}: {_reason(error)}: check parameter port, the cable and '
                 'the rights on the device'
@@ -170,7 +170,7 @@ class ZaberLink:
         try:
             with self._write_lock:
                 self._port.write(data)
-        except (serial.SerialException, OSError) as error:
+        except (serial.SerialException, OSError, termios.error) as error:
             self._lost.set()
             raise LinkLost(f'port {self.url} is gone: {_reason(error)}') from error
 
@@ -179,7 +179,7 @@ class ZaberLink:
         while not self._lost.is_set():
             try:
                 data = self._port.read(self._port.in_waiting or 1)
-            except (serial.SerialException, OSError, TypeError):
+            except (serial.SerialException, OSError, TypeError, termios.error):
                 # TypeError: pyserial's descriptor is None after a close from another thread.
                 self._lost.set()
                 return
@@ -192,8 +192,9 @@ class ZaberLink:
                     continue
                 if isinstance(answer, Reply):
                     self._resolve(answer)
-                elif isinstance(answer, Alert) and self.on_alert is not None:
-                    self.on_alert(answer)
+                elif isinstance(answer, Alert):
+                    # Polls see the end of a move anyway.
+                    self.counts['alerts'] += 1
 
     def _resolve(self, reply: Reply) -> None:
         """Hand a reply to the request of its id, device and axis; others are strays."""
