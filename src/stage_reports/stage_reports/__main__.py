@@ -1,4 +1,4 @@
-"""``python -m stage_reports --bag BAG --out DIR``: the same as ``ros2 run stage_reports report``."""
+"""``python -m stage_reports --bag BAG --out DIR``, as ``ros2 run stage_reports report``."""
 
 import sys
 
