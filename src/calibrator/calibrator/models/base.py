@@ -156,6 +156,38 @@ class CalibrationModel(ABC):
             )
         return best
 
+    def linear_weights(self) -> list[Array]:
+        """Weights per output axis that the error depends on linearly.
+
+        Raises
+        ------
+        StageError
+            If the method has none; it cannot be adapted while the stage runs.
+        """
+        raise StageError(
+            f'method {self.method} has no linear weights to adapt: use structured, it2fls or '
+            'affine'
+        )
+
+    def set_linear_weights(self, weights: list[Array]) -> None:
+        """Replace the weights of `linear_weights`."""
+        raise NotImplementedError
+
+    def linear_design(
+        self,
+        command: ArrayLike,
+        direction: ArrayLike | None = None,
+        temperatures: ArrayLike | None = None,
+    ) -> list[tuple[Array, Array]]:
+        """Per output axis the design (n, p) and offset (n,): error = design @ weights + offset."""
+        self._require_fitted()
+        c, d, t = self._checked(command, direction, temperatures)
+        self._require_shape(c, t)
+        return self._linear_design(c, d, t)
+
+    def _linear_design(self, command: Array, d: Array, t: Array) -> list[tuple[Array, Array]]:
+        raise NotImplementedError
+
     def to_dict(self) -> dict[str, Any]:
         """Everything needed to rebuild the model, JSON types only."""
         self._require_fitted()

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from calibrator.consequents import evaluate, fit_consequents
+from calibrator.consequents import evaluate, fit_consequents, regressors, rule_outputs
 from calibrator.it2_sets import AntecedentSets, vector_bounds
 from calibrator.models.base import Array, CalibrationModel, from_json, scaling_of, to_json
 from calibrator.models.structured import Structured
 from calibrator.pso import SwarmOptions, SwarmResult, minimise
-from calibrator.type_reduction import REDUCTIONS
+from calibrator.type_reduction import REDUCTIONS, effective_weights
 from stage_core.errors import StageError
 
 
@@ -98,6 +98,26 @@ class FuzzySystem(CalibrationModel):
             for theta in self.state['theta']
         ]
         return self.state['mean'] + self.state['deviation'] * np.column_stack(outputs)
+
+    def linear_weights(self) -> list[Array]:
+        """Consequents per axis."""
+        self._require_fitted()
+        return [np.array(theta) for theta in self.state['theta']]
+
+    def set_linear_weights(self, weights: list[Array]) -> None:
+        """Replace the consequents."""
+        self.state['theta'] = np.array(weights)
+
+    def _linear_design(self, command: Array, d: Array, t: Array) -> list[tuple[Array, Array]]:
+        # Linear while the signs of type reduction stay: those of the present consequents.
+        inputs, lower, upper = self.firing(command)
+        result = []
+        for axis, theta in enumerate(self.state['theta']):
+            outputs = rule_outputs(theta, inputs)
+            nu = effective_weights(lower, upper, outputs, str(self.options['reduction']))
+            design = self.state['deviation'][axis] * regressors(nu, inputs)
+            result.append((design, np.full(len(command), self.state['mean'][axis])))
+        return result
 
     def describe(self) -> str:
         """Rules, type reduction and swarm."""

@@ -47,7 +47,21 @@ class Affine(CalibrationModel):
         self.state = {'offset': solution[0] - centre @ gain, 'gain': gain}
 
     def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
-        return self.state['offset'] + command @ self.state['gain']
+        return np.asarray(self.state['offset'] + command @ self.state['gain'], dtype=float)
+
+    def linear_weights(self) -> list[Array]:
+        """Offset and gains per axis."""
+        self._require_fitted()
+        return list(np.vstack([self.state['offset'], self.state['gain']]).T)
+
+    def set_linear_weights(self, weights: list[Array]) -> None:
+        """Replace offset and gains."""
+        table = np.array(weights).T
+        self.state = {'offset': table[0], 'gain': table[1:]}
+
+    def _linear_design(self, command: Array, d: Array, t: Array) -> list[tuple[Array, Array]]:
+        design = np.column_stack([np.ones(len(command)), command])
+        return [(design, np.zeros(len(command)))] * self.axes
 
 
 class Polynomial(CalibrationModel):

@@ -94,6 +94,19 @@ class Structured(CalibrationModel):
             ]
         )
 
+    def linear_weights(self) -> list[Array]:
+        """All coefficients per axis."""
+        self._require_fitted()
+        return [np.array(c) for c in self.state['coefficients']]
+
+    def set_linear_weights(self, weights: list[Array]) -> None:
+        """Replace the coefficients."""
+        self.state['coefficients'] = [np.array(w) for w in weights]
+
+    def _linear_design(self, command: Array, d: Array, t: Array) -> list[tuple[Array, Array]]:
+        nothing = np.zeros(len(command))
+        return [(self._design(command, d, t, axis), nothing) for axis in range(self.axes)]
+
     def parameters(self) -> list[dict[str, Any]]:
         """Every parameter: output axis, name, value [m] and its standard deviation [m].
 

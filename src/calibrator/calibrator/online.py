@@ -1,0 +1,160 @@
+"""Adapting a model while the stage runs: recursive least squares with forgetting, guarded."""
+
+from __future__ import annotations
+
+import copy
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrator.models.base import CalibrationModel
+from stage_core.errors import StageError
+
+Array = NDArray[np.float64]
+
+JUDGED_EVERY = 5
+"""Each fifth sample is held out: judged with the prediction made before, never learned."""
+WINDOW = 8
+"""Held-out samples that decide about keeping or rolling back."""
+WORSE = 1.1
+"""The adapted model is rolled back when its held-out error exceeds the kept one's by this."""
+WINDUP = 1e4
+"""Growth of the covariance over its start at which forgetting pauses: nothing new was seen."""
+
+
+class RecursiveLeastSquares:
+    """Weights of a linear model, updated sample by sample.
+
+    Parameters
+    ----------
+    weights
+        Start, (p,).
+    deviation
+        How far a weight may be expected to have moved, in units of the target divided by the
+        typical size of its regressor `size` (p,); sets the first gains.
+    noise
+        Standard deviation of a sample's target.
+    forgetting
+        In (0, 1]: weight of a sample relative to the next one. 0.99 remembers about 100.
+    """
+
+    def __init__(
+        self,
+        weights: Array,
+        size: Array,
+        deviation: float,
+        noise: float,
+        forgetting: float = 0.99,
+    ) -> None:
+        if not 0.0 < forgetting <= 1.0:
+            raise StageError(f'the forgetting factor must lie in (0, 1], got {forgetting}')
+        self.weights = np.array(weights, dtype=float)
+        self.forgetting = forgetting
+        scale = np.where(size > 0.0, size, 1.0)
+        self.covariance = np.diag((deviation / noise / scale) ** 2)
+        self._limit = WINDUP * float(np.sum(np.diagonal(self.covariance) * scale**2))
+        self._scale = scale
+
+    def update(self, regressor: Array, target: float) -> float:
+        """Learn one sample; the error of the prediction before it."""
+        projected = self.covariance @ regressor
+        gain = projected / (self.forgetting + float(regressor @ projected))
+        error = target - float(regressor @ self.weights)
+        self.weights = self.weights + gain * error
+        self.covariance = self.covariance - np.outer(gain, projected)
+        if float(np.sum(np.diagonal(self.covariance) * self._scale**2)) < self._limit:
+            self.covariance /= self.forgetting
+        # Rounding must not make the covariance asymmetric, or it turns indefinite.
+        self.covariance = 0.5 * (self.covariance + self.covariance.T)
+        return error
+
+
+class OnlineAdapter:
+    """Adapts the linear weights of a fitted model and rolls back what does not help.
+
+    Parameters
+    ----------
+    model
+        A fitted model with linear weights; it is copied. `structured`: all coefficients;
+        `it2fls`: the consequents; `affine`: offset and gains.
+    deviation
+        Drift that is to be followed [m].
+    noise
+        Standard deviation of a measured point [m].
+    forgetting
+        Of the recursive least squares.
+
+    Raises
+    ------
+    StageError
+        If the method has no linear weights.
+    """
+
+    def __init__(
+        self,
+        model: CalibrationModel,
+        deviation: float = 1e-6,
+        noise: float = 1e-6,
+        forgetting: float = 0.99,
+    ) -> None:
+        self.model = copy.deepcopy(model)
+        self.kept = copy.deepcopy(model)
+        self.rollbacks = 0
+        self.learned = 0
+        self._settings = (deviation, noise, forgetting)
+        self._estimators: list[RecursiveLeastSquares] = []
+        self._count = 0
+        self._judged: deque[tuple[float, float]] = deque(maxlen=WINDOW)
+        self.model.linear_weights()
+
+    def update(
+        self,
+        command: Array,
+        measured: Array,
+        direction: Array | None = None,
+        temperatures: Array | None = None,
+    ) -> None:
+        """Take one measured point; all arrays have shape (1, columns), see `CalibrationModel`."""
+        self._count += 1
+        if self._count % JUDGED_EVERY == 0:
+            errors = [
+                float(
+                    np.sqrt(np.mean((measured - m.predict(command, direction, temperatures)) ** 2))
+                )
+                for m in (self.model, self.kept)
+            ]
+            self._judged.append((errors[0], errors[1]))
+            if len(self._judged) == WINDOW:
+                self._decide()
+            return
+        designs = self.model.linear_design(command, direction, temperatures)
+        if not self._estimators:
+            self._start(designs)
+        weights = []
+        for axis, (design, offset) in enumerate(designs):
+            target = float((measured - command)[0, axis] - offset[0])
+            self._estimators[axis].update(design[0], target)
+            weights.append(self._estimators[axis].weights)
+        self.model.set_linear_weights(weights)
+        self.learned += 1
+
+    def _start(self, designs: list[tuple[Array, Array]]) -> None:
+        self._estimators = [
+            RecursiveLeastSquares(weights, np.maximum(np.abs(design[0]), 0.1), *self._settings)
+            for weights, (design, _) in zip(self.model.linear_weights(), designs, strict=True)
+        ]
+
+    def _decide(self) -> None:
+        adapted, kept = np.sqrt(np.mean(np.square(self._judged), axis=0))
+        self._judged.clear()
+        if adapted > WORSE * kept:
+            self.model = copy.deepcopy(self.kept)
+            self._estimators = []
+            self.rollbacks += 1
+        elif adapted <= kept:
+            self.kept = copy.deepcopy(self.model)
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))

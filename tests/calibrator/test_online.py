@@ -1,0 +1,93 @@
+"""Recursive least squares against the batch solution, and the guard of the adaptation."""
+
+import numpy as np
+import pytest
+
+from calibrator.models import make_model
+from calibrator.online import OnlineAdapter, RecursiveLeastSquares
+from stage_core.errors import StageError
+
+
+def test_recursion_equals_batch_ridge_with_exponential_weights():
+    generator = np.random.default_rng(0)
+    x, y = generator.normal(size=(60, 4)), generator.normal(size=60)
+    start, forgetting = generator.normal(size=4), 0.97
+    rls = RecursiveLeastSquares(start, np.ones(4), 2.0, 0.5, forgetting)
+    for row, value in zip(x, y, strict=True):
+        rls.update(row, value)
+    weights = forgetting ** np.arange(59, -1, -1)
+    prior = forgetting**60 * (0.5 / 2.0) ** 2 * np.eye(4)
+    batch = np.linalg.solve(prior + (x.T * weights) @ x, prior @ start + (x.T * weights) @ y)
+    np.testing.assert_allclose(rls.weights, batch, rtol=1e-9)
+
+
+def test_covariance_does_not_wind_up_at_one_place():
+    rls = RecursiveLeastSquares(np.zeros(3), np.ones(3), 1.0, 1.0, 0.9)
+    for _ in range(2000):
+        rls.update(np.array([1.0, 0.0, 0.0]), 1.0)
+    assert np.trace(rls.covariance) < 1e5 and abs(rls.weights[0] - 1.0) < 1e-6
+
+
+def base(method, **options):
+    generator = np.random.default_rng(1)
+    command = generator.uniform(0, 0.05, (300, 2))
+    measured = command + 2e-5 * np.sin(60 * command) + generator.normal(0, 2e-7, (300, 2))
+    return make_model(method, **options).fit(command, measured)
+
+
+@pytest.mark.parametrize(
+    ('method', 'options'),
+    [
+        ('structured', {'degree': 3}),
+        ('affine', {}),
+        ('it2fls', {'rules': 3, 'particles': 10, 'iterations': 10}),
+    ],
+)
+def test_design_and_weights_reproduce_the_prediction(method, options):
+    model = base(method, **options)
+    points = np.random.default_rng(2).uniform(0, 0.05, (20, 2))
+    for axis, (design, offset) in enumerate(model.linear_design(points)):
+        expected = (model.predict(points) - points)[:, axis]
+        np.testing.assert_allclose(
+            design @ model.linear_weights()[axis] + offset, expected, atol=1e-15
+        )
+
+
+@pytest.mark.parametrize('method', ['structured', 'affine'])
+def test_drift_of_a_warming_stage_is_followed(method):
+    model = base(method, **({'degree': 3} if method == 'structured' else {}))
+    adapter = OnlineAdapter(model, deviation=5e-6, noise=3e-7, forgetting=0.97)
+    generator = np.random.default_rng(3)
+    late = []
+    for k in range(600):
+        command = generator.uniform(0, 0.05, (1, 2))
+        drift = 4e-4 * k / 600 * command + 5e-6 * k / 600
+        measured = model.predict(command) + drift + generator.normal(0, 2e-7, (1, 2))
+        if k > 500:
+            late.append([(measured - m.predict(command))[0] for m in (adapter.model, model)])
+        adapter.update(command, measured)
+    adapted, frozen = np.sqrt(np.mean(np.square(late), axis=(0, 2)))
+    assert frozen > 1e-5 and adapted < 0.1 * frozen
+
+
+def test_bad_measurements_are_rolled_back():
+    model = base('affine')
+    adapter = OnlineAdapter(model, deviation=1e-4, noise=1e-7, forgetting=0.9)
+    generator = np.random.default_rng(4)
+    for k in range(400):
+        command = generator.uniform(0, 0.05, (1, 2))
+        measured = model.predict(command)
+        # A reflector that is knocked now and then; the held-out samples stay good.
+        if k % 5 != 4 and k % 3 == 0:
+            measured = measured + generator.normal(0, 2e-4, (1, 2))
+        adapter.update(command, measured)
+    assert adapter.rollbacks >= 3
+    points = generator.uniform(0, 0.05, (50, 2))
+    assert np.abs(adapter.kept.predict(points) - model.predict(points)).max() < 2e-5
+
+
+def test_methods_without_linear_weights_are_refused():
+    with pytest.raises(StageError, match='no linear weights'):
+        OnlineAdapter(base('lolimot'))
+    with pytest.raises(StageError, match='forgetting'):
+        RecursiveLeastSquares(np.zeros(1), np.ones(1), 1.0, 1.0, 1.5)
