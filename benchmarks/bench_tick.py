@@ -42,9 +42,10 @@ def main() -> None:
     tracemalloc.stop()
     micro = 1e6 * costs
     print(
-        f'{len(q)} ticks: median {np.median(micro):.1f} us, 99 % {np.percentile(micro, 99):.1f} us, '
-        f'max {micro.max():.0f} us; kept allocations {kept} bytes; compiled during the run: '
-        f'{len(tick.signatures) - compiled}'
+        f'{len(q)} ticks: median {np.median(micro):.1f} us, '
+        f'99 % {np.percentile(micro, 99):.1f} us, max {micro.max():.0f} us; '
+        f'kept allocations {kept} bytes; '
+        f'compiled during the run: {len(tick.signatures) - compiled}'
     )
 
 

@@ -96,6 +96,9 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter('divergence', 3.0, 'times the best RMS that restores it; 0 is off', '', 0.0),
     Parameter('start_tolerance', 1e-4, 'distance from the start to begin at', 'm', 1e-7),
     Parameter('approach_timeout', 30.0, 'to reach the start', 's', 0.1),
+    Parameter(
+        'missed_share', 0.05, 'ticks without a message that an iteration bears', '', 0.0, 1.0
+    ),
     Parameter('stop_time', 0.2, 'duration of a smooth stop', 's', 1e-3),
     Parameter('encoder_timeout', 0.5, 'silence of the encoder that ends a run', 's', 0.01),
     Parameter('lockstep_timeout', 20.0, 'the same on the wall clock in lockstep', 's', 0.1),
@@ -253,5 +256,6 @@ def make_run_settings(value: Values, lockstep: bool) -> RunSettings:
         start_tolerance=value('start_tolerance'),
         approach_timeout=value('approach_timeout'),
         stop_time=value('stop_time'),
+        missed_share=value('missed_share'),
         lockstep=lockstep,
     )

@@ -270,10 +270,10 @@ class ContourRun:
         """Figures of the iteration, and learning; the reason where there can be none."""
         record = self.controller.record
         gaps = np.isnan(record[:, QX])
-        if gaps.mean() > self.settings.missed_share:
+        if gaps.mean() > self.settings.missed_share or gaps.all():
             return (
                 f'{int(gaps.sum())} of {len(gaps)} ticks had no encoder message in time: '
-                'relieve the machine or lower control_rate'
+                'relieve the machine, lower control_rate or raise missed_share'
             )
         grid = np.arange(len(gaps))
         for column in range(record.shape[1]):
