@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -28,7 +29,7 @@ class TrackerOutput(Protocol):
         """Return when every point has been written."""
 
 
-class _Loop(threading.Thread):
+class _Loop(threading.Thread, ABC):
     """A thread that owns the machine; others ask it for a reset and read its counters."""
 
     def __init__(
@@ -56,8 +57,9 @@ class _Loop(threading.Thread):
         except Exception as error:
             self.failure = error
 
+    @abstractmethod
     def _run(self) -> None:
-        raise NotImplementedError
+        """Let time pass until `stop`."""
 
     def stop(self) -> None:
         """End the thread and close the drive link."""
@@ -93,8 +95,9 @@ class _Loop(threading.Thread):
             return False, 'no force from the driver: dynamic braking', values
         return True, 'running', values
 
+    @abstractmethod
     def _counters(self) -> dict[str, Any]:
-        raise NotImplementedError
+        """Return what only this clock counts."""
 
     def _apply_reset(self) -> int:
         """Do a wanted reset; return the flags of the next encoder datagram."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from typing import Any
 
@@ -23,6 +24,8 @@ from stage_twin.emulators.tracker_server import SaTextSender, TrackerServer
 from stage_twin.loops import LockstepLoop, RealTimeLoop
 from stage_twin.machine import ServoMachine
 from stage_twin.stepper_loop import StepperLoop
+
+SWITCH_INTERVAL = 2e-4
 
 PARAMETERS = (
     Parameter('twin', '', 'YAML file of the emulated machine; empty: the nominal servo twin'),
@@ -103,6 +106,10 @@ class StageTwin(StageNode):
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.diagnostics.task('plant', self._plant_status)
         self.diagnostics.task('tracker', self._tracker_status)
+        # The plant's thread must get the interpreter within a tick, and no collector between.
+        sys.setswitchinterval(SWITCH_INTERVAL)
+        gc.collect()
+        gc.freeze()
         self._loop.start()
         self.get_logger().info(
             f'{self.value("clock")}, axes {" ".join(twin.axes)}, {self._loop.summary()}, '

@@ -65,6 +65,8 @@ class StepperLoop:
 
     def start(self) -> None:
         """Open the terminal and serve it."""
+        # The first point does not depend on whether the host or the first poll comes first.
+        self._advanced(0.0)
         self._server.start()
 
     def stop(self) -> None:

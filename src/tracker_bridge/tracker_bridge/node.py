@@ -126,6 +126,7 @@ class TrackerBridge(StageNode):
         self._until_arrived()
         try:
             with self._lock:
+                self._check_streams()
                 pairs = self._pairs.pairs()
             result = register([p.tracker for p in pairs], [p.stage for p in pairs])
         except StageError as error:
@@ -143,6 +144,14 @@ class TrackerBridge(StageNode):
         self.get_logger().info(self._alignment)
         response.success, response.message = True, self._alignment
         return response
+
+    def _check_streams(self) -> None:
+        """Raise `StageError` when one of the two streams has never come."""
+        if self._bridge.last_stamp is None:
+            reason = self._source.trouble or 'wait two seconds for the clock offset'
+            raise StageError(f'no tracker point has come yet: {reason}')
+        if self._pairs.last_stage is None:
+            raise StageError(f'nothing has come on {topics.JOINT_STATES}: start stage_driver')
 
     def _until_arrived(self) -> None:
         """Wait until both streams have passed the present time, or nothing comes any more.
