@@ -141,7 +141,7 @@ def table3(counts: Sequence[int] = (7, 9, 11, 21)) -> list[Entry]:
                     elif abs(here / float(paper.lstrip('<')) - 1.0) < 0.01:
                         reason = 'last digit, sampling of the maximum'
                     else:
-                        reason = 'likely a misprint of 5.03: no node convention gives it'
+                        reason = 'likely a misprint of 5.03: no convention tried gives it'
                 entries.append(
                     Entry(f'n+1={count} interval {k + 1}', method, paper, here, 'um', reason)
                 )
