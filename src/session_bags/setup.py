@@ -24,6 +24,9 @@ setup(
             'check = session_bags.check:main',
             'repair = session_bags.repair:main',
             'info = session_bags.info:main',
+            'convert_xy_circle = session_bags.convert_xy_circle:main',
+            'convert_ess_tank = session_bags.convert_ess_tank:main',
+            'convert_emps = session_bags.convert_emps:main',
         ],
     },
 )

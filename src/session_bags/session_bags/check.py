@@ -32,7 +32,6 @@ _JOINT_STATE = 'sensor_msgs/msg/JointState'
 _QUANTITIES = {
     topics.REFERENCE: ('position', 'velocity'),
     topics.JOINT_STATES: ('position', 'velocity'),
-    topics.COMMAND: ('velocity',),
 }
 #: A pause longer than this many periods is a gap.
 _GAP = 5.0
@@ -187,6 +186,10 @@ def _check_joints(series: Series) -> Iterator[Finding]:
         yield Finding(ERROR, series.topic, f'names joint {unknown[0]!r}: the joints are x and y')
     elif joints != [axis for axis in AXES if axis in joints]:
         yield Finding(WARNING, series.topic, 'the joints are not in the order [x, y]')
+    if series.topic == topics.COMMAND and not any(
+        name.startswith(('velocity.', 'effort.')) for name in series.values
+    ):
+        yield Finding(ERROR, series.topic, 'holds neither velocity nor effort')
     for quantity in _QUANTITIES.get(series.topic, ()):
         for axis in joints:
             column = series.values.get(f'{quantity}.{axis}')

@@ -1,0 +1,80 @@
+"""``ros2 run session_bags convert_xy_circle``: the recorded XY stage as session bags."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from session_bags.measured import (
+    DAY,
+    EPOCH,
+    MINUTE,
+    Array,
+    convert,
+    derivative,
+    drive_session,
+    load,
+    second_derivative,
+    series,
+)
+from stage_core import topics
+from stage_core.errors import StageError, command_line
+from stage_core.session import Session
+from stage_core.twin_file import ForceAxis, TwinFile
+
+#: The record whose motion the nominal twin is fitted to.
+_FIT = 'day1_a'
+
+
+def fit_twin(seconds: Array, encoder: Array, command: Array) -> TwinFile:
+    """Nominal twin of kind ``measured_force``: least squares of command on motion, per axis.
+
+    command = mass · a + viscous · v + Coulomb · sign(v) + constant, in command units (volt): no
+    force constant is published, so mass is in V·s²/m and viscous in V·s/m. The Coulomb term and
+    the constant keep the other two unbiased; a nominal twin does not hold them. The lap
+    accelerates by 0.02 m/s² only, so that the mass is uncertain to a factor of two.
+    """
+    velocity, acceleration = derivative(encoder, seconds), second_derivative(encoder, seconds)
+    axes = {}
+    for number, axis in enumerate('xy'):
+        speed = velocity[:, number]
+        columns = (acceleration[:, number], speed, np.sign(speed), np.ones(len(seconds)))
+        found, *_ = np.linalg.lstsq(np.column_stack(columns), command[:, number], rcond=None)
+        axes[axis] = ForceAxis(mass=float(found[0]), viscous=float(found[1]))
+    return TwinFile(kind='measured_force', axes=dict(axes), control_period=0.001)
+
+
+def sessions(folder: Path) -> dict[str, Session]:
+    """One session per record of ``xy_circle``, named as its file."""
+    files = sorted((folder / 'xy_circle').glob('*.npz'))
+    if not files:
+        raise StageError(f'{folder / "xy_circle"} holds no record: name the folder of the data')
+    records = {file.stem: load(file) for file in files}
+    fit = records.get(_FIT) or records[files[0].stem]
+    twin = fit_twin(fit['t'], fit['encoder'], fit['command']).to_dict()
+    found = {}
+    for number, (name, record) in enumerate(records.items()):
+        seconds = record['t']
+        start = EPOCH + number * 10 * MINUTE + (DAY if name.startswith('day2') else 0)
+        session = drive_session(
+            name, seconds, start, record['reference'], record['encoder'], record['command']
+        )
+        session.series[topics.CONTACT_FORCE] = series(
+            topics.CONTACT_FORCE, seconds, start, {'force': record['contact_force']}
+        )
+        found[name] = replace(session, twin=twin)
+    return found
+
+
+@command_line
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Convert every record."""
+    return convert('The recorded XY stage on its circle, as session bags.', sessions, arguments)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,132 @@
+"""Real measurements as sessions: what the converters share."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from session_bags.writer import write_session
+from stage_core import topics
+from stage_core.clocks import to_stamps
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+
+Array = NDArray[np.float64]
+
+#: The files give no date: sessions begin at this epoch [ns].
+EPOCH = 1_700_000_000_000_000_000
+DAY = 86_400 * 1_000_000_000
+MINUTE = 60 * 1_000_000_000
+
+
+def data_folder() -> Path:
+    """Folder of the measurements: ``STAGE_DATA``, or ``../shared/data`` beside the checkout.
+
+    Raises
+    ------
+    StageError
+        If it is absent; the measurements' licences do not let the project ship them.
+    """
+    beside = Path(__file__).resolve().parents[4] / 'shared' / 'data'
+    folder = Path(os.environ.get('STAGE_DATA', beside))
+    if not folder.is_dir():
+        raise StageError(
+            f'the real measurements are not at {folder}: set STAGE_DATA to their folder '
+            '(docs/bags.md names the public sources)'
+        )
+    return folder
+
+
+def derivative(values: Array, seconds: Array, window: int = 21) -> Array:
+    """Derivative of each column of `values` (n, k) on nearly even `seconds` (n,).
+
+    Savitzky-Golay, third order: no phase lag, and noise of one sample does not swamp it.
+    """
+    step = float(np.median(np.diff(seconds)))
+    return savgol_filter(values, window, 3, deriv=1, delta=step, axis=0)
+
+
+def second_derivative(values: Array, seconds: Array, window: int = 41) -> Array:
+    """Second derivative, as :func:`derivative`."""
+    step = float(np.median(np.diff(seconds)))
+    return savgol_filter(values, window, 3, deriv=2, delta=step, axis=0)
+
+
+def series(topic: str, seconds: Array, start: int, columns: Mapping[str, Array]) -> Series:
+    """Columns (n, axes) per quantity as a series; a quantity's columns are x, then y."""
+    values = {
+        f'{quantity}.{axis}': np.ascontiguousarray(block[:, number], dtype=float)
+        for quantity, block in columns.items()
+        for number, axis in enumerate('xyz'[: block.shape[1]])
+    }
+    return Series(topic, to_stamps(seconds, start), values)
+
+
+def drive_session(
+    name: str,
+    seconds: Array,
+    start: int,
+    reference: Array,
+    encoder: Array,
+    effort: Array,
+    velocity_command: Array | None = None,
+) -> Session:
+    """A session of reference, encoder and drive effort, each of shape (n, axes)."""
+    command = {'effort': effort}
+    if velocity_command is not None:
+        command = {'velocity': velocity_command, **command}
+    found = (
+        (topics.REFERENCE, {'position': reference, 'velocity': derivative(reference, seconds)}),
+        (topics.JOINT_STATES, {'position': encoder, 'velocity': derivative(encoder, seconds)}),
+        (topics.COMMAND, command),
+    )
+    return Session(name, {t: series(t, seconds, start, columns) for t, columns in found})
+
+
+def convert(
+    title: str,
+    sessions: Callable[[Path], Mapping[str, Session]],
+    arguments: Sequence[str] | None,
+) -> int:
+    """Command line of a converter: ``--out DIR`` gets one bag per session.
+
+    Raises
+    ------
+    StageError
+        If the measurements are absent or a bag exists.
+    """
+    parser = argparse.ArgumentParser(description=title)
+    parser.add_argument('--out', type=Path, required=True, help='folder for the bags')
+    parser.add_argument('--data', type=Path, help='folder of the measurements')
+    parsed = parser.parse_args(arguments)
+    folder = parsed.data or data_folder()
+    for name, session in sessions(folder).items():
+        path = write_session(parsed.out / name, session)
+        print(f'{path}: {sum(len(s) for s in session.series.values())} messages')
+    return 0
+
+
+def load(path: Path) -> dict[str, Array]:
+    """Arrays of an ``.npz`` or ``.mat`` file.
+
+    Raises
+    ------
+    StageError
+        If the file is absent or unreadable.
+    """
+    try:
+        if path.suffix == '.mat':
+            from scipy.io import loadmat
+
+            content = loadmat(path)
+        else:
+            content = dict(np.load(path))
+    except (OSError, ValueError) as error:
+        raise StageError(f'cannot read {path} ({error}): name the folder of the data') from error
+    return {k: np.asarray(v, float) for k, v in content.items() if not k.startswith('__')}
