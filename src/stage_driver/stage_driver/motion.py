@@ -97,6 +97,12 @@ class MotionGenerator:
         self.speed[:] = 0.0
         self.command[:] = 0.0
 
+    def come_to_rest(self, encoder: Floats) -> None:
+        """Bring a stage of unknown speed to rest: velocity command zero, then hold and dwell."""
+        self.hold(encoder)
+        self._dwell = self.settle_ticks
+        self.mode = Mode.STOPPING
+
     def take(self, setpoint: Setpoint, encoder: Floats) -> None:
         """Execute a checked set-point from now on."""
         if setpoint.kind is SetpointKind.POSITION:

@@ -169,6 +169,10 @@ class ServoBackend(InboxBackend):
         self._last_setpoint = None
         self._link.connected = True
         self._braking = False
+        if self._link.lockstep and datagram.tick > 0 and not restarted:
+            # Virtual time stood still while nobody drove: the stage may be in full motion.
+            self.motion.come_to_rest(self._axes.encoder)
+            self._braking, self._brake_ticks = True, round(BRAKE_TIMEOUT / self._axes.period)
         if not first and not restarted:
             self._listener.on_event(INFO, f'drive back at tick {datagram.tick}')
             return
