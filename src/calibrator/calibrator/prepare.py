@@ -22,6 +22,12 @@ REST_DURATION = 0.08
 """A pause shorter than this [s] is a turning point, not a measurement at rest."""
 REST_STEP = 1e-8
 """Reference changes below this [m] between two messages count as standing still."""
+FEWEST_POINTS = 4
+"""Fewer points than this at the end of a rest do not tell their scatter."""
+TRAVEL_SCATTER = 8.0
+"""Points further from the end of a rest than this many standard deviations are travel."""
+TRAVEL_LEAST = 5e-6
+"""Points nearer to the end of a rest than this [m] are never taken for travel."""
 ENOUGH_RESTS = 8
 """With fewer rests than this a session is used as a stream of moving points."""
 MOST_STREAM_SAMPLES = 4000
@@ -276,6 +282,7 @@ def _rest_samples(
         # The second half of a rest: the stage has settled by then.
         begin, end = 0.5 * (times[start] + times[stop - 1]), times[stop - 1]
         first, last = np.searchsorted(measured_times, [begin, end])
+        first += _still_moving(measured_times[first:last], measured[first:last])
         if last > first:
             point = measured[first:last].mean(axis=0)
             rows.append((0.5 * (begin + end), command[stop - 1], point, directions[stop - 1]))
@@ -284,6 +291,20 @@ def _rest_samples(
         return np.empty(0), empty, empty, empty
     t, c, m, d = zip(*rows, strict=True)
     return np.array(t), np.array(c), np.array(m), np.array(d)
+
+
+def _still_moving(times: Array, measured: Array) -> int:
+    """How many of the points (n, axes) [m] were taken before the stage arrived.
+
+    A stepper's reference stands from the moment of the command, while the stage still travels:
+    what lies further from the last points than their scatter allows is travel.
+    """
+    tail = measured[times >= times[-1] - REST_DURATION] if len(times) else measured
+    if len(tail) < FEWEST_POINTS:
+        return 0
+    allowed = np.maximum(TRAVEL_SCATTER * tail.std(axis=0), TRAVEL_LEAST)
+    far = np.any(np.abs(measured - np.median(tail, axis=0)) > allowed, axis=1)
+    return int(np.flatnonzero(far)[-1]) + 1 if far.any() else 0
 
 
 def _stream_samples(

@@ -105,7 +105,7 @@ class SessionClient(GraphClient):
             if not self._watch_encoder or self._rest_position is None:
                 return True
             arrived = np.abs(self._rest_position - np.array(self._reference)).max() < ARRIVED
-            return bool(arrived) and self._last_stamp - self._rest_since >= 0.4 * settle
+            return bool(arrived) and self._last_stamp - self._rest_since >= settle
 
         while not at_rest():
             if waited >= timeout:

@@ -54,6 +54,11 @@ def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
     raise StageError('no free port between 20000 and 32000: end what holds them')
 
 
+def zaber_port(options: Options) -> Path:
+    """Where the emulated Zaber chain links its pseudo-terminal."""
+    return options.out / 'zaber_port'
+
+
 def commands(options: Options) -> list[NodeCommand]:
     """Every node of the session, the plant first."""
     config = config_folder()
@@ -64,7 +69,7 @@ def commands(options: Options) -> list[NodeCommand]:
     lockstep = options.clock == 'lockstep'
     clock: dict[str, object] = {'use_sim_time': True} if lockstep else {}
     drive_port, tracker_port = free_port(socket.SOCK_DGRAM), free_port()
-    pty = options.out / 'zaber_port'
+    pty = zaber_port(options)
     backend = 'zaber' if stepper else 'servo'
     driver: dict[str, object] = {'backend': backend, 'twin': nominal}
     # The position loop forgets a move's lag within 0.3 s; the rest of the dwell is measured.
@@ -126,7 +131,7 @@ def commands(options: Options) -> list[NodeCommand]:
         NodeCommand(
             'gap_diagnosis',
             'gap_diagnosis.node',
-            {'twin': nominal, 'out': options.out / 'diagnosis', **clock},
+            {'twin': nominal, 'out': options.out / 'diagnosis', 'live': not stepper, **clock},
             config / 'gap_diagnosis.yaml',
         ),
     ]

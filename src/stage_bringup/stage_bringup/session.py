@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stage_bringup.graph import Options, commands, config_folder
+from stage_bringup.graph import Options, commands, config_folder, zaber_port
 from stage_bringup.processes import Processes
 from stage_core.errors import StageError, command_line
 
@@ -87,6 +87,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         for command in commands(options):
             processes.start(command)
+            if command.name == 'stage_twin' and options.backend == 'zaber':
+                # A port that does not exist is an error to the driver, as it should be.
+                _wait_for_port(zaber_port(options), processes)
         # Imported here: rclpy loads while the nodes start.
         from stage_bringup.steps import run_steps
 
@@ -109,6 +112,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = status or 1
     print(f'session: {options.out} ({time.monotonic() - begin:.0f} s)')
     return status
+
+
+def _wait_for_port(port: Path, processes: Processes) -> None:
+    deadline = time.monotonic() + 60.0
+    while not port.exists():
+        processes.check()
+        if time.monotonic() > deadline:
+            raise StageError(f'the emulated Zaber chain did not open {port} within 60 s')
+        time.sleep(0.05)
 
 
 def _interrupt(*_: object) -> None:
