@@ -270,10 +270,10 @@ def _check_excitation(record: Record) -> None:
     for i, axis in enumerate(record.axes):
         if not record.moving[i]:
             continue
-        if reversals(record.encoder[:, i], 0.05 * float(np.ptp(record.encoder[:, i]))) < 2:
+        if reversals(record.encoder[:, i], 0.05 * float(np.ptp(record.encoder[:, i]))) < 1:
             raise StageError(
                 f'{record.name} has not enough excitation: axis {axis} lacks reversals of its '
-                f'direction (at least 2); {EXCITATION_HINT}'
+                f'direction; {EXCITATION_HINT}'
             )
 
 

@@ -459,12 +459,13 @@ def _conditions(
     total = {}
     for part in parts:
         for i, axis in enumerate(records[0].axes):
-            rows = part.row_axis == i
+            # One session's bags at a time: the conditions are functions of its own time.
+            rows = (part.row_axis == i) & (part.problem.record == 0)
             if not rows.any():
                 continue
             excess = part.problem.mean_square(rows) - part.problem.floor**2
             total[part.name, axis] = excess / part.problem.floor**2
-            if excess < 0.5 * part.problem.floor**2 or len(records) != 1:
+            if excess < 0.5 * part.problem.floor**2:
                 continue
             record = records[0]
             time = part.problem.time[rows]

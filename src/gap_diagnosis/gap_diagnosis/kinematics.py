@@ -62,10 +62,10 @@ class Kinematics:
 
     def problem(self) -> Problem:
         """The regression problem over all sessions."""
-        target, fit, held, block, time = [], [], [], [], []
+        target, fit, held, block, time, number = [], [], [], [], [], []
         offset = 0
         any_held_session = any(r.held_out_session for r in self.records)
-        for record, points in zip(self.records, self._points, strict=True):
+        for session, (record, points) in enumerate(zip(self.records, self._points, strict=True)):
             assert record.tracker_time is not None and record.tracker is not None
             residual = record.tracker - points
             mask = inside(record.tracker_time, held_out_windows(record))
@@ -79,6 +79,7 @@ class Kinematics:
                 fit.append(np.full(len(mask), False) if record.held_out_session else ~mask)
                 block.append(labels)
                 time.append(record.tracker_time)
+                number.append(np.full(len(mask), session))
         tracker = self.twin.tracker
         noise = tracker.noise if tracker is not None else 1.0e-6
         resolution = np.array([self.twin.axes[a].encoder_resolution for a in self.axes])  # type: ignore[union-attr]
@@ -89,6 +90,7 @@ class Kinematics:
             np.concatenate(held),
             np.concatenate(block),
             np.concatenate(time),
+            np.concatenate(number),
             self.terms(),
             floor,
             not any_held_session,

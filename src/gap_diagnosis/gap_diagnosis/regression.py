@@ -60,6 +60,7 @@ class Problem:
     held_out: Mask
     block: NDArray[np.int64]
     time: Array
+    record: NDArray[np.int64]  # number of the session of each row
     terms: dict[str, Term]
     floor: float  # standard deviation of a row's noise, in the target's unit
     crossable: bool = True  # False where the held-out rows are a session of their own

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gap_diagnosis.data import Record
 from stage_core.quantities import EFFECT_LINKS, split_effect
 from stage_core.twin_file import ForceAxis, TwinFile
-from stage_twin.measured_force import simulate_measured_force
+from stage_twin.measured_force import simulate_measured_force, smooth_motion
 from stage_twin.simulate import simulate
 
 Array = NDArray[np.float64]
@@ -56,8 +56,10 @@ def replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]
             f'encoder.{a}': record.encoder[:, i] - result.encoder[:, i]
             for i, a in enumerate(record.axes)
         }
+        # The needed force follows from a smoothed motion: the recorded one is smoothed alike.
+        force = smooth_motion(result.force, record.period).position
         for i, a in enumerate(record.axes):
-            gap[f'force.{a}'] = result.force[:, i] - result.required[:, i]
+            gap[f'force.{a}'] = force[:, i] - result.required[:, i]
         return gap
     simulated = simulate(
         machine,

@@ -115,10 +115,10 @@ class Servo:
         target = self._columns(
             [f - self.mass * ai - self.viscous * vi for f, ai, vi in zip(force, a, v, strict=True)]
         )[:, 0]
-        fit, held, block, time = [], [], [], []
+        fit, held, block, time, number = [], [], [], [], []
         offset = 0
         any_held_session = any(r.held_out_session for r in self.records)
-        for record, keep in zip(self.records, self.keep, strict=True):
+        for session, (record, keep) in enumerate(zip(self.records, self.keep, strict=True)):
             mask = inside(record.time, held_out_windows(record))
             if any_held_session and not record.held_out_session:
                 mask[:] = False
@@ -128,12 +128,14 @@ class Servo:
             offset = int(labels.max()) + 1
             block.append(labels[keep])
             time.append(record.time[keep])
+            number.append(np.full(int(np.count_nonzero(keep)), session))
         return Problem(
             target,
             np.concatenate(fit),
             np.concatenate(held),
             np.concatenate(block),
             np.concatenate(time),
+            np.concatenate(number),
             self.terms(),
             self.floor(),
             not any_held_session,
