@@ -119,13 +119,14 @@ class Pacer:
     missed
         Deadlines that had passed by more than one period when the thread came to them.
     pauses
-        Times when the thread was so late that it gave up to catch up (machine suspended).
+        Times when the thread was later than `longest_lag` and gave up to catch up: the plant
+        stands still meanwhile, or it would run for long with a force that nobody could renew.
     worst
         Largest lateness since the start [s].
     """
 
     period: float
-    longest_lag: float = 0.25
+    longest_lag: float = 0.01
     deadline: float = 0.0
     missed: int = 0
     pauses: int = 0
