@@ -67,9 +67,9 @@ def test_friction_of_the_twin_is_found_again(record: SimulationResult) -> None:
     assert y.offset == pytest.approx(-3.0, abs=0.02)
     assert abs(x.offset) < 0.02
     for estimate in (x, y):
-        assert estimate.residual < 0.25 * estimate.residual_without
-    # 20 N over 4 um; the stepwise force at a reversal leaves some doubt about it.
-    assert 0.6 < x.model.stiffness / 5e6 < 1.6
+        assert estimate.residual < 0.35 * estimate.residual_without
+    # 20 N over 4 um: one encoder count is 5 N, so the stiffness shows to a factor of two.
+    assert 0.4 < x.model.stiffness / 5e6 < 2.0
 
 
 def test_what_cannot_be_identified_is_told(record: SimulationResult) -> None:
