@@ -115,7 +115,7 @@ def grow_calibration(
     """Calibrations with 1, 2, ... local models of the guide; the last one is the choice.
 
     Every division of every local model is calibrated and the best kept (section 4). The paper
-    names no stopping rule; here the corrected Akaike criterion has to fall, the Jacobian's
+    names no stopping rule; here the Bayesian information criterion has to fall, the Jacobian's
     condition to stay below `LARGEST_CONDITION` and each local model to hold three poses.
     """
     low, high = np.array([[span[0]]]), np.array([[span[1]]])
@@ -141,10 +141,8 @@ def grow_calibration(
 
 
 def _criterion(mechanism: Mechanism, poses: Poses) -> float:
-    """Corrected Akaike criterion of a calibration."""
+    """Bayesian information criterion of a calibration."""
     count = 2 * len(poses.x)
-    parameters = 2 + mechanism.guide.weights.size
     # Below a tenth of a picometre per equation only rounding is left to explain.
     squared = max(mechanism.discrepancy**2 / count, 1e-26)
-    correction = 2.0 * parameters * (parameters + 1) / max(count - parameters - 1, 1)
-    return count * float(np.log(squared)) + 2.0 * parameters + correction
+    return count * float(np.log(squared)) + (2 + mechanism.guide.weights.size) * np.log(count)

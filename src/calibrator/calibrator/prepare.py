@@ -12,6 +12,7 @@ from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.session import Session
+from stage_core.twin_file import TwinFile
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,8 @@ ENOUGH_RESTS = 8
 MOST_STREAM_SAMPLES = 4000
 STALE = 60.0
 """A temperature older than this [s] is a sensor that dropped out."""
+LONGEST_STAGE = 20.0
+"""A stage position beyond this is counted in motor steps, not in metres."""
 LARGEST_SHIFT = 0.5
 """Clock differences up to this [s] are searched."""
 
@@ -115,7 +118,9 @@ def prepare(session: Session, source: str = 'reference', target: str = 'tracker'
     times, command = _stage_series(session, source, axes)
     measured_times, measured = _target_series(session, target, axes)
     same_clock = target != 'tracker'
-    shift = 0.0 if same_clock else estimate_shift(times, command, measured_times, measured)
+    shift = 0.0
+    if not same_clock:
+        shift = estimate_shift(*_motion(session, times, command, axes), measured_times, measured)
     measured_times = measured_times - shift
     rests = find_rests(times, command)
     samples = _rest_samples(times, command, measured_times, measured, rests)
@@ -327,6 +332,23 @@ def _stage_series(session: Session, quantity: str, axes: tuple[str, ...]) -> tup
     topic = topics.REFERENCE if quantity == 'reference' else topics.JOINT_STATES
     series = session.require(topic, f'holds the {quantity}')
     return to_seconds(series.stamps, session.start_ns), series.columns('position', axes)
+
+
+def _motion(
+    session: Session, times: Array, command: Array, axes: tuple[str, ...]
+) -> tuple[Array, Array]:
+    """What the tracker's clock is compared with: the command, or a stepper's counted travel [m].
+
+    A stepper's reference jumps to the target when a move is sent: its travel is no clock error.
+    """
+    twin = session.twin or {}
+    if twin.get('kind') != 'stepper' or not session.has(topics.JOINT_STATES):
+        return times, command
+    stepped_times, travelled = _stage_series(session, 'encoder', axes)
+    if np.abs(travelled).max() > LONGEST_STAGE:
+        nominal = TwinFile.from_dict(twin, session.path).axes
+        travelled = travelled * [getattr(nominal[axis], 'microstep', 1.0) for axis in axes]
+    return stepped_times, travelled
 
 
 def _target_series(session: Session, target: str, axes: tuple[str, ...]) -> tuple[Array, Array]:

@@ -85,13 +85,14 @@ def stepwise(
         raise StageError('a column of the regression is not finite: remove those samples')
     mean, target_mean = x.mean(axis=0), float(y.mean())
     centred = np.column_stack([x - mean, y - target_mean])
-    length = np.sqrt(np.einsum('ij,ij->j', centred, centred))
+    gram = centred.T @ centred
+    length = np.sqrt(np.diagonal(gram))
     if length[-1] <= 0.0:
         raise StageError('the target is constant: there is nothing to explain')
     # A column that is constant up to rounding has no direction of its own.
     alive = length[:-1] > 1e-12 * np.sqrt(len(x)) * np.maximum(np.abs(mean), 1e-300)
-    scaled = centred / np.where(length > 0.0, length, 1.0)
-    inside, path, matrix = _select(scaled.T @ scaled, alive, len(x), enter, remove)
+    size = np.where(length > 0.0, length, 1.0)
+    inside, path, matrix = _select(gram / np.outer(size, size), alive, len(x), enter, remove)
     chosen = np.flatnonzero(inside)
     coefficients = np.zeros(x.shape[1])
     coefficients[chosen] = matrix[chosen, -1] * length[-1] / length[chosen]

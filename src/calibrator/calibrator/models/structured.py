@@ -213,7 +213,7 @@ def find_period(position: Array, error: Array, design: Array, significance: floa
     """Period [m] of the strongest sine of an error over position; 0 where none is significant.
 
     The screw's error repeats with its lead. A least-squares periodogram, with the other
-    regressors fitted along, is scanned from a third of the travel down to twice the mean spacing
+    regressors fitted along, is scanned from half the travel down to twice the mean spacing
     of the distinct positions, refined, and accepted when the F test of the two extra parameters
     stays below `significance` divided by the number of scanned frequencies.
 
@@ -228,7 +228,7 @@ def find_period(position: Array, error: Array, design: Array, significance: floa
     distinct = len(np.unique(np.round(position / (span * 1e-7))))
     highest = min(distinct / 2.0, 400.0)
     freedom = len(position) - design.shape[1] - 2
-    if freedom < 5 or highest <= 3.0:
+    if freedom < 5 or highest <= 2.0:
         return 0.0
     basis = np.linalg.qr(design)[0]
     rest = error - basis @ (basis.T @ error)
@@ -250,7 +250,7 @@ def find_period(position: Array, error: Array, design: Array, significance: floa
     if total <= 0.0:
         return 0.0
     # Four points per resolution cell keep the peak's loss below five per cent.
-    frequencies = np.arange(3.0, highest, 0.25) / span
+    frequencies = np.arange(2.0, highest, 0.25) / span
     left = np.array([unexplained(frequency) for frequency in frequencies])
     best = float(frequencies[int(np.argmin(left))])
     width = 0.25 / span

@@ -1,0 +1,130 @@
+"""Held-out error of the calibration methods on the recorded stages (see FACTS.md of the data).
+
+xy_circle: encoder - reference learnt on the six records of day 1, predicted on the two of day 2,
+beside a table over the phase of the lap. `+ offset` refits one constant per axis on the first
+tenth of each day-2 record, which is then not scored: offsets drift from day to day.
+ess_tank: encoder by motor position, 70/30 over positions; approach direction where recorded.
+
+    python benchmarks/calibration_real_data.py        (data at STAGE_DATA or ../shared/data)
+"""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from calibrator.compare import compare, table
+from calibrator.models import make_model
+from calibrator.prepare import Samples, approach_direction
+
+METHODS = (
+    'identity affine polynomial structured it2fls perceptron gaussian_process gradient_boosting '
+    'lolimot'
+)
+
+
+def data_folder() -> Path:
+    """Folder of the recorded data."""
+    default = Path(__file__).resolve().parents[2] / 'shared' / 'data'
+    return Path(os.environ.get('STAGE_DATA', default))
+
+
+def circle(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Reference, encoder and direction of one record, every tenth sample."""
+    record = np.load(path)
+    reference = record['reference']
+    keep = slice(None, None, 10)
+    return reference[keep], record['encoder'][keep], approach_direction(reference)[keep]
+
+
+def phase(reference: np.ndarray) -> np.ndarray:
+    """Phase of the lap [rad] from the reference on its circle."""
+    centre = 0.5 * (reference.min(axis=0) + reference.max(axis=0))
+    return np.arctan2(*(reference - centre).T)
+
+
+def xy_circle(folder: Path) -> None:
+    """Print day-2 errors per axis."""
+    day1 = [circle(p) for p in sorted(folder.glob('day1_*.npz'))]
+    day2 = [circle(p) for p in sorted(folder.glob('day2_*.npz'))]
+    reference, encoder, direction = (np.concatenate(part) for part in zip(*day1, strict=True))
+    bins = 360
+
+    def index(r: np.ndarray) -> np.ndarray:
+        return ((phase(r) + np.pi) / (2 * np.pi) * bins).astype(int) % bins
+
+    means = np.array(
+        [(encoder - reference)[index(reference) == b].mean(axis=0) for b in range(bins)]
+    )
+    predictors = {'phase table': lambda r, d: r + means[index(r)]}
+    for method in METHODS.split():
+        model = make_model(method).fit(reference, encoder, direction)
+        predictors[method] = model.predict
+    print('xy_circle: learnt on day 1, RMS on the two records of day 2 [um]')
+    heads = [f'{record} {axis}{o}' for record in 'ab' for o in ('', '+off') for axis in 'XY']
+    print(f'{"":18s} ' + ' '.join(f'{head:>8s}' for head in heads))
+    for name, predict in predictors.items():
+        cells = []
+        for r, e, d in day2:
+            left = e - predict(r, d)
+            prefix = len(left) // 10
+            shifted = left[prefix:] - left[:prefix].mean(axis=0)
+            for error in (left, shifted):
+                cells += list(1e6 * np.sqrt(np.mean(error**2, axis=0)))
+        print(f'{name:18s} ' + ' '.join(f'{cell:8.1f}' for cell in cells))
+
+
+def one_axis(command: np.ndarray, measured: np.ndarray, direction: np.ndarray) -> Samples:
+    """Samples of one rotary axis; the constant between motor and encoder zero is removed."""
+    measured = measured - np.median(measured - command)
+    count = len(command)
+    return Samples(
+        command[:, None],
+        measured[:, None],
+        direction[:, None],
+        np.empty((count, 0)),
+        np.arange(count, dtype=float),
+        (),
+        ('x',),
+        0.0,
+        True,
+    )
+
+
+def ess_tank(folder: Path) -> None:
+    """Print the tables of the two records; lengths are angles, so um reads urad."""
+    stops = np.load(folder / 'repeatability.npz')
+    good = np.abs(stops['encoder']) < 10.0
+    samples = one_axis(stops['motor'][good], stops['encoder'][good], stops['approach'][good])
+    print(f'ess_tank repeatability: {len(samples)} stops with direction [urad]')
+    print(table(compare(samples, ('identity', 'affine', 'polynomial', 'structured', 'lolimot'))))
+    stroke = np.load(folder / 'stroke.npz')
+    motor = np.interp(stroke['encoder_t'], stroke['motor_t'], stroke['motor'])
+    keep = slice(None, None, 10)
+    direction = approach_direction(motor[:, None])[:, 0]
+    samples = one_axis(motor[keep], stroke['encoder'][keep], direction[keep])
+    print(f'ess_tank stroke: {len(samples)} moving points [urad]')
+    results = compare(samples, METHODS.split())
+    print(table(results))
+    structured = results['structured']
+    if hasattr(structured, 'model'):
+        print(f'period {np.degrees(structured.model.state["leads"][0]):.2f} deg; widest terms:')
+        rows = sorted(structured.model.parameters(), key=lambda r: -abs(r['value']))[:6]
+        for row in rows:
+            print(f'  {row["name"]:16s} {1e6 * row["value"]:9.2f} +- {1e6 * row["std"]:.2f} urad')
+
+
+def main() -> int:
+    """Print all tables."""
+    folder = data_folder()
+    if not folder.is_dir():
+        print(f'no recorded data at {folder}: set STAGE_DATA; sources are named in FACTS.md')
+        return 0
+    xy_circle(folder / 'xy_circle')
+    ess_tank(folder / 'ess_tank')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
