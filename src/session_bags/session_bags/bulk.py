@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,12 +89,16 @@ def session_blocks(session: Session) -> list[Block]:
 
 
 def merge(
-    blocks: Sequence[Block], channels: Sequence[int], chunk_bytes: int
+    blocks: Sequence[Block],
+    channels: Sequence[int],
+    chunk_bytes: int,
+    written: Mapping[int, int],
 ) -> Iterator[tuple[bytes, dict[int, NDArray[np.uint64]]]]:
     """Message records of all blocks in order of time, cut into chunks.
 
     Yields the chunk's bytes and, per channel, rows of (log time, offset). Sequence numbers
-    count from 1 in each channel; publish time and log time are the same.
+    count from 1 in each channel, after the messages already `written`; publish time and log time
+    are the same.
     """
     times = np.concatenate([block.times for block in blocks])
     source = np.repeat(np.arange(len(blocks)), [len(block.times) for block in blocks])
@@ -105,7 +109,7 @@ def merge(
     sequence = np.empty(len(times), np.uint32)
     for channel in set(channels):
         mine = channel_of == channel
-        sequence[mine] = np.arange(1, np.count_nonzero(mine) + 1)
+        sequence[mine] = np.arange(1, np.count_nonzero(mine) + 1) + written.get(channel, 0)
     sizes = np.array([block.rows.shape[1] + _PREFIX for block in blocks])[source]
     ends = np.cumsum(sizes)
     begin = 0

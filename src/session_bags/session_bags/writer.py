@@ -189,7 +189,7 @@ class SessionWriter:
         if not blocks:
             return
         channels = [self.add_topic(block.topic) for block in blocks]
-        for data, index in merge(blocks, channels, chunk_bytes):
+        for data, index in merge(blocks, channels, chunk_bytes, dict(self._container.counts)):
             with self._disk():
                 self._container.add_chunk(data, index)
 
