@@ -147,6 +147,19 @@ def prepare(session: Session, source: str = 'reference', target: str = 'tracker'
     )
 
 
+def rest_samples(session: Session) -> Samples:
+    """Means over the finished rests of a session, without a search for a clock shift.
+
+    For use while the stage runs: a rest lasts far longer than a clock that is off. May be empty.
+    """
+    times, command = _stage_series(session, 'reference', session.axes)
+    measured_times, measured = _target_series(session, 'tracker', session.axes)
+    rests = [rest for rest in find_rests(times, command) if rest[1] < len(times)]
+    t, c, m, d = _rest_samples(times, command, measured_times, measured, rests)
+    sensors, heat = _temperatures(session, t) if len(t) else ((), np.empty((0, 0)))
+    return Samples(c, m, d, heat, t, sensors, session.axes, 0.0, True)
+
+
 def concatenate(parts: list[Samples]) -> Samples:
     """Samples of several sessions together; sensors that all of them have are kept.
 

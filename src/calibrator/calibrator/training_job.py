@@ -91,7 +91,8 @@ def read_training_sessions(bags: list[Path], source: str, target: str) -> list[S
     if 'encoder' in (source, target):
         wanted.add(topics.JOINT_STATES)
     if target == 'tracker':
-        wanted.add(topics.TRACKER_POINT)
+        # The clock shift of a stepper is judged by its counted travel.
+        wanted |= {topics.TRACKER_POINT, topics.JOINT_STATES}
     return [read_session(bag, wanted) for bag in bags]
 
 
