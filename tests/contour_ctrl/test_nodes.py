@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import threading
@@ -16,12 +17,15 @@ pytest.importorskip('rclpy')
 
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
+from calibrator import model_file
+from calibrator.models import make_model
 from contour_ctrl import storage
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_node.client_node import GraphClient
-from stage_node.node import SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
+from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
 
 MS = 1_000_000
 RADIUS = 0.002
@@ -40,6 +44,7 @@ class LockstepDriver:
         self.last = -1
         self.streaming = threading.Event()
         self.break_at: int | None = None
+        self.mute_at: int | None = None
         self.clock = node.create_publisher(Clock, topics.CLOCK, 10)
         self.states = node.create_publisher(JointState, topics.JOINT_STATES, STATE_QOS)
         client.watch(JointState, topics.SETPOINT, SETPOINT_QOS, self.on_setpoint)
@@ -54,6 +59,8 @@ class LockstepDriver:
                 return
             self.streaming.set()
             self.streamed.append((*message.position, *message.velocity))
+            if self.mute_at is not None and len(self.streamed) >= self.mute_at:
+                return
             self.q = self.q + 0.9e-3 * np.array(message.velocity)
             self.advance()
             return
@@ -109,7 +116,7 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         contour='circle',
         radius=RADIUS,
         feed=0.03,
-        iterations=3,
+        iterations=2,
         scheme='cccmac+rilc',
         session_folder=tmp_path / 'session',
         machine='fake',
@@ -123,11 +130,11 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         with pytest.raises(StageError, match='nothing to abort'):
             client.trigger('/contour_ctrl/abort', 20.0)
         message = client.trigger('/contour_ctrl/run', 60.0)
-        assert '3 iterations; first: tracking RMS' in message and 'best, iteration' in message
+        assert '2 iterations; first: tracking RMS' in message and 'best, iteration' in message
         first = list(plant.streamed)
         assert plant.moves[0] == pytest.approx((RADIUS, 0.0))
         assert plant.moves[-1] == pytest.approx((RADIUS, 0.0))
-        assert len(first) % 3 == 0 and len(first) > 1000
+        assert len(first) % 2 == 0 and len(first) > 900
         radius = np.hypot(*np.array(first)[:, :2].T)
         assert radius == pytest.approx(RADIUS, rel=1e-9)
         saved = tmp_path / 'session' / storage.FILE_NAME
@@ -168,6 +175,32 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         with pytest.raises(StageError, match='encoder position is not a number'):
             client.trigger('/contour_ctrl/run', 60.0)
         assert len(plant.streamed) == 300
+        assert plant.moves[-1] == pytest.approx(plant.streamed[-1][:2], abs=4e-3)
+
+        # The active calibration model: the stage goes where the table comes out right.
+        plant.break_at = None
+        commands = np.random.default_rng(0).uniform(-0.01, 0.01, (200, 2))
+        model = make_model('affine').fit(commands, 1.01 * commands + 1e-5)
+        model_file.save(model_file.StoredModel(model), tmp_path / 'model.json')
+        latched = client.node.create_publisher(String, topics.MODEL, LATCHED_QOS)
+        content = {'active': True, 'file': str(tmp_path / 'model.json')}
+        latched.publish(String(data=json.dumps(content)))
+        plant.streamed.clear()
+        plant.moves.clear()
+        client.set_parameters('/contour_ctrl', iterations=1, scheme='ccc')
+        client.trigger('/contour_ctrl/run', 60.0)
+        table = 1.01 * np.array(plant.streamed)[:, :2] + 1e-5
+        assert np.hypot(*table.T) == pytest.approx(RADIUS, rel=1e-6)
+
+        plant.streamed.clear()
+        plant.mute_at = 250
+        client.set_parameters('/contour_ctrl', lockstep_timeout=0.7)
+        with pytest.raises(StageError, match='no encoder message on /stage/joint_states for'):
+            client.trigger('/contour_ctrl/run', 60.0)
+        assert len(plant.streamed) == 250
+        ahead = np.array(plant.moves[-1]) - plant.streamed[-1][:2]
+        # Half the stop time at 30 mm/s: room to brake in the direction of travel.
+        assert np.hypot(*ahead) == pytest.approx(0.003, rel=0.1)
     finally:
         output = end(process)
     assert process.returncode == 0, output
