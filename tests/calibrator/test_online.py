@@ -91,3 +91,39 @@ def test_methods_without_linear_weights_are_refused():
         OnlineAdapter(base('lolimot'))
     with pytest.raises(StageError, match='forgetting'):
         RecursiveLeastSquares(np.zeros(1), np.ones(1), 1.0, 1.0, 1.5)
+
+
+def test_live_rests_are_learned_once_and_followed(grid_session, planted_map):
+    from calibrator.adaptation import LiveAdaptation
+    from calibrator.live_buffer import LiveBuffer
+    from calibrator.model_file import StoredModel
+    from calibrator.prepare import prepare
+    from stage_core import topics
+
+    cold = prepare(grid_session(80, seed=1))
+    model = make_model('structured', degree=2).fit(
+        cold.command, cold.measured - 4e-6, cold.direction
+    )
+    session = grid_session(80, seed=2)
+    reference = session.series[topics.REFERENCE]
+    points = session.series[topics.TRACKER_POINT]
+    rows = reference.columns('position', ('x', 'y'))
+    adaptation = LiveAdaptation(StoredModel(model), 5e-6, 5e-7, 0.98)
+    buffer = LiveBuffer(100_000)
+    learned = 0
+    for i, stamp in enumerate(reference.stamps):
+        buffer.add_reference(int(stamp), ('x', 'y'), rows[i])
+        if i % 5 == 0:
+            row = [points.values[axis][i // 5] for axis in 'xyz']
+            buffer.add_point(int(points.stamps[i // 5]), row)
+        if i % 2000 == 1999:
+            learned += adaptation.step(buffer)
+    assert 60 <= learned + adaptation.step(buffer) <= 80
+    assert adaptation.step(buffer) == 0
+    warm = prepare(grid_session(40, seed=3))
+    truth = planted_map(warm.command, warm.direction)
+
+    def rms(m):
+        return np.sqrt(np.mean((truth - m.predict(warm.command, warm.direction)) ** 2))
+
+    assert rms(adaptation.stored.model) < 0.6 * rms(model)

@@ -34,10 +34,12 @@ class Ring:
         self._rows[at] = row
         self._count += 1
 
-    def content(self) -> tuple[NDArray[np.int64], Array]:
-        """Stamps and rows by time."""
-        order = np.argsort(self._stamps[: len(self)], kind='stable')
-        return self._stamps[: len(self)][order], self._rows[: len(self)][order]
+    def content(self, newest: int | None = None) -> tuple[NDArray[np.int64], Array]:
+        """Stamps and rows by time, of the `newest` rows or of all."""
+        wanted = len(self) if newest is None else min(newest, len(self))
+        at = np.arange(self._count - wanted, self._count) % len(self._stamps)
+        at = at[np.argsort(self._stamps[at], kind='stable')]
+        return self._stamps[at], self._rows[at]
 
 
 class LiveBuffer:
@@ -67,13 +69,18 @@ class LiveBuffer:
             self._sensors[sensor] = Ring(min(self._capacity, 20_000), 1)
         self._sensors[sensor].add(stamp, (value,))
 
+    @property
+    def empty(self) -> bool:
+        """Whether a reference or a tracker point is still missing."""
+        return self._reference is None or not len(self._points)
+
     def counts(self) -> dict[str, int]:
         """Number of references and points held."""
         held = 0 if self._reference is None else len(self._reference)
         return {'references': held, 'points': len(self._points)}
 
-    def session(self) -> Session:
-        """The buffer as a session.
+    def session(self, newest: int | None = None) -> Session:
+        """The buffer as a session, of the `newest` messages per topic or of all.
 
         Raises
         ------
@@ -85,7 +92,7 @@ class LiveBuffer:
                 'the live buffer holds no pair of reference and tracker point: move the stage '
                 'with the tracker connected, or set the parameter bag'
             )
-        stamps, rows = self._reference.content()
+        stamps, rows = self._reference.content(newest)
         series = {
             topics.REFERENCE: Series(
                 topics.REFERENCE,
@@ -93,13 +100,13 @@ class LiveBuffer:
                 {f'position.{axis}': rows[:, i] for i, axis in enumerate(self._axes)},
             )
         }
-        stamps, rows = self._points.content()
+        stamps, rows = self._points.content(newest)
         series[topics.TRACKER_POINT] = Series(
             topics.TRACKER_POINT, stamps, {a: rows[:, i] for i, a in enumerate('xyz')}
         )
         for sensor, ring in self._sensors.items():
             key = topics.temperature_key(sensor)
-            stamps, rows = ring.content()
+            stamps, rows = ring.content(newest)
             series[key] = Series(key, stamps, {'temperature': rows[:, 0]})
         return Session('the live buffer', series, None, self.alignment)
 

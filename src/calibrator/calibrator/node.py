@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PointStamped, TransformStamped
+from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from calibrator import model_file
+from calibrator.adaptation import LiveAdaptation
 from calibrator.correction import Correction
 from calibrator.live_buffer import LiveBuffer, save_session
 from calibrator.models import METHODS, make_model
@@ -52,6 +54,10 @@ PARAMETERS = (
     Parameter('model_folder', 'bags/models', 'folder that new models are written to'),
     Parameter('model_file', '', 'model to load at the start and with ~/load'),
     Parameter('max_correction', 1e-3, 'larger corrections are refused', 'm', 0.0, 1.0),
+    Parameter('adapt', False, 'adapt the model to the rests heard while the stage runs'),
+    Parameter('adapt_drift', 1e-6, 'size of the drift to follow', 'm', 1e-12, 1e-2),
+    Parameter('adapt_noise', 1e-6, 'deviation of a measured point', 'm', 1e-12, 1e-2),
+    Parameter('adapt_forgetting', 0.99, 'weight of a rest relative to the next', '', 0.5, 1.0),
     Parameter(
         'buffer_size', 300_000, 'messages kept per topic', '', 100, 10_000_000, read_only=True
     ),
@@ -70,6 +76,7 @@ class Calibrator(StageNode):
         self._file = ''
         self._failure = ''
         self._refused = 0
+        self._adaptation: LiveAdaptation | None = None
         self._scratch = tempfile.TemporaryDirectory(prefix='calibrator-')
         self._setpoints = self.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
         self._models = self.create_publisher(String, topics.MODEL, LATCHED_QOS)
@@ -84,6 +91,9 @@ class Calibrator(StageNode):
         self.create_service(Trigger, '~/abort', self._on_abort)
         self.create_service(Trigger, '~/load', self._on_load)
         self.diagnostics.task('model', self._status)
+        # Steady time: simulated time stands still while nobody moves the stage.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0, self._adapt, clock=steady)
         if self.value('model_file'):
             self._use(Path(self.value('model_file')))
         self._announce()
@@ -199,7 +209,31 @@ class Calibrator(StageNode):
         stored = model_file.load(path, self.value('machine'))
         # One assignment: a target is corrected with the old model or with the new one.
         self._correction.stored = stored
+        self._adaptation = None
         self._file = str(path.absolute())
+
+    def _adapt(self) -> None:
+        stored = self._correction.stored
+        if not self.value('adapt') or stored is None or self._buffer.empty:
+            return
+        try:
+            if self._adaptation is None:
+                self._adaptation = LiveAdaptation(
+                    stored,
+                    self.value('adapt_drift'),
+                    self.value('adapt_noise'),
+                    self.value('adapt_forgetting'),
+                )
+            if not self._adaptation.step(self._buffer):
+                return
+            adapted = Path(self.value('model_folder')).absolute() / 'adapted.json'
+            model_file.save(self._adaptation.stored, adapted)
+        except StageError as error:
+            self._failure = f'no adaptation: {error}'
+            return
+        self._correction.stored = self._adaptation.stored
+        self._file = str(adapted)
+        self._announce()
 
     def _announce(self) -> None:
         stored = self._correction.stored
@@ -209,6 +243,7 @@ class Calibrator(StageNode):
             'version': stored.version if stored else 0,
             'metrics': stored.metrics if stored else {},
             'file': self._file,
+            'adapted_by': self._adaptation.adapter.learned if self._adaptation else 0,
         }
         self._models.publish(String(data=json.dumps(content)))
 
@@ -251,6 +286,9 @@ class Calibrator(StageNode):
             'training': self._trainer.progress if self._trainer.running else 'no',
             **self._buffer.counts(),
         }
+        if self._adaptation:
+            values['rests learned'] = self._adaptation.adapter.learned
+            values['adaptations rolled back'] = self._adaptation.adapter.rollbacks
         if stored:
             values['held-out RMS [m]'] = stored.metrics.get('after', {}).get('rms')
         if self._refused:

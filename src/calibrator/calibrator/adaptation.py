@@ -1,0 +1,70 @@
+"""Adapting the model in use from the rests that the live buffer has heard."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from calibrator.live_buffer import LiveBuffer
+from calibrator.model_file import StoredModel
+from calibrator.online import OnlineAdapter
+from calibrator.prepare import Array, Samples, rest_samples
+
+NEWEST = 20_000
+"""Messages per topic that are looked through for new rests."""
+
+
+class LiveAdaptation:
+    """Feeds each new rest once to an `OnlineAdapter`.
+
+    Parameters
+    ----------
+    stored
+        The model in use.
+    drift, noise
+        Size of the drift to follow and deviation of a measured point [m].
+    forgetting
+        Of the recursive least squares.
+
+    Raises
+    ------
+    StageError
+        If the method has no linear weights.
+    """
+
+    def __init__(self, stored: StoredModel, drift: float, noise: float, forgetting: float) -> None:
+        self._stored = stored
+        self.adapter = OnlineAdapter(stored.model, drift, noise, forgetting)
+        self._seen_until = 0
+
+    @property
+    def stored(self) -> StoredModel:
+        """The adapted model with the provenance of the one that it came from."""
+        return replace(self._stored, model=self.adapter.model)
+
+    def step(self, buffer: LiveBuffer) -> int:
+        """Learn the rests that ended since the last call; how many there were.
+
+        Raises
+        ------
+        StageError
+            If the buffer holds no pair of reference and tracker point.
+        """
+        session = buffer.session(NEWEST)
+        samples = rest_samples(session)
+        stamps = session.start_ns + (samples.times * 1e9).astype('int64')
+        fresh = samples.take(stamps > self._seen_until)
+        for k in range(len(fresh)):
+            row = slice(k, k + 1)
+            self.adapter.update(
+                fresh.command[row], fresh.measured[row], fresh.direction[row], self._heat(fresh, k)
+            )
+        if len(stamps):
+            self._seen_until = max(self._seen_until, int(stamps.max()))
+        return len(fresh)
+
+    def _heat(self, samples: Samples, k: int) -> Array | None:
+        wanted = self._stored.sensors
+        if not wanted or any(sensor not in samples.sensors for sensor in wanted):
+            return None
+        columns = [samples.sensors.index(sensor) for sensor in wanted]
+        return samples.temperatures[k : k + 1, columns]
