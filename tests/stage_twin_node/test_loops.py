@@ -217,3 +217,17 @@ def test_a_taken_port_is_one_clear_error():
 def test_no_thread_is_left():
     names = {thread.name for thread in threading.enumerate()}
     assert 'plant' not in names
+
+
+def test_a_plant_that_fails_is_told_and_not_silent(machine):
+    loop = lockstep(machine)
+
+    def broken(_):
+        raise RuntimeError('broken clock')
+
+    loop._publish_clock = broken
+    loop.start()
+    loop.join(20.0)
+    level, message, _ = loop.status()
+    loop.stop()
+    assert level == 2 and 'broken clock' in message and 'start stage_twin again' in message

@@ -50,8 +50,8 @@ def run(tmp_path):
             for _ in range(200):
                 answer = exchange(port, b'/1 get pos')
         assert answer.split()[-1] == b'20000'
-        well, message, values = loop.status()
-        assert well and values['dropped_lines'] == 0
+        level, _, values = loop.status()
+        assert (level, values['dropped_lines']) == (0, 0)
         assert loop.reset()
     finally:
         loop.stop()

@@ -78,8 +78,8 @@ class _Loop(threading.Thread, ABC):
         """Return where the devices are, in one line."""
         return f'drive link on 127.0.0.1:{self.drive.port}'
 
-    def status(self) -> tuple[bool, str, dict[str, Any]]:
-        """Return whether all is well, a sentence, and values for /diagnostics."""
+    def status(self) -> tuple[int, str, dict[str, Any]]:
+        """Return level (0 fine, 1 warning, 2 error), sentence and values for /diagnostics."""
         values: dict[str, Any] = {
             'ticks': self.ticks,
             'time': f'{self.stamp / NANOSECONDS:.3f}',
@@ -88,12 +88,12 @@ class _Loop(threading.Thread, ABC):
             **self._counters(),
         }
         if self.failure is not None:
-            return False, f'the plant has stopped: {self.failure}', values
+            return 2, f'the plant has stopped: {self.failure}: start stage_twin again', values
         if not self.drive.connected:
-            return False, 'waits for a driver on the drive link', values
+            return 1, 'waits for a driver on the drive link', values
         if self.braking:
-            return False, 'no force from the driver: dynamic braking', values
-        return True, 'running', values
+            return 1, 'no force from the driver: dynamic braking', values
+        return 0, 'running', values
 
     @abstractmethod
     def _counters(self) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from stage_core.clocks import NANOSECONDS, split_stamp
 from stage_core.drive_link import DEFAULT_PORT
 from stage_core.parameters import Parameter, Value
 from stage_core.twin_file import TwinFile
-from stage_node.node import OK, WARN, StageNode, run
+from stage_node.node import ERROR, OK, WARN, StageNode, run
 from stage_twin.emulators.drive import DriveSocket
 from stage_twin.emulators.tracker import FAULTS, TrackerInstrument
 from stage_twin.emulators.tracker_server import SaTextSender, TrackerServer
@@ -183,8 +183,8 @@ class StageTwin(StageNode):
         return response
 
     def _plant_status(self) -> tuple[bytes, str, dict[str, Any]]:
-        well, message, values = self._loop.status()
-        return OK if well else WARN, message, values
+        level, message, values = self._loop.status()
+        return (OK, WARN, ERROR)[level], message, values
 
     def _tracker_status(self) -> tuple[bytes, str, dict[str, Any]]:
         if self._tracker is None:

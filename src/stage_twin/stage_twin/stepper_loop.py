@@ -82,14 +82,14 @@ class StepperLoop:
         """Return where the devices are, in one line."""
         return f'Zaber chain on {self._server.port}'
 
-    def status(self) -> tuple[bool, str, dict[str, Any]]:
-        """Return whether all is well, a sentence, and values for /diagnostics."""
+    def status(self) -> tuple[int, str, dict[str, Any]]:
+        """Return level (0 fine), sentence and values for /diagnostics."""
         values = {
             'port': self._server.port,
             'time': f'{self._stamp / NANOSECONDS:.3f}',
             'dropped_lines': self._server.chain.dropped_lines,
         }
-        return True, 'running', values
+        return 0, 'running', values
 
     def _advanced(self, seconds: float) -> None:
         """Measure what is due; called in the terminal's thread, before its answer is written."""

@@ -11,6 +11,7 @@ from tracker_bridge.samples import Point, Sample
 
 # Longer than any network delay, shorter than a change of the source's clock.
 TIME_JUMP_NS = NANOSECONDS
+CLOCK_LOST = "the source's clock has jumped, its points are dropped: call ~/reset"
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ class Bridge:
         limits, counters = self.limits, self.counters
         found = []
         if self.clock_lost:
-            found.append("the source's clock has jumped, its points are dropped: call ~/reset")
+            found.append(CLOCK_LOST)
         if self.identical > limits.identical:
             found.append(f'{self.identical} identical points, not proven fresh: check the beam')
         if limits.rate and self.rate and not 0.5 < self.rate / limits.rate < 2.0:

@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run, set_stamp
-from tracker_bridge.bridge import Bridge, Limits
+from tracker_bridge.bridge import CLOCK_LOST, Bridge, Limits
 from tracker_bridge.joint_cdr import stamp_and_position
 from tracker_bridge.parameters import PARAMETERS
 from tracker_bridge.registration import register
@@ -183,6 +183,8 @@ class TrackerBridge(StageNode):
 
     def _complain(self) -> None:
         trouble, now = self._source.trouble, time.monotonic()
+        if not trouble and self._bridge.clock_lost:
+            trouble = CLOCK_LOST
         if not trouble:
             self._silent_until = now + FIRST_COMPLAINT
         elif now >= self._silent_until:
