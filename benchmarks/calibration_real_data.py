@@ -16,6 +16,7 @@ import numpy as np
 
 from calibrator.compare import compare, table
 from calibrator.models import make_model
+from calibrator.phase_table import PhaseTable
 from calibrator.prepare import Samples, approach_direction
 
 METHODS = (
@@ -38,26 +39,13 @@ def circle(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return reference[keep], record['encoder'][keep], approach_direction(reference)[keep]
 
 
-def phase(reference: np.ndarray) -> np.ndarray:
-    """Phase of the lap [rad] from the reference on its circle."""
-    centre = 0.5 * (reference.min(axis=0) + reference.max(axis=0))
-    return np.arctan2(*(reference - centre).T)
-
-
 def xy_circle(folder: Path) -> None:
     """Print day-2 errors per axis."""
     day1 = [circle(p) for p in sorted(folder.glob('day1_*.npz'))]
     day2 = [circle(p) for p in sorted(folder.glob('day2_*.npz'))]
     reference, encoder, direction = (np.concatenate(part) for part in zip(*day1, strict=True))
-    bins = 360
-
-    def index(r: np.ndarray) -> np.ndarray:
-        return ((phase(r) + np.pi) / (2 * np.pi) * bins).astype(int) % bins
-
-    means = np.array(
-        [(encoder - reference)[index(reference) == b].mean(axis=0) for b in range(bins)]
-    )
-    predictors = {'phase table': lambda r, d: r + means[index(r)]}
+    baseline = PhaseTable().fit(reference, encoder)
+    predictors = {'phase table': lambda r, _: baseline.predict(r)}
     for method in METHODS.split():
         model = make_model(method).fit(reference, encoder, direction)
         predictors[method] = model.predict

@@ -161,3 +161,36 @@ def test_offline_command_trains_from_a_bag_and_writes_the_model(tmp_path, capsys
     assert main(['--bag', str(tmp_path / 'absent')]) == 2
     assert 'there is no bag' in capsys.readouterr().err
     assert main([*arguments, '--options', '[1]']) == 2
+
+
+def test_phase_table_is_the_mean_over_laps():
+    from calibrator.phase_table import PhaseTable
+
+    turn = np.linspace(-np.pi, np.pi, 3600, endpoint=False) + 1e-4
+    circle = 0.1 * np.column_stack([np.cos(turn), np.sin(turn)]) + [0.3, -0.2]
+    error = 1e-4 * np.column_stack([np.sin(3 * turn), np.cos(turn)])
+    noise = 1e-5 * np.random.default_rng(0).normal(size=error.shape)
+    found = PhaseTable().fit(
+        np.vstack([circle, circle]), np.vstack([circle + error + noise, circle + error - noise])
+    )
+    # Bins of one degree: at most 1.5 degrees of the third harmonic off.
+    assert np.abs(found.predict(circle) - circle - error).max() < 1e-4 * 3 * np.radians(1.0)
+    with pytest.raises(StageError, match='two axes'):
+        PhaseTable().fit(circle[:, :1], circle[:, :1])
+
+
+def test_offline_command_judges_held_out_bags_beside_the_phase_table(
+    tmp_path, capsys, grid_session
+):
+    from calibrator.retrain_offline import main
+    from session_bags.writer import write_session
+
+    bags = []
+    for seed in (1, 2):
+        bags.append(str(write_session(tmp_path / f'bag{seed}', grid_session(60, seed=seed))))
+    assert main(['--bag', bags[0], '--holdout', bags[1], '--phase-table']) == 0
+    rows = capsys.readouterr().out.splitlines()[-2:]
+    for row, axis in zip(rows, 'xy', strict=True):
+        name, found_axis, before, table, after = row.split()
+        assert (name, found_axis) == ('bag2', axis)
+        assert float(after) < 0.2 * float(before) and float(after) < float(table)

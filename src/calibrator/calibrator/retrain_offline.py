@@ -5,18 +5,21 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from calibrator import model_file
 from calibrator.compare import compare, table
 from calibrator.models import METHODS
-from calibrator.prepare import INPUTS, TARGETS, Samples
+from calibrator.models.base import CalibrationModel
+from calibrator.phase_table import PhaseTable
+from calibrator.prepare import INPUTS, TARGETS, Samples, prepare
 from calibrator.training import (
     Metrics,
     default_options,
-    evaluate,
     find_bags,
     samples_of,
     stored,
@@ -39,10 +42,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f'{1e3 * samples.shift:.2f} ms'
     )
     settings = {**default_options(options.method, sessions[0]), **_json_object(options.options)}
-    held = None
-    if options.holdout:
-        holdout = read_training_sessions(find_bags(options.holdout), options.input, options.target)
-        held = samples_of(holdout, options.input, options.target)
     if options.compare:
         shared = {m: default_options(m, sessions[0]) for m in METHODS}
         print(table(compare(samples, options=shared, seed=options.seed, by=options.split)))
@@ -50,9 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     result = train(samples, options.method, settings, options.seed, options.split, _progress())
     print(result.model.describe())
     print(before_and_after(result.before, result.after, result.held_out))
-    if held is not None:
-        print(f'held-out session(s): {len(held)} samples')
-        print(before_and_after(_uncalibrated(held), evaluate(result.model, held), len(held)))
+    if options.holdout:
+        print(_held_out_table(options, samples, result.model))
     if options.out:
         model_file.save(stored(result, bags, options.machine, 1, options.seed), options.out)
         print(f'model written to {options.out}')
@@ -88,8 +86,27 @@ def before_and_after(before: Metrics, after: Metrics, count: int) -> str:
     return '\n'.join(lines)
 
 
-def _uncalibrated(samples: Samples) -> Metrics:
-    return Metrics.of(samples.measured - samples.command)
+def _held_out_table(options: argparse.Namespace, samples: Samples, model: CalibrationModel) -> str:
+    """RMS per held-out bag and axis: uncalibrated, phase table where asked for, model."""
+    bags = find_bags(options.holdout)
+    predictors: dict[str, Callable[[Samples], Any]] = {'before': lambda s: s.command}
+    if options.phase_table:
+        baseline = PhaseTable().fit(samples.command, samples.measured)
+        predictors['phase table'] = lambda s: baseline.predict(s.command)
+    predictors[model.method] = lambda s: model.predict(s.command, s.direction)
+    lines = [f'{"held-out RMS [um]":22s} ' + ' '.join(f'{name:>12s}' for name in predictors)]
+    for bag, session in zip(
+        bags, read_training_sessions(bags, options.input, options.target), strict=True
+    ):
+        held = prepare(session, options.input, options.target)
+        errors = [
+            np.sqrt(np.mean((held.measured - predict(held)) ** 2, axis=0))
+            for predict in predictors.values()
+        ]
+        for number, axis in enumerate(held.axes):
+            cells = ' '.join(f'{1e6 * error[number]:12.1f}' for error in errors)
+            lines.append(f'{bag.name + " " + axis:22s} {cells}')
+    return '\n'.join(lines)
 
 
 def _progress() -> Any:
@@ -124,6 +141,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--target', default='tracker', choices=TARGETS, help='model output')
     parser.add_argument('--split', default='position', choices=('position', 'time'))
     parser.add_argument('--holdout', action='append', default=[], help='bag to judge the model on')
+    parser.add_argument(
+        '--phase-table', action='store_true', help='with --holdout: beside a table over the lap'
+    )
     parser.add_argument('--compare', action='store_true', help='table of all methods, no model')
     parser.add_argument('--machine', default='', help='name of the stage, kept in the model')
     parser.add_argument('--seed', type=int, default=0)

@@ -159,8 +159,12 @@ class Structured(CalibrationModel):
             for degree in degrees:
                 self.state['leads'][axis], self.state['degrees'][axis] = candidate, degree
                 design = self._design(command, direction, temperatures, axis)
-                if len(design) > 1.2 * design.shape[1]:
-                    best = min(best, (_left_out(design, target, self._ridge()), degree, candidate))
+                if len(design) <= 1.2 * design.shape[1]:
+                    continue
+                left = _left_out(design, target, self._ridge())
+                # More terms have to earn their place: leave-one-out alone keeps a few too many.
+                if left < 0.97 * best[0]:
+                    best = (left, degree, candidate)
         self.state['degrees'][axis], self.state['leads'][axis] = best[1], best[2]
 
     def _degrees(self) -> list[int]:
