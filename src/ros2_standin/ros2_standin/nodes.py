@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ros2_standin.graph import (
+from ros2_standin.graph_node import (
     answer,
     full_name,
     hidden,

@@ -8,7 +8,8 @@ from typing import Any
 
 import yaml
 
-from ros2_standin.graph import call, node, node_names, require_node, settle
+from ros2_standin.graph_node import call, node, node_names, parameter_message, require_node, settle
+from ros2_standin.messages import interface
 from stage_core.errors import StageError
 
 #: ROS type number -> field of a ParameterValue, word for one value.
@@ -55,17 +56,15 @@ def add_verbs(parser: argparse.ArgumentParser) -> None:
 
 
 def _names(looker: Any, name: str) -> list[str]:
-    from rcl_interfaces.srv import ListParameters
-
-    response = call(looker, ListParameters, f'{name}/list_parameters', ListParameters.Request())
+    kind = interface('rcl_interfaces/srv/ListParameters', 'srv')
+    response = call(looker, kind, f'{name}/list_parameters', kind.Request())
     return sorted(response.result.names)
 
 
 def _values(looker: Any, name: str, parameters: list[str]) -> list[Any]:
-    from rcl_interfaces.srv import GetParameters
-
-    request = GetParameters.Request(names=parameters)
-    return list(call(looker, GetParameters, f'{name}/get_parameters', request).values)
+    kind = interface('rcl_interfaces/srv/GetParameters', 'srv')
+    request = kind.Request(names=parameters)
+    return list(call(looker, kind, f'{name}/get_parameters', request).values)
 
 
 def _plain(value: Any) -> Any:
@@ -105,10 +104,11 @@ def get(arguments: argparse.Namespace) -> None:
 
 def set_parameter(arguments: argparse.Namespace) -> int:
     """Set one parameter; its text is read as YAML."""
-    from rcl_interfaces.srv import SetParameters
-    from rclpy.parameter import Parameter
-
-    value = yaml.safe_load(arguments.value)
+    kind = interface('rcl_interfaces/srv/SetParameters', 'srv')
+    try:
+        value = yaml.safe_load(arguments.value)
+    except yaml.YAMLError:
+        value = None
     if isinstance(value, (dict, type(None))):
         value = arguments.value
     with node() as looker:
@@ -118,9 +118,9 @@ def set_parameter(arguments: argparse.Namespace) -> int:
             value = float(value)
         if known is not None and known.type == 4 and not isinstance(value, str):
             value = arguments.value
-        parameter = Parameter(arguments.parameter_name, value=value).to_parameter_msg()
-        request = SetParameters.Request(parameters=[parameter])
-        (result,) = call(looker, SetParameters, f'{name}/set_parameters', request).results
+        parameter = parameter_message(arguments.parameter_name, value)
+        request = kind.Request(parameters=[parameter])
+        (result,) = call(looker, kind, f'{name}/set_parameters', request).results
     reason = f': {result.reason}' if result.reason else ''
     if not result.successful:
         print(f'Setting parameter failed{reason}', file=sys.stderr)
@@ -131,13 +131,12 @@ def set_parameter(arguments: argparse.Namespace) -> int:
 
 def describe(arguments: argparse.Namespace) -> None:
     """Print what a parameter is for, and its range."""
-    from rcl_interfaces.srv import DescribeParameters
-
+    kind = interface('rcl_interfaces/srv/DescribeParameters', 'srv')
     with node() as looker:
         name = require_node(looker, arguments.node_name)
-        request = DescribeParameters.Request(names=arguments.parameter_names)
+        request = kind.Request(names=arguments.parameter_names)
         service = f'{name}/describe_parameters'
-        found = call(looker, DescribeParameters, service, request).descriptors
+        found = call(looker, kind, service, request).descriptors
     for item in found:
         print(f'Parameter name: {item.name}\n  Type: {_NAMES.get(item.type, "not set")}')
         if item.description:

@@ -9,7 +9,7 @@ import time
 from collections import deque
 from typing import Any
 
-from ros2_standin.graph import full_name, hidden, node, settle, wait_until
+from ros2_standin.graph_node import full_name, hidden, listening_qos, node, settle, wait_until
 from ros2_standin.messages import fill, from_plain_field, interface, to_plain, to_yaml
 from stage_core.errors import StageError
 
@@ -103,21 +103,6 @@ def type_of(arguments: argparse.Namespace) -> None:
         print(_type_name(looker, full_name(arguments.topic)))
 
 
-def _listening_qos(looker: Any, topic: str) -> Any:
-    """Quality of service that matches every publisher of a topic."""
-    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
-    publishers = looker.get_publishers_info_by_topic(topic)
-    profiles = [publisher.qos_profile for publisher in publishers]
-    reliable = profiles and all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
-    latched = profiles and all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
-    return QoSProfile(
-        depth=1000,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
-
-
 def echo(arguments: argparse.Namespace) -> None:
     """Print messages as they come."""
     topic = full_name(arguments.topic)
@@ -144,7 +129,7 @@ def echo(arguments: argparse.Namespace) -> None:
                 lambda: looker.get_publishers_info_by_topic(topic), 6.0, f'no publisher of {topic}'
             )
         looker.create_subscription(
-            interface(type_name, 'msg'), topic, arrived, _listening_qos(looker, topic)
+            interface(type_name, 'msg'), topic, arrived, listening_qos(looker, topic)
         )
         came = ended.wait(arguments.timeout)
     if failure:
@@ -183,7 +168,7 @@ def hz(arguments: argparse.Namespace) -> None:
             interface(type_name, 'msg'),
             topic,
             lambda _: times.append(time.monotonic()),
-            _listening_qos(looker, topic),
+            listening_qos(looker, topic),
             raw=True,
         )
         last = 0

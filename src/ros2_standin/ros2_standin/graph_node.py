@@ -12,10 +12,11 @@ from typing import Any
 from stage_core.errors import StageError
 from stage_node.node import local_graph
 
+#: Participants repeat their announcement every three seconds: one that was missed comes by then.
+_ANNOUNCEMENTS = 3.2
 #: Discovery has settled when nothing new was seen for this long [s].
-_QUIET = 0.6
-#: Announcements that were missed are repeated every three seconds.
-_LONGEST = 4.0
+_QUIET = 0.3
+_LONGEST = 6.0
 
 
 @contextmanager
@@ -62,10 +63,10 @@ def settle(looker: Any, spin_time: float | None = None) -> None:
             sorted(looker.get_topic_names_and_types()),
             sorted(looker.get_service_names_and_types()),
         )
-        alone = len(seen[0]) <= 1
+        now = time.monotonic()
         if seen != last:
-            last, changed = seen, time.monotonic()
-        elif not alone and time.monotonic() - changed >= _QUIET:
+            last, changed = seen, now
+        elif now - begin >= _ANNOUNCEMENTS and now - changed >= _QUIET:
             return
         time.sleep(0.05)
 
@@ -147,3 +148,34 @@ def answer(future: Any, name: str, timeout: float = 3600.0) -> Any:
     if not done.wait(timeout):
         raise StageError(f'service {name} did not answer')
     return future.result()
+
+
+def listening_qos(looker: Any, topic: str) -> Any:
+    """Quality of service that matches every publisher of a topic."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+    publishers = looker.get_publishers_info_by_topic(topic)
+    profiles = [publisher.qos_profile for publisher in publishers]
+    reliable = profiles and all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
+    latched = profiles and all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    return QoSProfile(
+        depth=1000,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def parameter_message(name: str, value: Any) -> Any:
+    """A parameter as the services of a node take it.
+
+    Raises
+    ------
+    StageError
+        If no parameter can hold such a value.
+    """
+    from rclpy.parameter import Parameter
+
+    try:
+        return Parameter(name, value=value).to_parameter_msg()
+    except (TypeError, ValueError, AssertionError) as error:
+        raise StageError(f'{name} cannot be {value!r}: name a number, a word or a list') from error
