@@ -11,9 +11,9 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from driver_rig import SmallPlant
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from stage_core import topics
-from stage_core.errors import StageError
 from stage_core.twin_file import StepperAxis, TwinFile
 from stage_node.client_node import GraphClient
 from stage_node.node import SETPOINT_QOS, joint_state
@@ -68,11 +68,16 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
                 except Exception as error:
                     homing.append(str(error))
 
+            # Found before homing starts: discovery may take longer than homing.
+            stop = client.node.create_client(Trigger, '/stage_driver/stop')
+            assert stop.wait_for_service(30.0)
             thread = threading.Thread(target=home)
             thread.start()
             client.wait_for(lambda: plant.position[0] < 0.095, 30, 'homing')
             # `~/stop` is served while `~/home` still waits for its answer.
-            assert client.trigger('/stage_driver/stop', 10) == 'stopping'
+            answer = stop.call_async(Trigger.Request())
+            client.wait_for(answer.done, 30, 'the answer of ~/stop')
+            assert answer.result().message == 'stopping'
             thread.join(30)
             assert 'homing ended: stopped by request' in homing[0]
             assert plant.position[0] > 0.01
@@ -145,24 +150,26 @@ def test_zaber_node_reports_a_pulled_cable_and_goes_on_after_the_reset(ros_env, 
             status = found.get('stage_driver: state')
             return status is not None and words in status.message
 
+        def connected():
+            found = statuses(client.latest(topics.DIAGNOSTICS))['stage_driver: state'].values
+            return {value.key: value.value for value in found}['connected'] == 'True'
+
         def arrived(x):
             latest = client.latest(topics.JOINT_STATES)
             return latest is not None and abs(latest.position[0] - x) < 1e-6
 
+        reset = client.node.create_client(Trigger, '/stage_driver/reset_fault')
+        assert reset.wait_for_service(30.0)
         setpoints.publish(joint_state(0, ['x', 'y'], [0.002, 0.001]))
         client.wait_for(lambda: arrived(0.002), 30, 'the move')
         server.unplug()
         client.wait_for(lambda: shown('fault'), 30, 'the fault on /diagnostics')
         server.plug()
 
-        def reset():
-            try:
-                return client.trigger('/stage_driver/reset_fault', 30) == 'ready'
-            except StageError as error:
-                assert 'cable' in str(error)
-                return False
-
-        client.wait_for(reset, 30, 'the reset')
+        client.wait_for(connected, 30, 'the cable seen again')
+        answer = reset.call_async(Trigger.Request())
+        client.wait_for(answer.done, 30, 'the answer of ~/reset_fault')
+        assert answer.result().message == 'ready'
         setpoints.publish(joint_state(0, ['x', 'y'], [0.003, 0.001]))
         client.wait_for(lambda: arrived(0.003), 30, 'the move after the reset')
 

@@ -295,7 +295,8 @@ def test_real_time_watchdog_stops_a_stream_and_a_silent_drive_is_a_fault():
         recorder.wait(lambda: recorder.said('stream ended'))
         quiet(backend, recorder)
         assert backend.status().details['watchdog_stops'] == '1'
-        assert 0.0 < plant.position[0] < 0.03
+        # Timeout, ramps and the loop's overshoot; twice as much would already be wrong.
+        assert 0.001 < plant.position[0] < 2 * (0.03 * 0.1)
         plant.muted = True
         recorder.wait(lambda: recorder.said('no encoder datagram'))
         assert backend.status().state is State.FAULT

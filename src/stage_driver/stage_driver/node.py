@@ -158,7 +158,12 @@ class StageDriver(StageNode):
 
     def _state_status(self) -> tuple[bytes, str, dict[str, Any]]:
         status = self._backend.status()
-        values = {'state': status.state.value, 'homed': status.homed, **status.details}
+        values = {
+            'state': status.state.value,
+            'homed': status.homed,
+            'connected': status.connected,
+            **status.details,
+        }
         for flag in status.warnings:
             values[f'warning {flag}'] = describe_flag(flag)
         if status.state is State.FAULT:
