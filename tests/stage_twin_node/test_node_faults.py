@@ -46,17 +46,15 @@ class NodeProcess:
 
 @contextlib.contextmanager
 def nodes():
-    running = []
+    # The stack ends every node even when ending one of them fails.
+    with contextlib.ExitStack() as stack:
 
-    def start(*arguments):
-        running.append(NodeProcess(*arguments))
-        return running[-1]
+        def start(*arguments):
+            node = NodeProcess(*arguments)
+            stack.callback(node.end)
+            return node
 
-    try:
         yield start
-    finally:
-        for node in running:
-            node.end()
 
 
 def free_port(kind):
