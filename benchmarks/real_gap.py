@@ -51,39 +51,19 @@ def session(
     )
 
 
-def emps(file: str, constants: dict[str, float] | None = None) -> tuple[Session, dict[str, float]]:
-    """One EMPS file; the force is gtau · vir [N].
+def emps(file: str) -> tuple[Session, dict[str, float]]:
+    """One EMPS file and its controller; the force is gtau · vir [N].
 
     `vir` holds the pulses already, so that they belong to the velocity command [m/s] too.
     """
     data = loadmat(DATA / 'emps' / f'{file}.mat')
-    gain = float(data['gtau'][0, 0])
+    gain, kp, kv = (float(data[k][0, 0]) for k in ('gtau', 'kp', 'kv'))
     wanted, measured, volts = data['qg'], data['qm'], data['vir']
-    if constants is None:
-        kp, kv = controller(wanted[:, 0], measured[:, 0], volts[:, 0])
-        constants = {'kp': kp, 'kv': kv, 'gain': gain}
-    velocity = constants['kp'] * (wanted - measured)
+    velocity = kp * (wanted - measured)
     if 'pulses_N' in data:
-        velocity = velocity + data['pulses_N'] / constants['kv']
+        velocity = velocity + data['pulses_N'] / kv
     found = session(file, 1e-3, wanted, measured, velocity=velocity, effort=gain * volts)
-    return found, constants
-
-
-def controller(wanted: np.ndarray, measured: np.ndarray, volts: np.ndarray) -> tuple[float, float]:
-    """Gains (1/s, V·s/m) with which the recorded voltage follows from the recorded motion.
-
-    The published kv = 243.45 V·s/m gives 9 % less voltage than was recorded; the gains are read
-    off the record by least squares below 50 Hz.
-    """
-    from scipy.signal import butter, filtfilt
-
-    low_pass = butter(4, 0.1)
-    error, rate, volt = (
-        filtfilt(*low_pass, signal)
-        for signal in (wanted - measured, np.gradient(measured, 1e-3), volts)
-    )
-    solution = np.linalg.lstsq(np.column_stack([error, -rate]), volt, rcond=None)[0]
-    return float(solution[0] / solution[1]), float(solution[1])
+    return found, {'kp': kp, 'kv': kv * gain}
 
 
 def emps_twin(kind: str, constants: dict[str, float]) -> TwinFile:
@@ -97,7 +77,7 @@ def emps_twin(kind: str, constants: dict[str, float]) -> TwinFile:
     if kind == 'servo':
         axis.update(
             position_gain=constants['kp'],
-            velocity_gain=constants['kv'] * constants['gain'],
+            velocity_gain=constants['kv'],
             integral_gain=0.0,
             velocity_filter=1e4,
             force_limit=1e4,
@@ -161,7 +141,7 @@ def main() -> int:
     for what in sys.argv[1:] or ['emps_force', 'emps_servo', 'xy_circle']:
         if what.startswith('emps'):
             fit, constants = emps('DATA_EMPS')
-            test, _ = emps('DATA_EMPS_PULSES', constants)
+            test, _ = emps('DATA_EMPS_PULSES')
             kind = 'servo' if what == 'emps_servo' else 'measured_force'
             twin = emps_twin(kind, constants)
             show(f'EMPS as {kind}, held out: pulses', diagnose([fit], [test], twin, 'emps'))

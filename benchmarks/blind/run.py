@@ -88,25 +88,33 @@ def as_session(recording: Recording, seed: int) -> Session:
 def visible(case: Case) -> Case:
     """The case with those effects expected that change what the recorder holds.
 
-    The machine is run once more without each effect. Below a third of the encoder's step and of
-    the tracker's noise, and 0.3 N of force (means over 0.1 s), an effect is below the noise and
-    must not be named.
+    The machine is run once more without each effect. Below 0.2 µm of the encoder (means over
+    20 ms: its last count is chance), a third of the tracker's noise, and 0.3 N of force (means
+    over 0.1 s), an effect is below the noise and must not be named. A coarse encoder is seen.
     """
     whole = record(case.truth, case.seed, case.axes, case.duration, case.rate, case.noise)
     seen = []
     for name in case.planted:
         rest = {n: v for n, v in case.truth.items() if n != name}
         less = record(rest, case.seed, case.axes, case.duration, case.rate, case.noise)
-        force = (whole.force - less.force)[: len(whole.force) // 100 * 100]
+        force = whole.force - less.force
+        encoder = whole.encoder - less.encoder
         changes = (
-            float(np.sqrt(np.mean((whole.encoder - less.encoder) ** 2, axis=0)).max()) / 0.33e-6,
-            float(np.sqrt(np.mean((whole.tracker - less.tracker) ** 2, axis=0)).max()) / 0.33e-6,
-            float(np.sqrt(np.mean(force.reshape(-1, 100, force.shape[1]).mean(axis=1) ** 2)))
-            / 0.3,
+            _rms_of_means(encoder, 20) / 0.2e-6,
+            _rms_of_means(whole.tracker - less.tracker, 1) / 0.33e-6,
+            _rms_of_means(force, 100) / 0.3,
+            2.0 if name.startswith('encoder_quantisation') else 0.0,
         )
         if max(changes) > 1.0:
             seen.append(name)
     return replace(case, planted=tuple(seen))
+
+
+def _rms_of_means(signal: np.ndarray, size: int) -> float:
+    """Largest RMS over the axes (n, a) of means over `size` samples."""
+    whole = signal[: len(signal) // size * size]
+    means = whole.reshape(-1, size, signal.shape[1]).mean(axis=1)
+    return float(np.sqrt(np.mean(means**2, axis=0)).max())
 
 
 def run_case(case: Case, directory: Path, fresh: bool) -> None:

@@ -174,7 +174,10 @@ class _Grid:
                 'all of them must be stamped by the same clock'
             )
         self.numbers = np.arange(first, last + 1)
-        self.time: Array = self.numbers.astype(np.float64) * period
+        # Stamps jitter; the encoder is read at regular ticks of a clock of its own.
+        states = series[-1]
+        line = np.polyfit(self.ticks[states.topic], to_seconds(states.stamps, start), 1)
+        self.time: Array = np.asarray(np.polyval(line, self.numbers), dtype=np.float64)
         duration = (last - first) * period
         if duration < MINIMUM_DURATION:
             raise StageError(

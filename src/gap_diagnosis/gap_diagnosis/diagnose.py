@@ -13,6 +13,7 @@ from gap_diagnosis import evidence as judge
 from gap_diagnosis.data import Record, held_out_windows, inside, load_record
 from gap_diagnosis.kinematics import Kinematics
 from gap_diagnosis.localise import Condition, conditions, features
+from gap_diagnosis.polish import polish
 from gap_diagnosis.regression import Problem
 from gap_diagnosis.replay import replay
 from gap_diagnosis.selection import Rules, Selection, Selector, describe
@@ -26,7 +27,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 #: A gain in the force balance is told from noise that regressors share with the residual.
-SERVO_RULES = Rules(of_noise=0.05)
+SERVO_RULES = Rules(of_noise=0.05, of_gap=6e-4)
 KINEMATIC_RULES = Rules(of_gap=1e-5)
 
 
@@ -155,7 +156,13 @@ def diagnose(
         parts.append(part)
     parameters: dict[str, dict[str, tuple[float, float]]] = dict(quantisation)
     for part in parts:
-        parameters.update(describe(part.selection, part.selector.regression))
+        found = describe(part.selection, part.selector.regression)
+        if twin.kind == 'servo' and part.name.startswith('servo') and found:
+            axis = part.name[-1]
+            progress(f'closed loop of axis {axis}: refining {", ".join(found)}')
+            quantised = {n: v for n, v in quantisation.items() if n.endswith(f'.{axis}')}
+            found = polish(records, twin, axis, {**quantised, **found})
+        parameters.update(found)
     progress('closed-loop replay of the nominal and of the corrected twin')
     effects = {n: {k: v for k, (v, _) in p.items()} for n, p in parameters.items()}
     channels = _channels(records, twin, effects, parts)
@@ -194,7 +201,7 @@ def _part(name: str, problem: Problem, rules: Rules, seed: int, without: Sequenc
     if found.structured and rho > 0.0:
         # A slow drift hides what is fast and imitates what is slow: judge beside it. Effects
         # that are nearly the whole gap are no imitation.
-        plain = {n: e for n, e in selection.evidence.items() if e.share > 0.9}
+        plain = {n: e for n, e in selection.evidence.items() if e.share > 0.96}
         selector = Selector(problem.whitened(rho), rules, seed, problem.target)
         selection = selector.select()
         selection = selector.with_given(selection, plain)

@@ -80,7 +80,7 @@ def structure(problem: Problem, everywhere: Array, name: str) -> Structure:
     remaining = float(np.mean(residual**2)) - problem.floor**2
     share = min(max(remaining, 0.0) / gap, 1.0)
     return Structure(
-        remaining, share, remaining > 1.5 * problem.floor**2 and share > SERVO_STRUCTURE
+        remaining, share, remaining > 3.0 * problem.floor**2 and share > SERVO_STRUCTURE
     )
 
 

@@ -133,6 +133,10 @@ class Selector:
                 # A set in which one effect takes an impossible value explains nothing.
                 if all(self._admissible(joint, n) for n in joint.thetas):
                     accepted, base = [*accepted, name], joint
+                    if name.startswith('force_saturation'):
+                        # Forces that never acted are no measure for what did.
+                        rest = joint.mean_square(self.problem) - self.noise
+                        self.gap = min(self.gap, max(rest, 0.0))
                     break
             else:
                 rejected.update({n: e for n, (e, _) in trials.items()})

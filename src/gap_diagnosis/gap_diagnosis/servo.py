@@ -29,7 +29,7 @@ from stage_core.twin_file import TwinFile
 
 Array = NDArray[np.float64]
 
-BLOCK = 1.0  # s, length of the blocks that are resampled
+BLOCK = 0.25  # s, length of the blocks that are resampled; the low-pass remembers 0.03 s
 CORNER = 30.0  # Hz; above it the quantisation of the acceleration is white after the low-pass
 LONGEST = 120.0  # s of a session that are used; longer ones are thinned in whole blocks
 SLIDING = 3.0  # encoder steps within 20 ms, below which the axis counts as resting

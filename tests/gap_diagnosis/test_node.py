@@ -1,0 +1,45 @@
+"""The node answers ~/diagnose with the verdict, and a bad request with the reason."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from session_bags.writer import write_session
+from stage_core.errors import StageError
+from stage_core.session import Session
+from stage_core.twin_file import TwinFile
+
+pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+
+Maker = Callable[..., Session]
+
+
+def test_the_service_answers_with_the_verdict(
+    planted: Maker, tmp_path: Path, ros_env: dict[str, str]
+) -> None:
+    from stage_node.client_node import GraphClient
+
+    bag = write_session(tmp_path / 'bag', planted({'backlash.x': {'width': 9e-6}}, duration=12.0))
+    TwinFile.nominal_servo().save(tmp_path / 'twin.yaml')
+    values = {'bag': bag, 'twin': tmp_path / 'twin.yaml', 'out': tmp_path / 'out'}
+    arguments = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'gap_diagnosis.node', '--ros-args', *arguments], env=ros_env
+    )
+    try:
+        with GraphClient() as client:
+            client.wait_for_service('/gap_diagnosis/diagnose', timeout=30.0)
+            message = client.trigger('/gap_diagnosis/diagnose', timeout=60.0)
+            assert message.startswith('backlash.x: ')
+            assert (tmp_path / 'out' / 'report.json').exists()
+            client.set_parameters('gap_diagnosis', bag=str(tmp_path / 'nowhere'))
+            with pytest.raises(StageError, match='nowhere'):
+                client.trigger('/gap_diagnosis/diagnose', timeout=60.0)
+    finally:
+        process.terminate()
+        assert process.wait(timeout=20.0) == 0
