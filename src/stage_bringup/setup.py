@@ -24,6 +24,7 @@ setup(
     entry_points={
         'console_scripts': [
             'session = stage_bringup.session:main',
+            'live_view = stage_bringup.live_view_node:main',
         ],
     },
 )
