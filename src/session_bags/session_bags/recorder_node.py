@@ -52,6 +52,7 @@ class SessionRecorder(StageNode):
         self._failure = ''
         self._drops: dict[str, DropCounter] = {}
         self._latched: dict[str, bytes] = {}
+        self._opening: dict[str, bytes] = {}
         self._pending = set(self.value('topics'))
         self._topic_subscriptions: dict[str, Any] = {}
         self._subscribe()
@@ -124,10 +125,22 @@ class SessionRecorder(StageNode):
             log_time = stamp if header else self.get_clock().now().nanoseconds
             stamp = log_time
         try:
+            self._write_opening(log_time)
             self._writer.add_topic(topic, type_name)
             self._writer.write(topic, data, log_time, stamp, info['publication_sequence_number'])
         except StageError as error:
             self._fail(error)
+
+    def _write_opening(self, log_time: int) -> None:
+        """Every bag stands alone: it begins with the alignment and model in force.
+
+        They wait for the first message, whose time they take: simulated time may not have begun
+        when the recording does.
+        """
+        assert self._writer is not None
+        opening, self._opening = self._opening, {}
+        for topic, data in opening.items():
+            self._writer.write(topic, data, log_time)
 
     def _fail(self, error: StageError) -> None:
         self._failure = str(error)
@@ -165,11 +178,7 @@ class SessionRecorder(StageNode):
         self._failure = ''
         for topic in self._drops:
             self._drops[topic] = DropCounter()
-        now = self.get_clock().now().nanoseconds
-        for topic, data in self._latched.items():
-            # Every bag stands alone: it begins with the alignment and model in force.
-            self._writer.add_topic(topic)
-            self._writer.write(topic, data, now)
+        self._opening = dict(self._latched)
         self.get_logger().info(f'recording to {self._writer.path}')
         return self._writer.path
 
@@ -197,6 +206,7 @@ class SessionRecorder(StageNode):
     def _close(self) -> str:
         """Finish the bag; one line on what it holds."""
         assert self._writer is not None
+        self._write_opening(self.get_clock().now().nanoseconds)
         writer, self._writer = self._writer, None
         drops = {topic: c.known_drops for topic, c in self._drops.items() if c.received}
         writer.close({DROPPED_KEY: json.dumps(drops)})
