@@ -10,20 +10,23 @@ import importlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 
 from stage_core import topics
+from stage_core.errors import StageError
 from stage_core.parameters import Parameter
 
-#: Executable -> module of its node.
-NODES = {
-    'stage_driver': 'stage_driver.node',
-    'tracker_bridge': 'tracker_bridge.node',
-    'calibrator': 'calibrator.node',
-    'contour_ctrl': 'contour_ctrl.node',
-    'stage_twin': 'stage_twin.node',
-    'session_recorder': 'session_bags.recorder_node',
-    'session_player': 'session_bags.player_node',
-    'gap_diagnosis': 'gap_diagnosis.node',
+#: Executable -> module of its node, further modules that create its topics and services.
+NODES: dict[str, tuple[str, ...]] = {
+    'stage_driver': ('stage_driver.node',),
+    'tracker_bridge': ('tracker_bridge.node',),
+    'calibrator': ('calibrator.node',),
+    'contour_ctrl': ('contour_ctrl.node', 'contour_ctrl.streaming_node'),
+    'excite': ('contour_ctrl.excite_node', 'contour_ctrl.streaming_node'),
+    'stage_twin': ('stage_twin.node',),
+    'session_recorder': ('session_bags.recorder_node',),
+    'session_player': ('session_bags.player_node',),
+    'gap_diagnosis': ('gap_diagnosis.node',),
 }
 _PUBLISHES, _SUBSCRIBES = 'create_publisher', 'create_subscription'
 
@@ -43,7 +46,14 @@ def _topic(node: ast.expr) -> str | None:
 def interfaces(source: str) -> dict[str, set[str]]:
     """Publishers, subscribers and services that a node's source creates."""
     found: dict[str, set[str]] = {'publishes': set(), 'subscribes': set(), 'services': set()}
-    for call in (n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Call)):
+    tree = ast.parse(source)
+    # Some nodes subscribe in a loop over a table: every topic that a node names and does not
+    # publish is one that it reads.
+    for attribute in (n for n in ast.walk(tree) if isinstance(n, ast.Attribute)):
+        topic = _topic(attribute)
+        if topic in topics.TOPIC_TYPES:
+            found['subscribes'].add(str(topic))
+    for call in (n for n in ast.walk(tree) if isinstance(n, ast.Call)):
         name = call.func.attr if isinstance(call.func, ast.Attribute) else None
         name = call.func.id if isinstance(call.func, ast.Name) else name
         if name is None:
@@ -53,8 +63,9 @@ def interfaces(source: str) -> dict[str, set[str]]:
             found['publishes'].update(named)
         elif name == _SUBSCRIBES:
             found['subscribes'].update(named)
-        elif 'service' in name and any(t.startswith('~/') for t in named):
-            found['services'].update(t for t in named if t.startswith('~/'))
+        elif 'service' in name:
+            found['services'].update(named)
+    found['subscribes'] -= found['publishes']
     return found
 
 
@@ -79,6 +90,15 @@ def parameter_table(parameters: Sequence[Parameter]) -> list[str]:
     return rows
 
 
+def _parameters(module: ModuleType) -> Sequence[Parameter]:
+    """Parameters of a node module: its own or those of the module that it takes them from."""
+    for candidate in (module, *(v for v in vars(module).values() if isinstance(v, ModuleType))):
+        found = getattr(candidate, 'PARAMETERS', None)
+        if found:
+            return tuple(found)
+    raise StageError(f'{module.__name__} declares no PARAMETERS: declare them in the module')
+
+
 def render() -> str:
     """The whole reference as Markdown."""
     lines = [
@@ -92,19 +112,18 @@ def render() -> str:
         '|---|---|',
         *(f'| `{name}` | {kind} |' for name, kind in topics.TOPIC_TYPES.items()),
     ]
-    for executable, module_name in NODES.items():
-        module = importlib.import_module(module_name)
-        source = Path(str(module.__file__)).read_text(encoding='utf-8')
-        lines += [
-            '',
-            f'## {executable}',
-            '',
-            f'`ros2 run {module_name.split(".")[0]} {executable}`',
-        ]
-        for what, names in interfaces(source).items():
-            if names:
-                lines += ['', f'{what}: ' + ', '.join(f'`{n}`' for n in sorted(names))]
-        lines += ['', *parameter_table(module.PARAMETERS)]
+    for executable, names in NODES.items():
+        modules = [importlib.import_module(name) for name in names]
+        package = names[0].split('.')[0]
+        lines += ['', f'## {executable}', '', f'`ros2 run {package} {executable}`']
+        sources = [Path(str(module.__file__)).read_text(encoding='utf-8') for module in modules]
+        found = [interfaces(source) for source in sources]
+        for what in ('publishes', 'subscribes', 'services'):
+            named = set().union(*(one[what] for one in found))
+            if named:
+                own = {n.replace(f'/{executable}/', '~/') for n in named}
+                lines += ['', f'{what}: ' + ', '.join(f'`{n}`' for n in sorted(own))]
+        lines += ['', *parameter_table(_parameters(modules[0]))]
     return '\n'.join(lines) + '\n'
 
 
