@@ -36,6 +36,7 @@ class ZaberBackend(InboxBackend):
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name='zaber', daemon=True)
         self._homing_deadline = 0.0
+        self._retry_at = 0.0
         self._stream: Setpoint | None = None
         self._stream_since = 0.0
         self._targets: list[int] | None = None
@@ -330,9 +331,11 @@ class ZaberBackend(InboxBackend):
 
     def _reconnect(self) -> None:
         """Look for the devices; found ones are stopped and asked whether they know their place."""
+        if time.monotonic() < self._retry_at:
+            return
         stage = reopen(self.config)
+        self._retry_at = time.monotonic() + RECONNECT_PERIOD
         if stage is None:
-            self._ended.wait(RECONNECT_PERIOD)
             return
         stage.link.send_unanswered('stop')
         try:
