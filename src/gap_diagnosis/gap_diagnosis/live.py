@@ -104,6 +104,11 @@ class LiveMonitor:
         stamps = np.array(sorted(common), dtype=np.int64)
         if len(stamps) < 2 or (stamps[-1] - stamps[0]) * 1e-9 < self.window:
             return False
+        wanted = (stamps[-1] - stamps[0]) * 1e-9 / self.twin.control_period + 1.0
+        if len(stamps) < 0.99 * wanted:
+            # Lost ticks: a replay of what is left would show a gap that the machine has not.
+            self.clear()
+            return False
         record = self._record(stamps)
         start = int(stamps[0])
         points = np.array([p[1:] for p in self._points]).reshape(-1, 3)

@@ -281,7 +281,10 @@ class Selector:
             other = self.regression.refine({**kept, name: ()}, [*kept])
             now = fit.mean_square(self.problem)
             limit = max(1.05 * now, now + 1e-3 * self.gap)
-            if other.mean_square(self.problem) < limit and self._admissible(other, name):
+            # With a gain the equation is in units of the force that acts: back to the command's.
+            unit = (1.0 + float(other.coefficients[name][0])) ** 2
+            reached = other.mean_square(self.problem) / max(unit, 0.01)
+            if reached < limit and self._admissible(other, name):
                 return [a for a in accepted if a not in pair] + [name], other
         return accepted, fit
 
