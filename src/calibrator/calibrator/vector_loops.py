@@ -3,6 +3,8 @@
 Each writes one or two arrays: with more, the compiler's limit on overlap checks leaves a loop
 scalar. Reassociation lets sums run in vector registers; NaN and infinity keep their meaning,
 which full fast-math would take away. `size` is the number of entries to work on.
+
+Numba's cache of `swarm_fitness` does not notice a change of this file: touch that one as well.
 """
 
 from __future__ import annotations
