@@ -28,6 +28,7 @@ from stage_core import topics
 from stage_core.clocks import join_stamp, split_stamp
 from stage_core.errors import EXIT_BAD_INPUT, StageError
 from stage_core.parameters import Parameter, Value, check
+from stage_node.peers import PEERS, PeerWatch
 
 #: Measurements are recorded for science: reliable, with a second of depth (contract section 3).
 STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -100,6 +101,8 @@ class StageNode(Node):
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self._started = True
         self.diagnostics = Diagnostics(self, hardware_id=name)
+        if name in PEERS:
+            self._watch_peers(PeerWatch(PEERS[name]))
 
     def value(self, name: str) -> Any:
         """Current value of a declared parameter."""
@@ -111,6 +114,19 @@ class StageNode(Node):
     def parameters_changed(self, changed: dict[str, Value]) -> str | None:
         """Hook for a change at run time: the reason to refuse it, or None to take it."""
         return None
+
+    def _watch_peers(self, peers: PeerWatch) -> None:
+        """Say on /diagnostics which of the nodes that this one works with fell silent."""
+
+        def heard(message: DiagnosticArray) -> None:
+            peers.hear([status.name for status in message.status])
+
+        def status() -> tuple[bytes, str, dict[str, Any]]:
+            well, text, values = peers.status()
+            return OK if well else WARN, text, values
+
+        self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, heard, 10)
+        self.diagnostics.task('peers', status)
 
     def _refuse_unknown(self) -> None:
         known = set(self._specifications) | set(_ROS_PARAMETERS)

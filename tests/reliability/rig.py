@@ -1,0 +1,237 @@
+"""Nodes as processes that tests kill, suspend and restart, and a client that watches them."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from stage_bringup.processes import NodeCommand
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_node.client_node import GraphClient
+from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
+
+#: Patience for anything that a loaded machine must do [s]; nothing is asserted about it.
+PATIENCE = 60.0
+ROS_NAMES = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE')
+
+
+class Nodes:
+    """The processes of a graph by name; each is ended by its pid."""
+
+    def __init__(self, commands: Sequence[NodeCommand], folder: Path) -> None:
+        self.commands = {command.name: command for command in commands}
+        self.folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, *names: str) -> None:
+        """Start nodes, all of them if none is named."""
+        for name in names or tuple(self.commands):
+            with open(self.folder / f'{name}.log', 'ab') as log:
+                self.processes[name] = subprocess.Popen(
+                    self.commands[name].arguments(),
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env=os.environ.copy(),
+                )
+
+    def signal(self, name: str, number: int) -> None:
+        """Send a signal; SIGKILL waits until the process is gone."""
+        process = self.processes[name]
+        process.send_signal(number)
+        if number == signal.SIGKILL:
+            process.wait()
+
+    def kill(self, name: str) -> None:
+        """kill -9."""
+        self.signal(name, signal.SIGKILL)
+
+    def log(self, name: str) -> str:
+        """Everything a node has printed."""
+        return (self.folder / f'{name}.log').read_text(errors='replace')
+
+    def dead(self) -> list[str]:
+        """Names of the processes that have ended."""
+        return [name for name, process in self.processes.items() if process.poll() is not None]
+
+    def end(self) -> dict[str, int]:
+        """End what runs, the plant last; the exit status of each."""
+        running = [p for p in reversed(self.processes.values()) if p.poll() is None]
+        for process in running:
+            process.send_signal(signal.SIGCONT)
+            process.terminate()
+        for process in running:
+            try:
+                process.wait(timeout=20.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        return {name: process.returncode for name, process in self.processes.items()}
+
+
+class Watch:
+    """A client of the graph that keeps what the stage did, by stamp."""
+
+    def __init__(self, lockstep: bool) -> None:
+        self.client = GraphClient('reliability', use_sim_time=lockstep)
+        self.states: dict[str, tuple[bytes, str, dict[str, str], float]] = {}
+        #: Rows (stamp [ns], x, y): encoder [m], tracker [m], velocity command [m/s], set-points.
+        self.encoder: deque[tuple[int, float, float]] = deque(maxlen=200_000)
+        self.tracker: deque[tuple[int, float, float]] = deque(maxlen=50_000)
+        self.command: deque[tuple[int, float, float]] = deque(maxlen=200_000)
+        self.reference: deque[tuple[int, float, float]] = deque(maxlen=200_000)
+        client = self.client
+        client.watch(DiagnosticArray, topics.DIAGNOSTICS, 10, self._on_diagnostics)  # type: ignore[arg-type]
+        client.watch(JointState, topics.JOINT_STATES, STATE_QOS, self._keeper(self.encoder))
+        client.watch(JointState, topics.REFERENCE, STATE_QOS, self._keeper(self.reference))
+        client.watch(JointState, topics.COMMAND, STATE_QOS, self._keeper(self.command, 'velocity'))
+        client.watch(PointStamped, topics.TRACKER_POINT, STATE_QOS, self._on_point)
+        client.watch(String, topics.MODEL, LATCHED_QOS)
+        make = client.node.create_publisher
+        self.setpoints = make(JointState, topics.SETPOINT, SETPOINT_QOS)
+        self.targets = make(JointState, topics.TARGET, SETPOINT_QOS)
+        self._moves = 0
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        now = time.monotonic()
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            self.states[status.name] = (status.level, status.message, values, now)
+
+    @staticmethod
+    def _keeper(rows: deque, field: str = 'position') -> Callable[[JointState], None]:
+        def keep(message: JointState) -> None:
+            values = getattr(message, field)
+            rows.append((stamp_of(message.header), values[0], values[1]))
+
+        return keep
+
+    def _on_point(self, message: PointStamped) -> None:
+        self.tracker.append((stamp_of(message.header), message.point.x, message.point.y))
+
+    def forget(self) -> None:
+        """Drop all rows and statuses."""
+        for rows in (self.encoder, self.tracker, self.command, self.reference):
+            rows.clear()
+        self.states.clear()
+
+    def says(self, status: str, *words: str) -> Callable[[], bool]:
+        """Condition: the newest status of that name holds one of the words."""
+
+        def found() -> bool:
+            return any(word in self.text(status) for word in words)
+
+        return found
+
+    def text(self, status: str) -> str:
+        """Message of a status; empty while it is unknown."""
+        return self.states.get(status, (b'', '', {}, 0.0))[1]
+
+    def value(self, status: str, key: str) -> str:
+        """A value of a status; empty while it is unknown."""
+        return self.states.get(status, (b'', '', {}, 0.0))[2].get(key, '')
+
+    def wait(self, condition: Callable[[], bool], what: str, timeout: float = PATIENCE) -> None:
+        """Wait for a condition; the failure tells every status."""
+        try:
+            self.client.wait_for(condition, timeout, what, poll=0.01)
+        except StageError as error:
+            known = {name: state[1] for name, state in self.states.items()}
+            raise AssertionError(f'{error}; statuses: {known}') from error
+
+    def move(self, x: float, y: float) -> None:
+        """Publish a position set-point [m]."""
+        self._moves += 1
+        stamp = max(self.client.node.get_clock().now().nanoseconds, 0) + self._moves
+        self.setpoints.publish(joint_state(stamp, ('x', 'y'), position=(x, y)))
+
+    def move_until_moving(self, x: float, y: float) -> None:
+        """Start a move and wait until the stage is well under way."""
+        begin = self.encoder[-1]
+        self.move(x, y)
+        self.wait(lambda: abs(self.encoder[-1][1] - begin[1]) > 0.004, 'motion')
+
+    def arrived(self, x: float, y: float, within: float = 1e-4) -> Callable[[], bool]:
+        """Condition: the encoder has stayed near a point for 50 ticks."""
+
+        def there() -> bool:
+            rows = list(self.encoder)[-50:]
+            return len(rows) == 50 and all(
+                abs(row[1] - x) < within and abs(row[2] - y) < within for row in rows
+            )
+
+        return there
+
+    def home(self) -> None:
+        """Reset what is latched and home, as often as a restarting node needs."""
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            try:
+                self.client.trigger('/stage_driver/reset_fault', 20.0)
+                self.client.set_bool('/stage_driver/enable', True, 20.0)
+                self.client.trigger('/stage_driver/home', 60.0)
+                return
+            except StageError:
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.2)
+
+    def silent(self, rows: deque, seconds: float = 0.5) -> None:
+        """Wait until no row has come for a while (lockstep: the world is quiet)."""
+        seen = [len(rows), rows[-1] if rows else None, time.monotonic()]
+
+        def quiet() -> bool:
+            now: list[Any] = [len(rows), rows[-1] if rows else None]
+            if now != seen[:2]:
+                seen[:] = [*now, time.monotonic()]
+            return time.monotonic() - float(seen[2]) > seconds  # type: ignore[arg-type]
+
+        self.wait(quiet, 'silence')
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.client.close()
+
+
+def speed(rows: Sequence[tuple[int, float, float]], axis: int = 1) -> float:
+    """Mean speed [m/s] over rows (stamp, x, y), from first to last."""
+    seconds = 1e-9 * (rows[-1][0] - rows[0][0])
+    return (rows[-1][axis] - rows[0][axis]) / seconds if seconds > 0.0 else 0.0
+
+
+def spread(rows: Sequence[tuple[int, float, float]]) -> float:
+    """Largest extent of rows [m]."""
+    return float(np.ptp(np.array(rows)[:, 1:], axis=0).max())
+
+
+def new_domain() -> dict[str, str | None]:
+    """Choose a ROS domain for this process and its children; what was set before."""
+    before = {name: os.environ.get(name) for name in ROS_NAMES}
+    # Below 102: higher domains collide with the ephemeral ports of Linux.
+    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 100))
+    os.environ.pop('ROS_AUTOMATIC_DISCOVERY_RANGE', None)
+    return before
+
+
+def restore(before: dict[str, str | None]) -> None:
+    """Put the environment back."""
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
