@@ -34,7 +34,8 @@ _PUBLISHES, _SUBSCRIBES = 'create_publisher', 'create_subscription'
 def _topic(node: ast.expr) -> str | None:
     """Topic of an argument: a literal or a constant of stage_core.topics."""
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-        return getattr(topics, node.attr, None) if node.value.id == 'topics' else None
+        found = getattr(topics, node.attr, None) if node.value.id == 'topics' else None
+        return found if isinstance(found, str) else None
     if isinstance(node, ast.Name):
         found = getattr(topics, node.id, None)
         return found if isinstance(found, str) else None
