@@ -66,7 +66,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter('inner_radius', 0.01, 'star (inner points)', 'm', 1e-6),
     Parameter('star_points', 5, 'star', '', 3, 50),
     Parameter('side', 0.04, 'square', 'm', 1e-6),
-    Parameter('corner_radius', 0.004, 'square and star: least radius of curvature', 'm', 1e-7),
+    Parameter('corner_radius', 0.002, 'square and star: least radius of curvature', 'm', 1e-7),
     Parameter('width', 0.05, 'eight', 'm', 1e-6),
     Parameter('height', 0.025, 'eight', 'm', 1e-6),
     Parameter('curve_file', '', 'freeform, nurbs, hra: YAML file; empty: the topic ~/curve'),

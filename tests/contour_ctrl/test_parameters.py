@@ -1,0 +1,79 @@
+"""From parameters to contours, gains and settings; the configuration files of the workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from contour_ctrl import contour_parameters as parameters
+from stage_core.errors import StageError
+from stage_core.parameters import check
+
+CONFIG = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config'
+
+
+def values(**changes: Any) -> Callable[[str], Any]:
+    known = {p.name: p.default for p in parameters.PARAMETERS}
+    assert set(changes) <= set(known)
+    return {**known, **changes}.__getitem__
+
+
+@pytest.mark.parametrize('name', ['contour_ctrl', 'contour_ctrl_zaber'])
+def test_configuration_files_hold_every_parameter_and_make_a_run(name: str) -> None:
+    content = yaml.safe_load((CONFIG / f'{name}.yaml').read_text())
+    given = content['contour_ctrl']['ros__parameters']
+    assert set(given) == {p.name for p in parameters.PARAMETERS}
+    for parameter in parameters.PARAMETERS:
+        assert check(parameter, given[parameter.name]) is None
+    value = given.__getitem__
+    reference = parameters.make_reference(value, parameters.make_curve(value))
+    assert reference.feed == pytest.approx(given['feed'])
+    assert parameters.make_gains(value).cross_coupling == given['cross_coupling']
+    assert parameters.make_learning(value) is not None
+
+
+@pytest.mark.parametrize('kind', ['circle', 'square', 'star', 'eight'])
+def test_contours_with_default_sizes_can_be_followed(kind: str) -> None:
+    value = values(contour=kind, centre_x=0.01, reduce_feed=True)
+    reference = parameters.make_reference(value, parameters.make_curve(value))
+    assert reference.position.mean(axis=0) == pytest.approx([0.01, 0.0], abs=2e-3)
+
+
+def test_contours_from_text_and_files(tmp_path: Path) -> None:
+    points = '[[0, 0], [0.02, 0.0], [0.03, 0.02], [0.01, 0.03], [-0.01, 0.015]]'
+    file = tmp_path / 'points.yaml'
+    file.write_text(f'points: {points}')
+    curve = parameters.make_curve(values(contour='freeform', curve_file=str(file)))
+    assert curve.closed
+    assert curve.derivatives(curve.domain[0], 0)[0, 0] == pytest.approx([0.0, 0.0])
+    hra = parameters.make_curve(values(contour='hra'), f'points: {points}')
+    assert not hra.closed
+    ends = hra.derivatives(np.array(hra.domain), 0)[0]
+    assert ends == pytest.approx(np.array([[0.0, 0.0], [-0.01, 0.015]]), abs=1e-9)
+    reference = parameters.make_reference(values(reduce_feed=True), hra)
+    assert reference.position[-1] == pytest.approx([-0.01, 0.015], abs=1e-6)
+    with pytest.raises(StageError, match='set curve_file or publish'):
+        parameters.make_curve(values(contour='nurbs'))
+    with pytest.raises(StageError, match='cannot read the curve'):
+        parameters.make_curve(values(contour='nurbs', curve_file=str(tmp_path / 'none')))
+    with pytest.raises(StageError, match='under the key points'):
+        parameters.make_curve(values(contour='freeform'), 'points: 7 x')
+
+
+def test_scheme_names_select_their_terms() -> None:
+    plain = parameters.make_gains(values(scheme='p_ff'))
+    assert plain.cross_coupling == 0.0 and plain.cmac is None and plain.friction is None
+    assert parameters.make_learning(values(scheme='p_ff')) is None
+    full = {'scheme': 'cccmac+rilc', 'x.coulomb': 20.0, 'y.coulomb': 8.0, 'x.static': 25.0}
+    gains = parameters.make_gains(values(**full))
+    assert gains.cmac is not None and gains.friction is not None
+    assert gains.friction[0].static == 25.0 and gains.friction[1].static == 8.0
+    learning = parameters.make_learning(values(**full))
+    assert learning is not None and learning.reinforced
+    fixed = parameters.make_learning(values(scheme='ccc+ilc'))
+    assert fixed is not None and not fixed.reinforced
