@@ -125,3 +125,13 @@ def test_two_diagnoses_write_the_same_report(planted: Maker, tmp_path: Path) -> 
     )
     low, high = content['causes'][0]['shrink_ci95']
     assert low <= content['causes'][0]['shrink'] <= high
+
+
+def test_a_phase_belongs_to_the_session_and_an_amplitude_to_the_machine(planted: Maker) -> None:
+    def effects(phase: float) -> dict[str, dict[str, float]]:
+        return {'cyclic_pitch_error.x': {'amplitude': 4e-6, 'phase': phase}}
+
+    found = diagnose([planted(effects(0.3))], [planted(effects(2.5), seed=2)], one_axis())
+    assert found.verdict == ['cyclic_pitch_error.x']
+    assert found.parameters['cyclic_pitch_error.x']['amplitude'][0] == pytest.approx(4e-6, rel=0.1)
+    assert found.after < 1.2 * found.noise_floor

@@ -22,6 +22,7 @@ from stage_core.errors import StageError
 from stage_core.quantities import EFFECT_LINKS, UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
+from stage_twin.effects import EFFECTS
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -277,6 +278,25 @@ def _contradicted(
     return [worst] if losses[worst] > max(0.05 * everything, 0.05 * step) else []
 
 
+def _in_session(
+    record: Record,
+    records: list[Record],
+    effects: dict[str, dict[str, float]],
+    parts: list[Part],
+) -> dict[str, dict[str, float]]:
+    """The effects with the nuisances (a phase) of one held-out session."""
+    number = next(i for i, other in enumerate(records) if other is record)
+    out = {n: dict(v) for n, v in effects.items()}
+    for part in parts:
+        for name, coefficients in part.selection.fit.sessions.get(number, {}).items():
+            theta = part.selection.fit.thetas[name]
+            values = part.problem.terms[name].parameters(theta, coefficients)
+            for parameter in EFFECTS[split_effect(name)[0]].parameters:
+                if parameter.nuisance and name in out and parameter.name in values:
+                    out[name][parameter.name] = values[parameter.name]
+    return out
+
+
 def _channels(
     records: list[Record],
     twin: TwinFile,
@@ -286,7 +306,8 @@ def _channels(
     scored = [r for r in records if r.held_out_session] or records
     channels: dict[str, Channel] = {}
     for record in scored:
-        before, after = replay(record, twin, {}), replay(record, twin, effects)
+        before = replay(record, twin, {})
+        after = replay(record, twin, _in_session(record, records, effects, parts))
         mask = inside(record.time, held_out_windows(record))
         for name in before:
             unit = 'N' if name.startswith('force') else 'm'

@@ -141,6 +141,7 @@ class Kinematics:
             },
             admissible=lambda theta, c: float(np.hypot(c[0], c[1])) < 200e-6,
             nuisances=(0, 1),
+            phase=True,
         )
 
     def _backlash(self, i: int, axis: str) -> Term:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ class Term:
     noisy : whether its columns hold the same measurement noise as the target, so that it can
         seem to explain as much as the noise
     nuisances : indices of the columns whose coefficients belong to a session
+    phase : whether the nuisance is the phase of a sine and a cosine, not their amplitude
     """
 
     name: str
@@ -49,6 +50,7 @@ class Term:
     fixed: bool = False
     noisy: bool = False
     nuisances: tuple[int, ...] = ()
+    phase: bool = False
 
 
 @dataclass(frozen=True)
@@ -98,13 +100,15 @@ class Fit:
 
     `crossed` is the residual in which no row is judged by coefficients that it helped to fit:
     held-out rows by those of the fit rows, and the other way round. Rare events (a few
-    reversals, one saturation) then count wherever they happen.
+    reversals, one saturation) then count wherever they happen. `sessions` holds, per held-out
+    session, the coefficients whose nuisances were refitted on its prefix.
     """
 
     thetas: dict[str, Theta]
     coefficients: dict[str, Array]
     residual: Array
     crossed: Array
+    sessions: dict[int, dict[str, Array]] = field(default_factory=dict)
 
     def mean_square(self, problem: Problem) -> float:
         """Mean square of the residual on the rows that judge."""
@@ -151,11 +155,49 @@ class Regression:
             coefficients[name] = solution[at : at + part.shape[1]]
             at += part.shape[1]
         residual = target - matrix @ solution
+        sessions = self._refit_nuisances(thetas, coefficients, residual)
         crossed = residual.copy()
         if problem.crossable:
             back = _solve(matrix[problem.held_out], target[problem.held_out])
             crossed[problem.fit] = target[problem.fit] - matrix[problem.fit] @ back
-        return Fit(dict(thetas), coefficients, residual, crossed)
+        return Fit(dict(thetas), coefficients, residual, crossed, sessions)
+
+    def _refit_nuisances(
+        self, thetas: dict[str, Theta], coefficients: dict[str, Array], residual: Array
+    ) -> dict[int, dict[str, Array]]:
+        """Refit phases and offsets once per held-out session, on its unscored prefix.
+
+        What is physical carries over: a pair of sine and cosine keeps its amplitude. Changes
+        `residual` on the rows of these sessions.
+        """
+        problem = self.problem
+        names = [n for n in thetas if problem.terms[n].nuisances]
+        found: dict[int, dict[str, Array]] = {}
+        if problem.crossable or not names:
+            return found
+        prefix = ~(problem.fit | problem.held_out)
+        for number in np.unique(problem.record[problem.held_out]).tolist():
+            rows = problem.record == number
+            at = rows & prefix
+            if np.count_nonzero(at) < 50:
+                continue
+            chosen = [list(problem.terms[n].nuisances) for n in names]
+            columns = np.hstack(
+                [self.columns(n, thetas[n])[:, c] for n, c in zip(names, chosen, strict=True)]
+            )
+            old = np.concatenate([coefficients[n][c] for n, c in zip(names, chosen, strict=True)])
+            new = _solve(columns[at], residual[at] + columns[at] @ old)
+            start, found[number] = 0, {}
+            for name, which in zip(names, chosen, strict=True):
+                own = slice(start, start + len(which))
+                start += len(which)
+                if problem.terms[name].phase:
+                    new[own] *= np.linalg.norm(old[own]) / max(np.linalg.norm(new[own]), 1e-300)
+                changed = coefficients[name].copy()
+                changed[which] = new[own]
+                found[number][name] = changed
+            residual[rows] -= columns[rows] @ (new - old)
+        return found
 
     def warm_start(self, base: Fit, name: str) -> Theta:
         """Grid point of a term that explains most of what a fitted set leaves on the fit rows.

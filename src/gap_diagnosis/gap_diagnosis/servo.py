@@ -277,6 +277,7 @@ class Servo:
             },
             admissible=lambda theta, c: float(np.hypot(c[0], c[1])) < 100.0,
             nuisances=(0, 1),
+            phase=True,
         )
 
     def _cable(self) -> Term:
