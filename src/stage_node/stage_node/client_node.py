@@ -39,6 +39,7 @@ class GraphClient:
         self._arrival: dict[str, float] = {}
         self._changed = threading.Condition()
         self._subscriptions: dict[str, Any] = {}
+        self._clients: dict[str, Any] = {}
 
     def close(self) -> None:
         """Stop the thread and leave the graph."""
@@ -119,32 +120,32 @@ class GraphClient:
         StageError
             If the service is absent or does not answer in time.
         """
-        client = self.node.create_client(service_type, name)
-        try:
-            if not client.wait_for_service(timeout_sec=min(timeout, 30.0)):
-                raise StageError(f'service {name} is absent: is its node running?')
-            future = client.call_async(request)
-            done = threading.Event()
-            future.add_done_callback(lambda _: done.set())
-            if not done.wait(timeout):
-                raise StageError(f'service {name} did not answer within {timeout:.0f} s')
-            return future.result()
-        finally:
-            self.node.destroy_client(client)
+        client = self._client(service_type, name)
+        if not client.wait_for_service(timeout_sec=min(timeout, 30.0)):
+            raise StageError(f'service {name} is absent: is its node running?')
+        future = client.call_async(request)
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        if not done.wait(timeout):
+            raise StageError(f'service {name} did not answer within {timeout:.0f} s')
+        return future.result()
+
+    def _client(self, service_type: type, name: str) -> Any:
+        # One client per service: a fresh one may miss the answer while discovery still runs.
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(service_type, name)
+        return self._clients[name]
 
     def wait_for_service(
         self, name: str, timeout: float, alive: Callable[[], None] = lambda: None
     ) -> None:
         """Wait until a Trigger service is there; `alive` may raise meanwhile."""
-        client = self.node.create_client(Trigger, name)
+        client = self._client(Trigger, name)
         deadline = time.monotonic() + timeout
-        try:
-            while not client.wait_for_service(timeout_sec=0.5):
-                alive()
-                if time.monotonic() > deadline:
-                    raise StageError(f'service {name} is absent: is its node running?')
-        finally:
-            self.node.destroy_client(client)
+        while not client.wait_for_service(timeout_sec=0.5):
+            alive()
+            if time.monotonic() > deadline:
+                raise StageError(f'service {name} is absent: is its node running?')
 
     def trigger(self, name: str, timeout: float = 30.0) -> str:
         """Call a Trigger service; its message.
