@@ -234,3 +234,19 @@ def test_karnik_mendel_training_evaluates_the_exact_reduction():
     left, right = interval(lower, upper, f)
     expected = model.state['mean'][0] + model.state['deviation'][0] * 0.5 * (left + right)
     np.testing.assert_allclose((model.predict(command) - command)[:, 0], expected, atol=1e-15)
+
+
+def test_hybrid_keeps_the_fuzzy_part_only_where_it_helps():
+    generator = np.random.default_rng(11)
+    command = generator.uniform(0, 0.05, (160, 2))
+    noise = generator.normal(0, 1e-6, (160, 2))
+    plain = make_model('hybrid', particles=10, iterations=10)
+    plain.fit(command, command * 1.0002 + noise)
+    assert not plain.state['fuzzy'] and 'nothing left' in plain.describe()
+    bump = 2e-5 * np.exp(-(((command[:, :1] - 0.02) / 0.004) ** 2))
+    bent = make_model('hybrid', degree=2, lead=None, particles=30, iterations=40)
+    bent.fit(command, command + bump + noise)
+    assert bent.state['fuzzy'] and bent.fuzzy.state['rules'] == 5
+    left = command + bump - bent.predict(command)
+    alone = command + bump - bent.structured.predict(command)
+    assert np.std(left) < 0.6 * np.std(alone)

@@ -18,7 +18,8 @@ from stage_core.errors import StageError
 class FuzzySystem(CalibrationModel):
     """One interval type-2 TSK system per axis; all axes share the antecedents.
 
-    Options: `rules` M, `particles` and `iterations` of the swarm (the paper's: 1000 and 200),
+    Options: `rules` M (`auto`: five, or fewer so that each holds ten samples per consequent),
+    `particles` and `iterations` of the swarm (the paper's: 1000 and 200),
     `reduction` of `type_reduction.REDUCTIONS`, `patience`, `threads`, `seed`. The attributes
     `progress` and `abort` are passed on to the swarm; an aborted training raises.
     """
@@ -26,7 +27,7 @@ class FuzzySystem(CalibrationModel):
     method = 'it2fls'
     summary = 'interval type-2 fuzzy system trained by a particle swarm (paper 1)'
     defaults = {
-        'rules': 5,
+        'rules': 'auto',
         'particles': 30,
         'iterations': 100,
         'reduction': 'maclaurin',
@@ -46,7 +47,7 @@ class FuzzySystem(CalibrationModel):
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Consequents of one output; the antecedents are searched, not solved."""
-        return int(self.options['rules']) * (axes + 1)
+        return (1 if self.options['rules'] == 'auto' else int(self.options['rules'])) * (axes + 1)
 
     def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
         # Only here: importing the compiled loops costs a second that prediction need not pay.
@@ -56,7 +57,9 @@ class FuzzySystem(CalibrationModel):
         mean, deviation = error.mean(axis=0), error.std(axis=0)
         deviation = np.where(deviation > 0.0, deviation, 1.0)
         inputs, targets = (command - centre) / half, (error - mean) / deviation
-        rules, reduction = int(self.options['rules']), str(self.options['reduction'])
+        rules, reduction = self.options['rules'], str(self.options['reduction'])
+        if rules == 'auto':
+            rules = int(np.clip(len(command) // (10 * (self.axes + 1)), 1, 5))
         low, high = vector_bounds(rules, self.axes)
         options = SwarmOptions(
             particles=int(self.options['particles']),
@@ -79,6 +82,7 @@ class FuzzySystem(CalibrationModel):
             half=half,
             mean=mean,
             deviation=deviation,
+            rules=int(rules),
             antecedents=self.swarm.position,
             theta=np.array(theta),
         )
@@ -87,7 +91,7 @@ class FuzzySystem(CalibrationModel):
         """Scaled inputs (n, axes) and the lower and upper firing strengths (n, rules)."""
         inputs = (command - self.state['centre']) / self.state['half']
         sets = AntecedentSets.from_vector(
-            self.state['antecedents'], int(self.options['rules']), self.axes
+            self.state['antecedents'], int(self.state['rules']), self.axes
         )
         return (inputs, *sets.firing(inputs))
 
@@ -123,13 +127,17 @@ class FuzzySystem(CalibrationModel):
         """Rules, type reduction and swarm."""
         o = self.options
         return (
-            f'{self.method}: {self.summary}, {o["rules"]} rules, {o["reduction"]} reduction, '
-            f'{o["particles"]} x {o["iterations"]} swarm'
+            f'{self.method}: {self.summary}, {self.state.get("rules", o["rules"])} rules, '
+            f'{o["reduction"]} reduction, {o["particles"]} x {o["iterations"]} swarm'
         )
 
 
 class Hybrid(CalibrationModel):
-    """The structured model first, an interval type-2 system on what it leaves."""
+    """The structured model first, an interval type-2 system on what it leaves.
+
+    The second part is kept only if, fitted on three quarters of the samples, it takes at least
+    3 % off the error of the rest: on noise alone it would add an error of its own.
+    """
 
     method = 'hybrid'
     summary = 'structured model, then interval type-2 system on the rest'
@@ -150,24 +158,37 @@ class Hybrid(CalibrationModel):
         heat = temperatures if self.sensors else None
         self.structured.fit(command, command + error, direction, heat)
         rest = command + error - self.structured.predict(command, direction, heat)
-        self.fuzzy.progress, self.fuzzy.abort = self.progress, self.abort
-        self.fuzzy.fit(command, command + rest)
         self.state['structured'] = self.structured.to_dict()
-        self.state['fuzzy'] = self.fuzzy.to_dict()
+        self.state['fuzzy'] = {}
+        self.fuzzy.progress, self.fuzzy.abort = self.progress, self.abort
+        if self._fuzzy_helps(command, rest):
+            self.fuzzy.fit(command, command + rest)
+            self.state['fuzzy'] = self.fuzzy.to_dict()
+
+    def _fuzzy_helps(self, command: Array, rest: Array) -> bool:
+        order = np.random.default_rng(int(self.options['seed'])).permutation(len(command))
+        held, used = order[: len(order) // 4], order[len(order) // 4 :]
+        if len(np.unique(command[used], axis=0)) < self.fuzzy.parameter_count(self.axes, 0):
+            return False
+        self.fuzzy.fit(command[used], command[used] + rest[used])
+        left = command[held] + rest[held] - self.fuzzy.predict(command[held])
+        return bool(np.sum(left**2) < 0.97**2 * np.sum(rest[held] ** 2))
 
     def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
         if not self.structured.fitted:
             self.structured = _part(Structured, self.state['structured'])
-            self.fuzzy = _part(FuzzySystem, self.state['fuzzy'])
+            if self.state['fuzzy']:
+                self.fuzzy = _part(FuzzySystem, self.state['fuzzy'])
         heat = temperatures if self.sensors else None
-        return (
-            self.structured.predict(command, direction, heat)
-            + self.fuzzy.predict(command)
-            - 2.0 * command
-        )
+        error = self.structured.predict(command, direction, heat) - command
+        if self.state['fuzzy']:
+            error = error + self.fuzzy.predict(command) - command
+        return error
 
     def describe(self) -> str:
         """Both parts."""
+        if self.fitted and not self.state['fuzzy']:
+            return f'{self.method}: {self.structured.describe()}; nothing left for a fuzzy system'
         return f'{self.method}: {self.structured.describe()} + {self.fuzzy.describe()}'
 
 
