@@ -1,0 +1,123 @@
+"""The schemes of the paper in closed loop with the servo twin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numba import njit
+from numba.core.runtime import _nrt_python, rtsys
+
+from contour_ctrl import curves, reference
+from contour_ctrl.cmac import CmacSettings
+from contour_ctrl.figures import Figures, figures
+from contour_ctrl.learning import Learner, LearningSettings
+from contour_ctrl.rehearsal import Rehearsal
+from contour_ctrl.tick import EX, QX, Controller, Gains, tick
+from stage_core.twin_file import TwinFile
+from stage_twin.simulate import simulate
+
+REFERENCE = reference.plan(curves.circle(0.03), 0.06)
+MACHINE = TwinFile.nominal_servo().with_effects(
+    {
+        'stribeck_friction.x': {'coulomb': 22.0, 'breakaway': 9.0, 'presliding': 4e-6},
+        'stribeck_friction.y': {'coulomb': 7.0, 'breakaway': 3.0, 'presliding': 3e-6},
+        'inertia_mismatch.y': {'ratio': 0.25},
+    }
+)
+SCHEME_1 = Gains(
+    position=(160.0, 160.0),
+    velocity_feedforward=(0.0, 0.0),
+    cross_coupling=60.0,
+    cmac=CmacSettings(rate=4000.0),
+)
+
+
+def iterate(gains: Gains, settings: LearningSettings | None, count: int) -> list[Figures]:
+    learner = None if settings is None else Learner(len(REFERENCE), 1e-3, settings)
+    rng = np.random.default_rng(5)
+    forces = [rng.normal(size=(len(REFERENCE), 2)) for _ in range(count)]
+    return Rehearsal(MACHINE).iterate(Controller(REFERENCE, gains), learner, count, forces)
+
+
+def test_p_loop_is_the_controller_of_the_contract() -> None:
+    gains = Gains(velocity_feedforward=(0.0, 0.0))
+    controller = Controller(REFERENCE, gains)
+    Rehearsal(MACHINE).run(controller)
+    independent = simulate(MACHINE, REFERENCE.position, REFERENCE.velocity, noise=False)
+    assert controller.record[:, QX : QX + 2] == pytest.approx(independent.encoder, abs=1e-12)
+    assert controller.record[:, EX : EX + 2] == pytest.approx(
+        REFERENCE.position - independent.encoder, abs=1e-12
+    )
+
+
+def test_schemes_improve_in_the_order_of_the_paper() -> None:
+    first = iterate(SCHEME_1, None, 1)[0]
+    fixed = iterate(SCHEME_1, LearningSettings((110.0, 110.0), 50.0, 0, False, divergence=0.0), 26)
+    fuzzy = iterate(SCHEME_1, LearningSettings((110.0, 110.0), 50.0, divergence=0.0), 26)
+    assert first.tracking_rms[0] > 14.0 * fuzzy[-1].tracking_rms[0]
+    assert first.contour_rms > 1.9 * fuzzy[-1].contour_rms
+    over_learned = [f.tracking_rms.sum() for f in fixed]
+    assert over_learned[-1] > 1.5 * min(over_learned)
+    learned = [f.tracking_rms.sum() for f in fuzzy]
+    assert learned[-1] < 1.2 * min(learned)
+    assert learned[-1] < 0.7 * over_learned[-1]
+
+
+def test_divergence_protection_holds_a_rate_that_is_far_too_large() -> None:
+    wild = LearningSettings((200.0, 200.0), 50.0, 0, False, divergence=0.0)
+    loose = iterate(SCHEME_1, wild, 16)
+    held = iterate(SCHEME_1, replace(wild, divergence=2.0), 16)
+    assert loose[-1].tracking_rms.max() > 20e-6
+    assert held[-1].tracking_rms.max() < 0.5 * loose[-1].tracking_rms.max()
+
+
+def test_cross_coupling_and_cmac_reduce_the_contour_error() -> None:
+    alone = iterate(replace(SCHEME_1, cross_coupling=0.0, cmac=None), None, 6)[-1]
+    coupled = iterate(replace(SCHEME_1, cmac=None), None, 6)[-1]
+    cmac = iterate(SCHEME_1, None, 6)[-1]
+    assert cmac.contour_rms < 0.8 * coupled.contour_rms < 0.8 * alone.contour_rms
+
+
+def test_tick_neither_allocates_nor_compiles() -> None:
+    controller = Controller(REFERENCE, SCHEME_1)
+    arrays = (
+        controller.table,
+        controller.path,
+        controller.settings,
+        controller.learned,
+        controller.weights,
+        controller.friction,
+        controller.memory,
+        controller.record,
+        controller.command,
+    )
+
+    @njit
+    def many(count: int, arrays: tuple) -> None:
+        for k in range(count):
+            tick(k, 0.01, 0.0, *arrays)
+
+    many(1, arrays)
+    compiled = len(tick.signatures)
+    counts = []
+    _nrt_python.memsys_enable_stats()
+    for count in (10, len(REFERENCE)):
+        before = rtsys.get_allocation_stats().alloc
+        many(count, arrays)
+        counts.append(rtsys.get_allocation_stats().alloc - before)
+        controller.tick(0, 0.01, 0.0)
+    _nrt_python.memsys_disable_stats()
+    # What a call allocates are the handles of its arguments, whatever the number of ticks.
+    assert counts[0] == counts[1]
+    assert len(tick.signatures) == compiled
+
+
+def test_figures_follow_their_definitions() -> None:
+    tracking = np.array([[3.0, 0.0], [-4.0, 1.0]])
+    found = figures(tracking, np.array([1.0, -2.0]))
+    assert found.tracking_rms == pytest.approx([np.sqrt(12.5), np.sqrt(0.5)])
+    assert found.tracking_aiae == pytest.approx([3.5, 0.5])
+    assert found.tracking_max == pytest.approx([4.0, 1.0])
+    assert (found.contour_aiae, found.contour_max) == (1.5, 2.0)
