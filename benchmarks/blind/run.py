@@ -88,7 +88,7 @@ def as_session(recording: Recording, seed: int) -> Session:
 def visible(case: Case) -> Case:
     """The case with those effects expected that change what the recorder holds.
 
-    The machine is run once more without each effect. Below 0.2 µm of the encoder (means over
+    The machine is run once more without each effect. Below 0.1 µm of the encoder (means over
     20 ms: its last count is chance), a third of the tracker's noise, and 0.3 N of force (means
     over 0.1 s), an effect is below the noise and must not be named. A coarse encoder is seen.
     """
@@ -100,7 +100,7 @@ def visible(case: Case) -> Case:
         force = whole.force - less.force
         encoder = whole.encoder - less.encoder
         changes = (
-            _rms_of_means(encoder, 20) / 0.2e-6,
+            _rms_of_means(encoder, 20) / 0.1e-6,
             _rms_of_means(whole.tracker - less.tracker, 1) / 0.33e-6,
             _rms_of_means(force, 100) / 0.3,
             2.0 if name.startswith('encoder_quantisation') else 0.0,

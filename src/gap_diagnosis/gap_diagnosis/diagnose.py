@@ -197,7 +197,7 @@ def _part(name: str, problem: Problem, rules: Rules, seed: int, without: Sequenc
     selector = Selector(problem, rules, seed)
     selection = selector.select()
     residual = selection.fit.residual
-    found = judge.structure(problem, residual, name)
+    found = judge.structure(problem, residual, _modelled(problem, selection, residual), name)
     rho = judge.slow_remainder(residual, problem.judged) if name == 'tracker' else 0.0
     if found.structured and rho > 0.0:
         # A slow drift hides what is fast and imitates what is slow: judge beside it. Effects
@@ -207,8 +207,17 @@ def _part(name: str, problem: Problem, rules: Rules, seed: int, without: Sequenc
         selection = selector.select()
         selection = selector.with_given(selection, plain)
         residual = _residual(problem, selection)
-        found = judge.structure(problem, residual, name)
+        found = judge.structure(problem, residual, _modelled(problem, selection, residual), name)
     return Part(name, problem, selector, selection, residual, np.zeros(0, np.int64), found)
+
+
+def _modelled(problem: Problem, selection: Selection, residual: Array) -> Array:
+    """Residual with the effects of the sensor link alone taken out: what mechanics make."""
+    out = residual.copy()
+    for name, theta in selection.fit.thetas.items():
+        if EFFECT_LINKS[split_effect(name)[0]] != 'sensor':
+            out += problem.terms[name].columns(theta) @ selection.fit.coefficients[name]
+    return out
 
 
 def _residual(problem: Problem, selection: Selection) -> Array:

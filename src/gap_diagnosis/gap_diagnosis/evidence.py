@@ -61,16 +61,17 @@ class Cause:
         return 1.0 - self.gap_after / self.gap_before if self.gap_before > 0.0 else 0.0
 
 
-def structure(problem: Problem, everywhere: Array, name: str) -> Structure:
+def structure(problem: Problem, everywhere: Array, modelled: Array, name: str) -> Structure:
     """What of the residual is no noise.
 
     The tracker's noise is white: the mean of the autocovariance at the first three lags is what
     a model could still predict. The force balance has a known noise (the encoder's steps): what
-    exceeds it is structure.
+    exceeds it is structure. Its share is of the gap that approximate models (all but those of the
+    sensor link) have to explain: `modelled` (n,).
     """
     rows = problem.held_out
     residual = everywhere[rows]
-    gap = max(problem.mean_square(rows) - problem.floor**2, 1e-300)
+    gap = max(float(np.mean(modelled[rows] ** 2)) - problem.floor**2, 1e-300)
     if name == 'tracker':
         remaining = float(np.mean([np.mean(residual[k:] * residual[:-k]) for k in (1, 2, 3)]))
         remaining = max(remaining, _line(everywhere))
