@@ -27,6 +27,9 @@ def ros_env() -> Iterator[dict[str, str]]:
     values = {
         'ROS_DOMAIN_ID': str(random.SystemRandom().randint(1, 100)),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        'FASTRTPS_DEFAULT_PROFILES_FILE': str(
+            ROOT / 'src' / 'stage_node' / 'stage_node' / 'fastdds_local.xml'
+        ),
     }
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, TransformStamped
 from numpy.typing import NDArray
 from rcl_interfaces.srv import GetParameters
@@ -53,6 +54,8 @@ class SessionClient(GraphClient):
         self.watch(PointStamped, topics.TRACKER_POINT, STATE_QOS, self._on_point)
         self.watch(TransformStamped, topics.ALIGNMENT, LATCHED_QOS)
         self.watch(String, topics.MODEL, LATCHED_QOS)
+        self.connected = False
+        self.watch(DiagnosticArray, topics.DIAGNOSTICS, 10, self._on_diagnostics)
 
     def _on_reference(self, message: JointState) -> None:
         reference = tuple(message.position)
@@ -75,6 +78,11 @@ class SessionClient(GraphClient):
     def _on_point(self, message: PointStamped) -> None:
         p = message.point
         self._points.append((stamp_of(message.header), p.x, p.y, p.z))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == 'tracker_bridge: connection':
+                self.connected = status.message == 'connected'
 
     def alignment(self) -> RigidTransform:
         """The transform that the bridge has published last; identity before."""

@@ -72,8 +72,8 @@ def commands(options: Options) -> list[NodeCommand]:
     pty = zaber_port(options)
     backend = 'zaber' if stepper else 'servo'
     driver: dict[str, object] = {'backend': backend, 'twin': nominal}
-    # The position loop forgets a move's lag within 0.3 s; the rest of the dwell is measured.
-    driver |= {'port': pty} if stepper else {'drive_port': drive_port, 'settle_time': 0.5}
+    # The position loop forgets a move's lag within 0.35 s; the rest of the dwell is measured.
+    driver |= {'port': pty} if stepper else {'drive_port': drive_port, 'settle_time': 0.6}
     return [
         NodeCommand(
             'stage_twin',

@@ -107,7 +107,7 @@ def run_steps(options: Options, processes: Processes) -> SessionResult:
     StageError
         Of the step that failed, with its reason.
     """
-    client = SessionClient(0.3, options.clock == 'lockstep')
+    client = SessionClient(0.6, options.clock == 'lockstep')
     try:
         session = Session(options, processes, client)
         _start(session)
@@ -136,6 +136,8 @@ def _start(session: Session) -> None:
     ):
         client.wait_for_service(service, 90.0, check)
     client.set_bool('/stage_driver/enable', True, 60.0)
+    # A tracker that is met later would miss the first positions.
+    client.wait_for(lambda: client.connected, 60.0, 'a tracker connected to the bridge')
     _home(session)
     client.wait_for_subscribers(topics.TARGET, 1, 30.0)
     low = [client.parameter('/stage_driver', f'{axis}.limit_lower') for axis in 'xy']

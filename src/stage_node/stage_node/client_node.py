@@ -60,7 +60,7 @@ class GraphClient:
         self,
         message_type: type,
         topic: str,
-        qos: QoSProfile = STATE_QOS,
+        qos: QoSProfile | int = STATE_QOS,
         callback: Callable[[Any], None] | None = None,
     ) -> None:
         """Subscribe to a topic; the newest message is kept, `callback` sees each."""

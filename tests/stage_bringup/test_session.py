@@ -1,0 +1,88 @@
+"""The whole session in real processes: small, deterministic, nothing left running."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from session_bags.reader import read_session
+from stage_core import topics
+
+SMALL = ['--grid', '4', '--heldout', '4', '--iterations', '1']
+
+
+def start(out: Path, environment: dict[str, str], *options: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, '-m', 'stage_bringup.session', '--out', str(out), *SMALL, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        env=environment,
+    )
+
+
+def left_running(out: Path) -> list[str]:
+    """Processes that still name the session's folder in their command line."""
+    found = []
+    for folder in Path('/proc').iterdir():
+        if folder.name.isdigit() and int(folder.name) != os.getpid():
+            try:
+                line = (folder / 'cmdline').read_bytes().replace(b'\0', b' ').decode()
+            except OSError:
+                continue
+            if str(out) in line:
+                found.append(line)
+    return found
+
+
+@pytest.mark.timeout(600)
+def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
+    """Every step passes, the correction helps, a second run prints the same table."""
+    tables = []
+    for name, options in (('first', ()), ('second', ('--no-diagnosis',))):
+        out = tmp_path / name
+        process = start(out, ros_env, *options)
+        try:
+            output, _ = process.communicate(timeout=280)
+        finally:
+            process.kill()
+        assert process.returncode == 0, output
+        assert not left_running(out)
+        tables.append(json.loads((out / 'session.json').read_text())['rows'])
+    assert tables[0] == tables[1]
+    distance = tables[0]['held-out distance']
+    assert distance['after']['rms'] < 0.8 * distance['before']['rms']
+    first = tmp_path / 'first'
+    assert (first / 'report.html').read_text().count('data:image/png') >= 2
+    verdict = json.loads((first / 'diagnosis' / 'report.json').read_text())['verdict']
+    assert {'coulomb_friction.x', 'backlash.x', 'cyclic_pitch_error.y'} <= set(verdict)
+    session = read_session(first / 'calibration')
+    assert session.twin is not None and 'effects' not in session.twin
+    for topic in (topics.REFERENCE, topics.COMMAND, topics.JOINT_STATES, topics.TRACKER_POINT):
+        assert session.has(topic)
+    assert session.alignment is not None
+
+
+@pytest.mark.timeout(200)
+def test_interrupted_session_leaves_nothing(tmp_path: Path, ros_env: dict[str, str]) -> None:
+    out = tmp_path / 'interrupted'
+    process = start(out, ros_env)
+    try:
+        deadline = time.monotonic() + 90.0
+        while not (out / 'log' / 'gap_diagnosis.log').exists():
+            assert time.monotonic() < deadline and process.poll() is None
+            time.sleep(0.2)
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=90)
+    finally:
+        process.kill()
+    assert process.returncode == 130, output
+    assert 'interrupted' in output and not left_running(out)
