@@ -1,0 +1,148 @@
+"""Channels of the gap: before, after, and without one cause, on the held-out rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis import evidence as judge
+from gap_diagnosis.data import Record, held_out_windows, inside
+from gap_diagnosis.parts import Part
+from gap_diagnosis.replay import replay
+from stage_core.quantities import split_effect
+from stage_core.twin_file import TwinFile
+from stage_twin.effects import EFFECTS
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Channel:
+    """One channel on the held-out rows: time [s] per record, gap before and after."""
+
+    name: str
+    unit: str
+    time: list[Array]
+    before: list[Array]
+    after: list[Array]
+
+    def rms(self, which: str) -> float:
+        """Root mean square over the held-out rows of all records."""
+        values = np.concatenate(getattr(self, which))
+        return float(np.sqrt(np.mean(values**2)))
+
+
+def _in_session(
+    record: Record,
+    records: list[Record],
+    effects: dict[str, dict[str, float]],
+    parts: list[Part],
+) -> dict[str, dict[str, float]]:
+    """The effects with the nuisances (a phase) of one held-out session."""
+    number = next(i for i, other in enumerate(records) if other is record)
+    out = {n: dict(v) for n, v in effects.items()}
+    for part in parts:
+        for name, coefficients in part.selection.fit.sessions.get(number, {}).items():
+            theta = part.selection.fit.thetas[name]
+            values = part.problem.terms[name].parameters(theta, coefficients)
+            for parameter in EFFECTS[split_effect(name)[0]].parameters:
+                if parameter.nuisance and name in out and parameter.name in values:
+                    out[name][parameter.name] = values[parameter.name]
+    return out
+
+
+def gap_channels(
+    records: list[Record],
+    twin: TwinFile,
+    effects: dict[str, dict[str, float]],
+    parts: list[Part],
+) -> dict[str, Channel]:
+    """Every channel on the held-out rows: nominal twin before, corrected twin after."""
+    scored = [r for r in records if r.held_out_session] or records
+    channels: dict[str, Channel] = {}
+    for record in scored:
+        before = replay(record, twin, {})
+        after = replay(record, twin, _in_session(record, records, effects, parts))
+        mask = inside(record.time, held_out_windows(record))
+        for name in before:
+            unit = 'N' if name.startswith('force') else 'm'
+            channel = channels.setdefault(name, Channel(name, unit, [], [], []))
+            channel.time.append(record.time[mask])
+            channel.before.append(before[name][mask])
+            channel.after.append(after[name][mask])
+    for part in parts:
+        if part.name != 'tracker':
+            continue
+        at = 0
+        for record in records:
+            assert record.tracker_time is not None
+            count = len(record.tracker_time)
+            for axis in record.axes:
+                rows = slice(at, at + count)
+                at += count
+                if not any(record is other for other in scored):
+                    continue
+                mask = part.problem.held_out[rows]
+                name = f'tracker.{axis}'
+                channel = channels.setdefault(name, Channel(name, 'm', [], [], []))
+                channel.time.append(record.tracker_time[mask])
+                channel.before.append(part.problem.target[rows][mask])
+                channel.after.append(part.residual[rows][mask])
+    return channels
+
+
+def position_rms(channels: dict[str, Channel], which: str) -> float:
+    """Root mean over the position channels of each channel's squared RMS [m]."""
+    squares = [c.rms(which) ** 2 for c in channels.values() if c.unit == 'm']
+    return float(np.sqrt(np.mean(squares)))
+
+
+def without_cause(
+    name: str,
+    rest: dict[str, dict[str, float]],
+    scored: list[Record],
+    twin: TwinFile,
+    part: Part | None,
+    channels: dict[str, Channel],
+) -> dict[str, list[Array]]:
+    """Gap of every channel with one cause taken out of the corrected twin, not refitted."""
+    out = {c.name: list(c.after) for c in channels.values()}
+    if part is not None and part.name == 'tracker':
+        contribution = part.problem.terms[name].columns(part.selection.fit.thetas[name])
+        contribution = contribution @ part.selection.fit.coefficients[name]
+        at = 0
+        for channel in ('tracker.x', 'tracker.y'):
+            if channel not in channels:
+                continue
+            axis_rows = part.problem.held_out & (
+                part.row_axis == list(scored[0].axes).index(channel[-1])
+            )
+            values = contribution[axis_rows]
+            at = 0
+            for j, after in enumerate(out[channel]):
+                out[channel][j] = after + values[at : at + len(after)]
+                at += len(after)
+        return out
+    for j, record in enumerate(scored):
+        gaps = replay(record, twin, rest)
+        mask = inside(record.time, held_out_windows(record))
+        for channel, gap in gaps.items():
+            out[channel][j] = gap[mask]
+    return out
+
+
+def axis_shares(
+    axes: tuple[str, ...], channels: dict[str, Channel], twin: TwinFile
+) -> tuple[dict[str, float], str]:
+    """Share of each axis in the gap above the floor, and the link with the largest gap."""
+    excess = {}
+    for channel in channels.values():
+        if channel.unit == 'm':
+            floor = judge.channel_floor(twin, channel.name)
+            excess[channel.name] = max(channel.rms('before') ** 2 - floor**2, 0.0)
+    total = sum(excess.values()) or 1.0
+    shares = {a: sum(v for n, v in excess.items() if n.endswith(f'.{a}')) / total for a in axes}
+    worst = max(excess, key=lambda n: excess[n])
+    return shares, 'servo' if worst.startswith('encoder') else 'kinematic'

@@ -1,0 +1,159 @@
+"""Regression problems of a diagnosis: the tracker channels, and the force balance of each axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis import evidence as judge
+from gap_diagnosis.data import Record, held_out_windows, inside
+from gap_diagnosis.regression import Problem
+from gap_diagnosis.replay import replay
+from gap_diagnosis.selection import Rules, Selection, Selector, describe
+from stage_core.errors import StageError
+from stage_core.quantities import EFFECT_LINKS, split_effect
+from stage_core.twin_file import TwinFile
+
+Array = NDArray[np.float64]
+
+#: A gain in the force balance is told from noise that regressors share with the residual.
+SERVO_RULES = Rules(of_noise=0.05, of_gap=6e-4)
+KINEMATIC_RULES = Rules(of_gap=1e-5)
+
+
+@dataclass
+class Part:
+    """One regression problem: the tracker channels together, or the force balance of an axis."""
+
+    name: str  # 'tracker' or 'servo.x'
+    problem: Problem
+    selector: Selector
+    selection: Selection
+    residual: Array  # of all rows, in the target's unit, never whitened
+    row_axis: NDArray[np.int64]
+    structure: judge.Structure
+
+
+def with_steps(
+    twin: TwinFile, quantisation: dict[str, dict[str, tuple[float, float]]]
+) -> TwinFile:
+    """The twin with the encoder steps that the records really have: they are a noise floor."""
+    axes = dict(twin.axes)
+    for name, values in quantisation.items():
+        axis = name[-1]
+        axes[axis] = replace(axes[axis], encoder_resolution=values['resolution'][0])  # type: ignore[arg-type]
+    return replace(twin, axes=axes)
+
+
+def fit_part(name: str, problem: Problem, rules: Rules, seed: int, without: Sequence[str]) -> Part:
+    """Select the effects of one problem and judge what remains.
+
+    Raises
+    ------
+    StageError
+        If there is too little motion to judge.
+    """
+    if np.count_nonzero(problem.fit) < 200 or np.count_nonzero(problem.held_out) < 50:
+        raise StageError(
+            f'too little motion to judge {name}: only {np.count_nonzero(problem.fit)} samples '
+            'in motion; record a longer session with `ros2 run contour_ctrl excite`'
+        )
+    for effect in without:
+        base, axis = split_effect(effect)
+        for term in [t for t in problem.terms if split_effect(t)[0] == base]:
+            if axis is None or term == effect:
+                del problem.terms[term]
+    selector = Selector(problem, rules, seed)
+    selection = selector.select()
+    residual = selection.fit.residual
+    found = judge.structure(problem, residual, _modelled(problem, selection, residual), name)
+    rho = judge.slow_remainder(residual, problem.judged) if name == 'tracker' else 0.0
+    if found.structured and rho > 0.0:
+        # A slow drift hides what is fast and imitates what is slow: judge beside it. Effects
+        # that are nearly the whole gap are no imitation.
+        plain = {n: e for n, e in selection.evidence.items() if e.share > 0.96}
+        selector = Selector(problem.whitened(rho), rules, seed, problem.target)
+        selection = selector.select()
+        selection = selector.with_given(selection, plain)
+        residual = _residual(problem, selection)
+        found = judge.structure(problem, residual, _modelled(problem, selection, residual), name)
+    return Part(name, problem, selector, selection, residual, np.zeros(0, np.int64), found)
+
+
+def _modelled(problem: Problem, selection: Selection, residual: Array) -> Array:
+    """Residual with the effects of the sensor link alone taken out: what mechanics make."""
+    out = residual.copy()
+    for name, theta in selection.fit.thetas.items():
+        if EFFECT_LINKS[split_effect(name)[0]] != 'sensor':
+            out += problem.terms[name].columns(theta) @ selection.fit.coefficients[name]
+    return out
+
+
+def _residual(problem: Problem, selection: Selection) -> Array:
+    """Residual of a selection that was fitted to whitened rows."""
+    residual = problem.target.copy()
+    for name, theta in selection.fit.thetas.items():
+        residual -= problem.terms[name].columns(theta) @ selection.fit.coefficients[name]
+    return residual
+
+
+def fit_servo(
+    axis: str,
+    problem: Problem,
+    records: list[Record],
+    twin: TwinFile,
+    quantisation: dict[str, dict[str, tuple[float, float]]],
+    seed: int,
+    without: Sequence[str],
+) -> Part:
+    """Force balance of an axis; an effect that the closed loop contradicts is taken out.
+
+    A disturbance that nothing in the library explains is sometimes imitated in the force
+    balance; the twin with such an effect then follows the record worse than without it.
+    """
+    barred = list(without)
+    while True:
+        part = fit_part(f'servo.{axis}', problem, SERVO_RULES, seed, barred)
+        accepted = part.selection.accepted
+        if not accepted or twin.kind != 'servo':
+            return part
+        found = describe(part.selection, part.selector.regression)
+        found.update(quantisation)
+        effects = {n: {k: v for k, (v, _) in p.items()} for n, p in found.items()}
+        contradicted = _contradicted(axis, accepted, effects, records, twin)
+        if not contradicted:
+            return part
+        barred += contradicted
+
+
+def _contradicted(
+    axis: str,
+    accepted: list[str],
+    effects: dict[str, dict[str, float]],
+    records: list[Record],
+    twin: TwinFile,
+) -> list[str]:
+    """Effects with which the closed loop follows the held-out record worse than without.
+
+    Where the encoder's gap is large and all of them together close almost nothing of it, the
+    force balance was imitated and all go. Below the encoder's step nothing is contradicted.
+    """
+    channel = f'encoder.{axis}'
+
+    def gap(some: dict[str, dict[str, float]]) -> float:
+        squares = []
+        for record in [r for r in records if r.held_out_session] or records:
+            mask = inside(record.time, held_out_windows(record))
+            squares.append(replay(record, twin, some)[channel][mask] ** 2)
+        return float(np.mean(np.concatenate(squares)))
+
+    step = float(getattr(twin.axes[axis], 'encoder_resolution', 1e-6)) ** 2
+    everything = gap(effects)
+    if gap({}) > 4.0 * step and everything > 0.7 * gap({}):
+        return list(accepted)
+    losses = {n: everything - gap({k: v for k, v in effects.items() if k != n}) for n in accepted}
+    worst = max(losses, key=lambda n: losses[n])
+    return [worst] if losses[worst] > max(0.05 * everything, 0.05 * step) else []
