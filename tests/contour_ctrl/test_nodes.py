@@ -15,6 +15,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -184,7 +185,13 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         model_file.save(model_file.StoredModel(model), tmp_path / 'model.json')
         latched = client.node.create_publisher(String, topics.MODEL, LATCHED_QOS)
         content = {'active': True, 'file': str(tmp_path / 'model.json')}
+        seen: list[str] = []
+        client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=lambda m: seen.append(str(m)))
+        client.wait_for(
+            lambda: latched.get_subscription_count() > 0, 30.0, 'a reader of the model'
+        )
         latched.publish(String(data=json.dumps(content)))
+        client.wait_for(lambda: any('model.json' in text for text in seen), 30.0, 'the model')
         plant.streamed.clear()
         plant.moves.clear()
         client.set_parameters('/contour_ctrl', iterations=1, scheme='ccc')

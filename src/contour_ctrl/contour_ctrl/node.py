@@ -163,7 +163,12 @@ class ContourCtrl(StreamingNode):
         return response
 
     def _contour_status(self) -> tuple[bytes, str, dict[str, Any]]:
-        values: dict[str, Any] = {'scheme': self.value('scheme'), 'contour': self.value('contour')}
+        active = self.value('use_model') and self._model.get('active')
+        values: dict[str, Any] = {
+            'scheme': self.value('scheme'),
+            'contour': self.value('contour'),
+            'model': self._model.get('file') if active else 'none',
+        }
         for index, result in enumerate(self._progress[-20:]):
             number = max(len(self._progress) - 20, 0) + index + 1
             values[f'iteration {number}'] = result.sentence()
