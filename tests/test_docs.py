@@ -1,0 +1,106 @@
+"""What the documentation names exists: links, executables, modules, files."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [
+    ROOT / 'README.md',
+    ROOT / 'CHANGELOG.md',
+    *sorted((ROOT / 'docs').rglob('*.md')),
+    *sorted((ROOT / 'src').glob('*/README.md')),
+]
+LINK = re.compile(r'\]\(([^)\s]+)\)')
+RUN = re.compile(r'ros2 run (\w+) (\w+)')
+MODULE = re.compile(r'python -m ([\w.]+)')
+SCRIPT = re.compile(r'python ((?:benchmarks|examples|tools)/[\w/]+\.py)')
+PLACE = re.compile(r'`((?:src|ros_ws|benchmarks|docs|tests|examples|tools)/[\w./-]*)`')
+#: What `make clean` removes, or building makes.
+MADE = ('ros_ws/build', 'ros_ws/install', 'ros_ws/log')
+
+
+def each_page(function):
+    ids = [str(page.relative_to(ROOT)) for page in PAGES]
+    return pytest.mark.parametrize('page', PAGES, ids=ids)(function)
+
+
+@functools.cache
+def executables() -> set[tuple[str, str]]:
+    """(package, executable) of every console script."""
+    found = set()
+    for setup in (ROOT / 'src').glob('*/setup.py'):
+        for node in ast.walk(ast.parse(setup.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                name, equals, target = node.value.partition(' = ')
+                if equals and ':' in target:
+                    found.add((setup.parent.name, name))
+    return found
+
+
+def module_file(module: str) -> Path | None:
+    """File that `python -m module` runs, if it is one of this project."""
+    package, *rest = module.split('.')
+    roots = [ROOT / 'src' / package / package] if package != 'benchmarks' else [ROOT / package]
+    for root in roots:
+        place = root.joinpath(*rest)
+        for candidate in (place.with_suffix('.py'), place / '__main__.py'):
+            if candidate.is_file():
+                return candidate
+    return None
+
+
+def test_there_is_something_to_check() -> None:
+    assert len(PAGES) > 20
+    assert len(executables()) > 12
+    assert module_file('gap_diagnosis') is not None
+    assert module_file('gap_diagnosis.no_such_module') is None
+
+
+@each_page
+def test_relative_links_resolve(page: Path) -> None:
+    for target in LINK.findall(page.read_text(encoding='utf-8')):
+        if not re.match(r'\w+:|#', target):
+            assert (page.parent / target.partition('#')[0]).exists(), target
+
+
+@each_page
+def test_executables_exist(page: Path) -> None:
+    named = RUN.findall(page.read_text(encoding='utf-8'))
+    # Words in capitals stand for any package.
+    assert {(package, name) for package, name in named if not package.isupper()} <= executables()
+
+
+@each_page
+def test_modules_and_scripts_exist(page: Path) -> None:
+    text = page.read_text(encoding='utf-8')
+    for module in MODULE.findall(text):
+        if module.split('.')[0] not in ('pytest', 'pip', 'venv', 'zipfile'):
+            assert module_file(module.rstrip('.')) is not None, module
+    for script in SCRIPT.findall(text):
+        assert (ROOT / script).is_file(), script
+
+
+@each_page
+def test_files_named_exist(page: Path) -> None:
+    for name in PLACE.findall(page.read_text(encoding='utf-8')):
+        if not name.startswith(MADE):
+            assert (ROOT / name.rstrip('./')).exists(), name
+
+
+def test_every_page_is_listed_in_the_readme() -> None:
+    listed = set(LINK.findall((ROOT / 'README.md').read_text(encoding='utf-8')))
+    for page in sorted((ROOT / 'docs').rglob('*.md')):
+        assert str(page.relative_to(ROOT)) in listed
+
+
+@each_page
+def test_no_marker_is_left(page: Path) -> None:
+    """No place that still waits for its text."""
+    for line in page.read_text(encoding='utf-8').splitlines():
+        assert not re.fullmatch(r'@@\w+@@|[A-Z]{2,}\d*', line.strip()), line
