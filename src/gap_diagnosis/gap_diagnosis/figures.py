@@ -67,7 +67,9 @@ def spectra(diagnosis: Diagnosis) -> str:
             pieces = gap[: len(gap) // size * size].reshape(-1, size) * np.hanning(size)
             amplitude = np.sqrt(np.mean(np.abs(np.fft.rfft(pieces, axis=1)) ** 2, axis=0))
             frequency = np.fft.rfftfreq(size, period)
-            plot.loglog(frequency[1:], 4.0 / size * amplitude[1:], color=colour, lw=0.8)
+            # A gap of exactly zero has no place on a logarithmic axis.
+            amplitude = np.maximum(4.0 / size * amplitude[1:], 1e-6)
+            plot.loglog(frequency[1:], amplitude, color=colour, lw=0.8)
         plot.set_title(channel.name, fontsize=9)
         plot.set_xlabel('frequency [Hz]')
         plot.set_ylabel(f'amplitude [{unit}]')

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Theta = tuple[float, ...]
 
+FOLD, FOLDS = 2.0, 6  # s, and number of the folds of cross-validation
+
 
 @dataclass(frozen=True)
 class Term:
@@ -99,7 +101,7 @@ class Fit:
     """A fitted set of terms; `residual` covers all rows.
 
     `crossed` is the residual in which no row is judged by coefficients that it helped to fit:
-    held-out rows by those of the fit rows, and the other way round. Rare events (a few
+    held-out rows by those of the fit rows, these by those of the other folds. Rare events (a few
     reversals, one saturation) then count wherever they happen. `sessions` holds, per held-out
     session, the coefficients whose nuisances were refitted on its prefix.
     """
@@ -156,11 +158,29 @@ class Regression:
             at += part.shape[1]
         residual = target - matrix @ solution
         sessions = self._refit_nuisances(thetas, coefficients, residual)
-        crossed = residual.copy()
-        if problem.crossable:
-            back = _solve(matrix[problem.held_out], target[problem.held_out])
-            crossed[problem.fit] = target[problem.fit] - matrix[problem.fit] @ back
+        crossed = self._crossed(matrix, target, residual) if problem.crossable else residual
         return Fit(dict(thetas), coefficients, residual, crossed, sessions)
+
+    def _crossed(self, matrix: Array, target: Array, residual: Array) -> Array:
+        """Residual in which each fit row is judged by coefficients of the other folds.
+
+        Folds are windows of two seconds dealt out in turn; their Gram matrices add up, so that a
+        fold is left out by a subtraction.
+        """
+        problem = self.problem
+        folds = (problem.time / FOLD).astype(np.int64) % FOLDS
+        parts = []
+        for number in range(FOLDS):
+            own = folds == number
+            parts.append((own, matrix[own].T @ matrix[own], matrix[own].T @ target[own]))
+        gram = sum(part[1] for part in parts)
+        right = sum(part[2] for part in parts)
+        crossed = residual.copy()
+        for own, own_gram, own_right in parts:
+            rows = own & problem.fit
+            coefficients = _solve_gram(gram - own_gram, right - own_right)
+            crossed[rows] = target[rows] - matrix[rows] @ coefficients
+        return crossed
 
     def _refit_nuisances(
         self, thetas: dict[str, Theta], coefficients: dict[str, Array], residual: Array
@@ -309,11 +329,16 @@ class Regression:
 
 def _solve(matrix: Array, target: Array) -> Array:
     """Least squares through scaled normal equations, a tiny ridge against exact collinearity."""
-    scale = np.sqrt(np.einsum('ij,ij->j', matrix, matrix))
+    return _solve_gram(matrix.T @ matrix, matrix.T @ target)
+
+
+def _solve_gram(gram: Array, right: Array) -> Array:
+    """Solution of normal equations, scaled to a unit diagonal."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
     scale[scale == 0.0] = 1.0
-    gram = (matrix.T @ matrix) / np.outer(scale, scale)
-    gram[np.diag_indices_from(gram)] += 1e-10
-    return np.asarray(np.linalg.solve(gram, (matrix.T @ target) / scale) / scale)
+    scaled = gram / np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += 1e-10
+    return np.asarray(np.linalg.solve(scaled, right / scale) / scale)
 
 
 def block_gains(problem: Problem, base: Fit, other: Fit) -> Array:
