@@ -95,12 +95,15 @@ class Watch:
         self.tracker: deque[tuple[int, float, float]] = deque(maxlen=50_000)
         self.command: deque[tuple[int, float, float]] = deque(maxlen=200_000)
         self.reference: deque[tuple[int, float, float]] = deque(maxlen=200_000)
+        #: Stamps [ns] of the set-points that held finite velocities.
+        self.streamed: deque[int] = deque(maxlen=50_000)
         client = self.client
         client.watch(DiagnosticArray, topics.DIAGNOSTICS, 10, self._on_diagnostics)  # type: ignore[arg-type]
         client.watch(JointState, topics.JOINT_STATES, STATE_QOS, self._keeper(self.encoder))
         client.watch(JointState, topics.REFERENCE, STATE_QOS, self._keeper(self.reference))
         client.watch(JointState, topics.COMMAND, STATE_QOS, self._keeper(self.command, 'velocity'))
         client.watch(PointStamped, topics.TRACKER_POINT, STATE_QOS, self._on_point)
+        client.watch(JointState, topics.SETPOINT, STATE_QOS, self._on_setpoint)
         client.watch(String, topics.MODEL, LATCHED_QOS)
         make = client.node.create_publisher
         self.setpoints = make(JointState, topics.SETPOINT, SETPOINT_QOS)
@@ -113,6 +116,10 @@ class Watch:
             values = {pair.key: pair.value for pair in status.values}
             self.states[status.name] = (status.level, status.message, values, now)
 
+    def _on_setpoint(self, message: JointState) -> None:
+        if len(message.velocity) and np.isfinite(message.velocity).all():
+            self.streamed.append(stamp_of(message.header))
+
     @staticmethod
     def _keeper(rows: deque, field: str = 'position') -> Callable[[JointState], None]:
         def keep(message: JointState) -> None:
@@ -124,17 +131,22 @@ class Watch:
     def _on_point(self, message: PointStamped) -> None:
         self.tracker.append((stamp_of(message.header), message.point.x, message.point.y))
 
-    def forget(self) -> None:
-        """Drop all rows and statuses."""
-        for rows in (self.encoder, self.tracker, self.command, self.reference):
-            rows.clear()
-        self.states.clear()
-
     def says(self, status: str, *words: str) -> Callable[[], bool]:
         """Condition: the newest status of that name holds one of the words."""
 
         def found() -> bool:
             return any(word in self.text(status) for word in words)
+
+        return found
+
+    def missed(self, node: str) -> Callable[[], bool]:
+        """Condition: one of the others says that a node fell silent."""
+
+        def found() -> bool:
+            return any(
+                name.endswith(': peers') and node in state[1]
+                for name, state in list(self.states.items())
+            )
 
         return found
 
@@ -206,12 +218,6 @@ class Watch:
     def close(self) -> None:
         """Leave the graph."""
         self.client.close()
-
-
-def speed(rows: Sequence[tuple[int, float, float]], axis: int = 1) -> float:
-    """Mean speed [m/s] over rows (stamp, x, y), from first to last."""
-    seconds = 1e-9 * (rows[-1][0] - rows[0][0])
-    return (rows[-1][axis] - rows[0][axis]) / seconds if seconds > 0.0 else 0.0
 
 
 def spread(rows: Sequence[tuple[int, float, float]]) -> float:

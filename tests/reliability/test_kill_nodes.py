@@ -35,7 +35,7 @@ def whole(graph: Callable[..., Any]) -> Iterator[tuple[Nodes, Watch]]:
     ) as (nodes, watch):
         for name in ('tracker_bridge', 'session_recorder', 'calibrator', 'contour_ctrl'):
             watch.wait(lambda name=name: _heard(watch, name), f'{name} on /diagnostics')
-        watch.wait(lambda: _heard(watch, 'gap_diagnosis'), 'the diagnosis')
+        watch.wait(lambda: _all_know_each_other(watch), 'discovery')
         yield nodes, watch
 
 
@@ -50,6 +50,11 @@ def ready(whole: tuple[Nodes, Watch]) -> tuple[Nodes, Watch]:
 
 def _heard(watch: Watch, node: str) -> bool:
     return any(name.startswith(f'{node}:') for name in list(watch.states))
+
+
+def _all_know_each_other(watch: Watch) -> bool:
+    peers = [s for name, s in list(watch.states.items()) if name.endswith(': peers')]
+    return len(peers) == 5 and all('not heard yet' not in s[2].values() for s in peers)
 
 
 def restart(nodes: Nodes, watch: Watch, *names: str) -> None:
@@ -101,9 +106,7 @@ def test_kill_of_bystanders_during_moves(ready: tuple[Nodes, Watch]) -> None:
         target = -target
         if victim != 'session_recorder':
             assert set(nodes.dead()) == set(victims[: victims.index(victim) + 1])
-    watch.wait(
-        watch.says('contour_ctrl: peers', 'calibrator fell silent'), 'the calibrator missed'
-    )
+    watch.wait(watch.missed('calibrator'), 'the calibrator missed')
     # What was recorded before the kill is there and is repaired.
     (done,) = repair(path)
     assert not done.was_whole
@@ -142,9 +145,7 @@ def test_kill_of_the_controller_during_a_stream(ready: tuple[Nodes, Watch]) -> N
     watch.silent(watch.encoder)
     assert spread(list(watch.encoder)[-20:]) < 2e-5
     watch.wait(watch.says('stage_driver: state', 'ready'), 'readiness')
-    watch.wait(
-        watch.says('session_recorder: peers', 'contour_ctrl fell silent'), 'the controller missed'
-    )
+    watch.wait(watch.missed('contour_ctrl'), 'the controller missed')
     restart(nodes, watch, 'contour_ctrl')
     run = Contour(watch)
     run.end()
@@ -162,7 +163,7 @@ def test_kill_of_the_driver(ready: tuple[Nodes, Watch], motion: str) -> None:
     last = len(watch.tracker)
     nodes.kill('stage_driver')
     # Time stands still until the drive's own brake cuts in; the tracker sees the stage stop.
-    watch.wait(watch.says('contour_ctrl: peers', 'stage_driver fell silent'), 'the driver missed')
+    watch.wait(watch.missed('stage_driver'), 'the driver missed')
     watch.wait(lambda: len(watch.tracker) > last, 'points while the drive brakes')
     watch.silent(watch.tracker, 4.0)
     rows = list(watch.tracker)[-3:]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -25,6 +26,7 @@ class InboxBackend(ABC):
         self._homed = False
         self._counts = {'refused': 0, 'watchdog_stops': 0}
         self._last_refusal = ''
+        self._ending = threading.Event()
 
     # -- calls from other threads -------------------------------------------------------------
 
@@ -43,8 +45,11 @@ class InboxBackend(ABC):
         except StageError as error:
             reason = str(error)
             self._refuse(reason)
-            # A stream that has turned into rubbish must not be followed any further.
-            self._inbox.put(lambda: self._end_stream(reason))
+            # A stream that has turned into rubbish must not be followed any further. One request
+            # is enough: a flood of rubbish must not fill the inbox.
+            if not self._ending.is_set():
+                self._ending.set()
+                self._inbox.put(lambda: self._end_refused_stream(reason))
             return
         self._inbox.put(lambda: self._take(setpoint))
 
@@ -140,6 +145,10 @@ class InboxBackend(ABC):
         if self._streaming:
             self._listener.on_event(WARNING, f'stream ended, the stage stops: {reason}')
             self._stop(reason)
+
+    def _end_refused_stream(self, reason: str) -> None:
+        self._ending.clear()
+        self._end_stream(reason)
 
     def _watchdog(self, reason: str) -> None:
         self._counts['watchdog_stops'] += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -31,6 +32,9 @@ from stage_node.node import (
     stamp_of,
 )
 
+#: The servo thread must get the interpreter within a fraction of a tick [s], also while set-points
+#: flood the executor's thread; with Python's own 5 ms the velocity loop is unstable then.
+SWITCH_INTERVAL = 2e-4
 #: The same refusal at the stream's rate is one line of the log in this time [s].
 LOG_PERIOD = 5.0
 
@@ -66,6 +70,7 @@ class StageDriver(StageNode):
         self.create_service(Trigger, '~/stop', self._on_stop)
         self.diagnostics.task('state', self._state_status)
         self.diagnostics.task('set-points', self._setpoint_status)
+        sys.setswitchinterval(SWITCH_INTERVAL)
         self._backend.start()
 
     def shutdown(self) -> None:

@@ -17,6 +17,8 @@ LOCKSTEP_START_NS = NANOSECONDS
 RESEND_AFTER = 0.2
 LONGEST_WAIT = 0.05
 BRAKING_LIMIT = 2.0
+#: A force for a tick longer ago is refused: a loop closed that late drives the stage to and fro.
+STALE_TICKS = 5
 
 
 class TrackerOutput(Protocol):
@@ -151,11 +153,13 @@ class RealTimeLoop(_Loop):
         super().__init__(machine, drive, tracker)
         self.pacer = Pacer(machine.period)
         self.late_forces = 0
+        self.stale_forces = 0
         self._watchdog_ticks = max(1, round(watchdog / machine.period))
 
     def _counters(self) -> dict[str, Any]:
         return {
             'late_forces': self.late_forces,
+            'stale_forces': self.stale_forces,
             'missed_ticks': self.pacer.missed,
             'worst_lateness': f'{self.pacer.worst:.6f}',
             'pauses': self.pacer.pauses,
@@ -173,6 +177,9 @@ class RealTimeLoop(_Loop):
             moved = round((self.pacer.next() - before) * NANOSECONDS)
             fresh = False
             while (datagram := self.drive.receive()) is not None:
+                if datagram.tick < self.tick - STALE_TICKS:
+                    self.stale_forces += 1
+                    continue
                 force = datagram.values
                 silent = 0
                 fresh = fresh or datagram.tick == self.tick
