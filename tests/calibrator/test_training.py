@@ -41,6 +41,31 @@ def test_clock_shift_is_estimated_from_moving_points(latency, grid_session):
     assert len(samples) == 30
 
 
+@pytest.mark.parametrize('unit', [1.0, 4.7625e-8])
+def test_travel_of_a_stepper_is_no_clock_shift(unit, grid_session):
+    """The reference jumps when a move is sent; counted steps and tracker follow together."""
+    session = grid_session(30, rest=0.6)
+    motion = session.series[topics.REFERENCE]
+    goals = {name: column.copy() for name, column in motion.values.items()}
+    still = np.all([np.abs(np.diff(c, append=c[-1])) < 1e-9 for c in goals.values()], axis=0)
+    places = np.flatnonzero(still)
+    ahead = places[np.minimum(np.searchsorted(places, np.arange(len(still))), len(places) - 1)]
+    jumping = {name: column[ahead] for name, column in goals.items()}
+    counted = {name: column / unit for name, column in motion.values.items()}
+    stepper = Session(
+        'stepper',
+        {
+            **session.series,
+            topics.REFERENCE: Series(topics.REFERENCE, motion.stamps, jumping),
+            topics.JOINT_STATES: Series(topics.JOINT_STATES, motion.stamps, counted),
+        },
+    )
+    samples = prepare(stepper)
+    assert abs(samples.shift) < 1e-3
+    assert samples.at_rest
+    assert np.abs(samples.measured - samples.command).max() < 1e-4
+
+
 def test_a_session_without_rests_is_a_stream(grid_session, planted_map):
     samples = prepare(grid_session(40, rest=0.0, latency=0.02))
     assert not samples.at_rest and len(samples) > 400

@@ -12,7 +12,6 @@ from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.session import Session
-from stage_core.twin_file import TwinFile
 
 Array = NDArray[np.float64]
 
@@ -34,8 +33,8 @@ ENOUGH_RESTS = 8
 MOST_STREAM_SAMPLES = 4000
 STALE = 60.0
 """A temperature older than this [s] is a sensor that dropped out."""
-LONGEST_STAGE = 20.0
-"""A stage position beyond this is counted in motor steps, not in metres."""
+JUMP = 3.0
+"""A reference that is faster than the stage ever moves by this factor jumps to its target."""
 LARGEST_SHIFT = 0.5
 """Clock differences up to this [s] are searched."""
 
@@ -350,18 +349,27 @@ def _stage_series(session: Session, quantity: str, axes: tuple[str, ...]) -> tup
 def _motion(
     session: Session, times: Array, command: Array, axes: tuple[str, ...]
 ) -> tuple[Array, Array]:
-    """What the tracker's clock is compared with: the command, or a stepper's counted travel [m].
+    """What the tracker's clock is compared with: the command, or a stepper's counted travel.
 
     A stepper's reference jumps to the target when a move is sent: its travel is no clock error.
+    Told from the motion itself, because live data and foreign bags hold no twin; the unit of the
+    counted travel (steps or metres) does not matter to the affine fit.
     """
-    twin = session.twin or {}
-    if twin.get('kind') != 'stepper' or not session.has(topics.JOINT_STATES):
+    if not session.has(topics.JOINT_STATES):
         return times, command
-    stepped_times, travelled = _stage_series(session, 'encoder', axes)
-    if np.abs(travelled).max() > LONGEST_STAGE:
-        nominal = TwinFile.from_dict(twin, session.path).axes
-        travelled = travelled * [getattr(nominal[axis], 'microstep', 1.0) for axis in axes]
-    return stepped_times, travelled
+    counted_times, travelled = _stage_series(session, 'encoder', axes)
+    if _fastest(times, command) > JUMP * _fastest(counted_times, travelled):
+        return counted_times, travelled
+    return times, command
+
+
+def _fastest(times: Array, positions: Array) -> float:
+    """Largest speed of any axis in spans of its travel per second."""
+    if len(times) < 2:
+        return 0.0
+    span = np.ptp(positions, axis=0)
+    speed = np.abs(np.diff(positions, axis=0)) / np.maximum(np.diff(times), 1e-6)[:, None]
+    return float(np.max(speed[:, span > 0.0] / span[span > 0.0], initial=0.0))
 
 
 def _target_series(session: Session, target: str, axes: tuple[str, ...]) -> tuple[Array, Array]:
