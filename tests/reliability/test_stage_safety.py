@@ -44,9 +44,9 @@ with GraphClient('controller') as client:
     out = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
     client.wait_for(lambda: client.latest(topics.JOINT_STATES) is not None, 60.0, 'the stage')
     client.wait_for(lambda: out.get_subscription_count() > 1, 60.0, 'driver and test')
+    print('ready', flush=True)
     first = client.latest(topics.JOINT_STATES)
     begin, start = stamp_of(first.header), first.position[0]
-    print('ready', flush=True)
     rubbish = False
     while True:
         if not rubbish and select.select([sys.stdin], [], [], 0.0)[0]:

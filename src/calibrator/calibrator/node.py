@@ -51,7 +51,9 @@ PARAMETERS = (
     Parameter('target', 'tracker', 'model output', choices=TARGETS),
     Parameter('seed', 0, 'seed of the training', minimum=0, maximum=2**31 - 1),
     Parameter('machine', '', 'name of the stage; models of another one are refused'),
-    Parameter('model_folder', 'bags/models', 'folder that new models are written to'),
+    Parameter(
+        'model_folder', 'bags/models', 'folder that new models are written to', read_only=True
+    ),
     Parameter('model_file', '', 'model to load at the start and with ~/load'),
     Parameter('max_correction', 1e-3, 'larger corrections are refused', 'm', 0.0, 1.0),
     Parameter('adapt', False, 'adapt the model to the rests heard while the stage runs'),

@@ -104,7 +104,9 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter('lockstep_timeout', 20.0, 'the same on the wall clock in lockstep', 's', 0.1),
     Parameter('use_model', True, 'apply the active calibration model'),
     Parameter('machine', '', 'name of the stage that learned signals belong to'),
-    Parameter('session_folder', '', 'where learned signals are kept; empty is nowhere'),
+    Parameter(
+        'session_folder', '', 'where learned signals are kept; empty is nowhere', read_only=True
+    ),
     Parameter('reuse_learned', False, 'start from the signal in session_folder'),
     *(parameter for axis in AXES for parameter in _axis_parameters(axis)),
 )

@@ -26,7 +26,7 @@ PARAMETERS = (
     Parameter('bag', '', 'session bag that ~/diagnose reads'),
     Parameter('holdout', '', 'held-out session bag; empty: windows of the bag itself'),
     Parameter('twin', '', 'twin file of the nominal machine; live mode follows it'),
-    Parameter('out', 'gap_report', 'directory that gets the report'),
+    Parameter('out', 'gap_report', 'directory that gets the report', read_only=True),
     Parameter('seed', 0, 'of bootstrap and permutations', minimum=0),
     Parameter('live', True, 'follow the running session and keep its gap on /diagnostics'),
     Parameter('window', 6.0, 'length of a window of live mode', 's', minimum=2.0, maximum=600.0),

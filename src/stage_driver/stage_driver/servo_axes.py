@@ -56,7 +56,8 @@ class ServoAxes:
         self._memory = servo_loop.start_memory(self.encoder)
         self._bristles = np.zeros(count)
         # A loop without full feed-forward follows behind its reference by this time [s].
-        self._lag = (1.0 - self._gains[:, 1]) / self._gains[:, 0]
+        self._lag = np.maximum((1.0 - self._gains[:, 1]) / self._gains[:, 0], self.period)
+        self._expected = np.zeros(count)
         self._warm_up()
 
     @property
@@ -69,6 +70,7 @@ class ServoAxes:
         self.encoder[:] = positions
         self._memory[:] = servo_loop.start_memory(self.encoder)
         self._bristles[:] = 0.0
+        self._expected[:] = 0.0
         self.motion.hold(self.encoder)
 
     def hold_here(self) -> None:
@@ -76,6 +78,7 @@ class ServoAxes:
         self.motion.hold(self.encoder)
         self._memory[:, servo_loop.INTEGRAL] = 0.0
         self._bristles[:] = 0.0
+        self._expected[:] = 0.0
 
     def measure(self, positions: Sequence[float]) -> None:
         """Take the encoder's positions q_k [m] of a tick."""
@@ -86,6 +89,9 @@ class ServoAxes:
         """Compute `motion.reference`, `command` and `force`; True when a motion ended."""
         done = self.motion.tick(self.encoder)
         self.command[:] = self.motion.command
+        # The error of a loop of first order: de/dt = dr/dt - e / lag. A stream that skips ticks
+        # moves its reference in steps, which the momentary speed would misjudge.
+        self._expected += self.period * (self.motion.speed - self._expected / self._lag)
         if self._friction is not None:
             servo_loop.lugre_velocity(
                 self.motion.command,
@@ -104,8 +110,7 @@ class ServoAxes:
             return None
         for index, axis in enumerate(self._axes):
             error = abs(self.motion.reference[index] - self.encoder[index])
-            expected = abs(self.motion.speed[index]) * self._lag[index]
-            if error - expected > self._following_limit:
+            if error - abs(self._expected[index]) > self._following_limit:
                 return (
                     f'following error of {axis} {error * 1e3:.3f} mm exceeds '
                     f'{self._following_limit * 1e3:.3f} mm: is the axis blocked?'

@@ -1,0 +1,248 @@
+"""Who can reach the graph, and what a parameter can write."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import re
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_node.peers import PEERS, SILENCE, PeerWatch
+
+from .rig import Nodes, Watch
+
+ROOT = Path(__file__).resolve().parents[2]
+SECURITY = ROOT / 'ros_ws' / 'config' / 'security'
+NODES = (
+    'stage_twin',
+    'stage_driver',
+    'tracker_bridge',
+    'session_recorder',
+    'calibrator',
+    'contour_ctrl',
+    'gap_diagnosis',
+)
+
+
+@pytest.fixture(scope='module')
+def emulators(graph: Callable[..., Any]) -> Iterator[tuple[Nodes, Watch]]:
+    """The plant with its emulated devices, the driver, and the nodes that write files."""
+    with graph(
+        'stage_twin',
+        'stage_driver',
+        'session_recorder',
+        'calibrator',
+        'contour_ctrl',
+        'gap_diagnosis',
+    ) as (nodes, watch):
+        watch.wait(lambda: len(watch.encoder) > 0, 'the driver')
+        for name in ('calibrator', 'contour_ctrl', 'gap_diagnosis', 'session_recorder'):
+            watch.wait(
+                lambda name=name: any(s.startswith(f'{name}:') for s in list(watch.states)), name
+            )
+        yield nodes, watch
+
+
+def bound(pid: int) -> list[tuple[str, str, int]]:
+    """Protocol, local address and port of every IPv4 and IPv6 socket of a process that listens."""
+    inodes = set()
+    for entry in Path(f'/proc/{pid}/fd').iterdir():
+        try:
+            found = re.fullmatch(r'socket:\[(\d+)\]', os.readlink(entry))
+        except OSError:
+            continue
+        if found:
+            inodes.add(found[1])
+    rows = []
+    for protocol in ('tcp', 'udp', 'tcp6', 'udp6'):
+        for line in Path(f'/proc/{pid}/net/{protocol}').read_text().splitlines()[1:]:
+            fields = line.split()
+            listening = protocol.startswith('udp') or fields[3] == '0A'
+            if fields[9] not in inodes or not listening:
+                continue
+            address, port = fields[1].split(':')
+            words = [int(address[i : i + 8], 16) for i in range(0, len(address), 8)]
+            raw = b''.join(struct.pack('=I', word) for word in words)
+            rows.append((protocol, str(ipaddress.ip_address(raw)), int(port, 16)))
+    return rows
+
+
+def test_the_reader_of_proc_sees_an_open_socket() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(('0.0.0.0', 0))
+        assert ('udp', '0.0.0.0', probe.getsockname()[1]) in bound(os.getpid())
+
+
+def test_emulators_listen_on_loopback_only(emulators: tuple[Nodes, Watch]) -> None:
+    nodes, _ = emulators
+    parameters = nodes.commands['stage_twin'].parameters
+    ports = {int(str(parameters['drive_port'])), int(str(parameters['tracker_port']))}
+    rows = bound(nodes.processes['stage_twin'].pid)
+    mine = [row for row in rows if row[2] in ports]
+    assert {row[2] for row in mine} == ports
+    assert all(ipaddress.ip_address(row[1]).is_loopback for row in mine), mine
+    # No node offers a TCP port to anybody else.
+    for process in nodes.processes.values():
+        for protocol, address, _port in bound(process.pid):
+            if protocol.startswith('tcp'):
+                assert ipaddress.ip_address(address).is_loopback, (protocol, address)
+
+
+def test_the_graph_stays_on_this_machine(emulators: tuple[Nodes, Watch]) -> None:
+    """Every node chooses LOCALHOST by itself: nothing in the environment asks for it."""
+    nodes, watch = emulators
+    environment = {k: v for k, v in os.environ.items() if k != 'ROS_AUTOMATIC_DISCOVERY_RANGE'}
+    script = (
+        'import os, rclpy\n'
+        'from stage_node.node import local_graph\n'
+        'local_graph()\n'
+        "print(os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', script], env=environment, capture_output=True, text=True
+    )
+    assert done.stdout.strip() == 'LOCALHOST', done.stderr
+    # What is asked for on purpose is kept.
+    environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SUBNET'
+    done = subprocess.run(
+        [sys.executable, '-c', script], env=environment, capture_output=True, text=True
+    )
+    assert done.stdout.strip() == 'SUBNET'
+    # Discovery announces itself to the multicast group on the loopback interface only.
+    for name, process in nodes.processes.items():
+        joined = _multicast_interfaces(process.pid)
+        assert joined <= {'lo'}, f'{name} announces itself on {joined}'
+    assert watch.client.node.count_subscribers(topics.SETPOINT) > 0
+
+
+def _multicast_interfaces(pid: int) -> set[str]:
+    """Interfaces on which the machine has joined FastDDS' discovery group 239.255.0.1."""
+    group = ''.join(f'{octet:02X}' for octet in reversed((239, 255, 0, 1)))
+    joined, interface = set(), ''
+    for line in Path(f'/proc/{pid}/net/igmp').read_text().splitlines()[1:]:
+        fields = line.split()
+        if fields[0].isdigit():
+            interface = fields[1].rstrip(':')
+        elif fields[0] == group:
+            joined.add(interface)
+    return joined
+
+
+@pytest.mark.parametrize(
+    ('node', 'parameter'),
+    [
+        ('session_recorder', 'directory'),
+        ('calibrator', 'model_folder'),
+        ('contour_ctrl', 'session_folder'),
+        ('gap_diagnosis', 'out'),
+    ],
+)
+def test_the_graph_cannot_move_where_nodes_write(
+    emulators: tuple[Nodes, Watch], tmp_path: Path, node: str, parameter: str
+) -> None:
+    _, watch = emulators
+    outside = tmp_path / 'outside'
+    with pytest.raises(StageError, match='read-only|read only|read_only'):
+        watch.client.set_parameters(f'/{node}', **{parameter: str(outside)})
+    assert not outside.exists()
+
+
+@pytest.mark.parametrize('name', ['../outside', '/tmp/outside', '..', 'a/b', '', '.hidden'])
+def test_a_bag_cannot_leave_its_folder(emulators: tuple[Nodes, Watch], name: str) -> None:
+    _, watch = emulators
+    with pytest.raises(StageError, match='letters, digits'):
+        watch.client.set_parameters('/session_recorder', name=name)
+
+
+def test_peers_that_fall_silent_are_named() -> None:
+    now = [0.0]
+    watch = PeerWatch(('stage_driver', 'tracker_bridge'), lambda: now[0])
+    watch.hear(['stage_driver: state', 'calibrator: model'])
+    now[0] = SILENCE
+    assert watch.status()[0] and watch.silent() == []
+    now[0] = SILENCE + 0.1
+    well, text, values = watch.status()
+    assert not well and text == 'stage_driver fell silent: start it again'
+    assert values['tracker_bridge'] == 'not heard yet'
+    watch.hear(['stage_driver: state'])
+    assert watch.silent() == []
+
+
+def test_every_node_has_a_watcher() -> None:
+    watched = {peer for peers in PEERS.values() for peer in peers}
+    # The plant is missed on its wires, by the driver and the bridge.
+    assert watched == set(NODES) - {'stage_twin'}
+
+
+def allowed(profile: ElementTree.Element, verb: str) -> set[str]:
+    """Full names of the topics or services that a profile allows."""
+    names = set()
+    for block in profile:
+        if block.get(verb) == 'ALLOW':
+            for entry in block:
+                text = (entry.text or '').strip()
+                home = f'/{profile.get("node")}/'
+                names.add(text.replace('~/', home) if '~' in text else '/' + text.strip('/'))
+    return names
+
+
+@pytest.mark.parametrize(
+    'node', ['stage_twin', 'stage_driver', 'session_recorder', 'calibrator', 'contour_ctrl']
+)
+def test_policies_allow_what_the_running_graph_does(
+    emulators: tuple[Nodes, Watch], node: str
+) -> None:
+    tree = ElementTree.parse(SECURITY / 'policies.xml')
+    profile = next(p for p in tree.iter('profile') if p.get('node') == node)
+    client = emulators[1].client.node
+    for verb, known in (
+        ('publish', client.get_publisher_names_and_types_by_node),
+        ('subscribe', client.get_subscriber_names_and_types_by_node),
+        ('reply', client.get_service_names_and_types_by_node),
+    ):
+        used = {name for name, _ in known(node, '/')}
+        assert used or verb == 'subscribe', f'{node} has nothing to {verb}'
+        assert used <= allowed(profile, verb), (verb, used - allowed(profile, verb))
+
+
+def test_policies_name_every_node_and_what_moves_the_stage() -> None:
+    tree = ElementTree.parse(SECURITY / 'policies.xml')
+    profiles = {p.get('node'): p for p in tree.iter('profile')}
+    assert set(NODES) <= set(profiles)
+    movers = {name for name in profiles if '/stage/setpoint' in allowed(profiles[name], 'publish')}
+    # Nobody else may publish set-points.
+    assert movers == {'calibrator', 'contour_ctrl', 'excite'}
+    for name in set(profiles) - {'stage_driver'}:
+        for block in profiles[name].iter('services'):
+            if block.get('reply') == 'ALLOW':
+                assert not any('stage_driver' in (s.text or '') for s in block)
+
+
+def test_policies_are_enforced_by_ros(tmp_path: Path) -> None:
+    if shutil.which('ros2') is None:
+        pytest.skip('no ros2 command: SROS 2 needs a full ROS 2 installation')
+    known = subprocess.run(['ros2', 'security', '--help'], capture_output=True, text=True)
+    if known.returncode != 0:
+        pytest.skip('ros2 security is absent: SROS 2 needs a full ROS 2 installation')
+    keystore = tmp_path / 'keystore'
+    subprocess.run(['ros2', 'security', 'create_keystore', str(keystore)], check=True)
+    subprocess.run(
+        ['ros2', 'security', 'generate_artifacts', '-k', str(keystore)]
+        + ['-p', str(SECURITY / 'policies.xml')],
+        check=True,
+    )
+    for node in NODES:
+        enclave = keystore / 'enclaves' / node
+        assert (enclave / 'permissions.p7s').is_file(), node
