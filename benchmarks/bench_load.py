@@ -1,0 +1,193 @@
+"""Everything at once: all nodes at 1 kHz, recorder, retraining and diagnosis; beside the limits.
+
+    .venv/bin/python benchmarks/bench_load.py --seconds 60
+
+Starts the graph of a session in real time, records a bag of moves, then follows a circle while
+the calibrator is retrained and the gap diagnosed from that bag again and again. Prints missed
+ticks, jitter, latency percentiles and CPU per node. Run it on a machine that does nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests' / 'reliability'))
+
+from rig import Nodes, Watch
+from std_srvs.srv import Trigger
+
+from stage_bringup.graph import Options, commands
+from stage_core.errors import StageError
+
+PERIOD = 1e-3
+#: Limits that the figures stand beside.
+STOP_LIMIT = 0.05
+MISSED_LIMIT = 0.01
+TICKS_PER_SECOND = os.sysconf('SC_CLK_TCK')
+
+
+@dataclass
+class Cpu:
+    """CPU time of a process and of its children [s] at the begin."""
+
+    pid: int
+    begin: float
+
+    @classmethod
+    def of(cls, pid: int) -> Cpu:
+        """Begin to count."""
+        return cls(pid, cls.read(pid))
+
+    @staticmethod
+    def read(pid: int) -> float:
+        """User and system time so far, ended children included [s]."""
+        fields = Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()
+        return sum(int(fields[i]) for i in (11, 12, 13, 14)) / TICKS_PER_SECOND
+
+    @property
+    def used(self) -> float:
+        """CPU time since the begin [s]."""
+        return self.read(self.pid) - self.begin
+
+
+def record(watch: Watch) -> str:
+    """Record a bag of moves to train and diagnose from; its path."""
+    watch.home()
+    bag = watch.client.trigger('/session_recorder/start').split()[-1]
+    for x in np.linspace(-0.03, 0.03, 4):
+        for y in np.linspace(-0.03, 0.03, 4):
+            watch.move(float(x), float(y))
+            watch.wait(watch.arrived(float(x), float(y)), 'a move')
+            time.sleep(0.4)
+    watch.client.trigger('/session_recorder/stop')
+    return str(bag)
+
+
+def repeat(ended: threading.Event, counts: dict[str, list[int]], watch: Watch, name: str) -> None:
+    """Call a long service again and again; count answers and failures."""
+    while not ended.is_set():
+        try:
+            watch.client.trigger(name, 600.0)
+            counts[name][0] += 1
+        except StageError as error:
+            counts[name][1] += 1
+            print(f'  {name}: {error}')
+            time.sleep(1.0)
+
+
+def intervals(rows: list[tuple[int, float, float]]) -> np.ndarray:
+    """Differences of stamps [s]."""
+    return 1e-9 * np.diff(np.array([row[0] for row in rows], dtype=np.int64))
+
+
+def report(watch: Watch, cpu: dict[str, Cpu], stops: np.ndarray, seconds: float) -> None:
+    """Print the table."""
+    steps = intervals(list(watch.encoder))
+    missed = int(np.sum(np.rint(steps / PERIOD) - 1))
+    print(f'\n{seconds:.0f} s, {len(steps)} ticks on /stage/joint_states')
+    share = missed / max(len(steps), 1)
+    print(f'missed ticks           {missed} ({100 * share:.2f} %; limit {100 * MISSED_LIMIT:g} %)')
+    jitter = 1e6 * np.percentile(np.abs(steps - PERIOD), (50, 99, 100))
+    print(
+        'jitter of the stamps   median {:.0f} us, 99 % {:.0f} us, worst {:.0f} us'.format(*jitter)
+    )
+    values = 1e3 * np.percentile(stops, (50, 95, 99, 100))
+    print(
+        'answer of ~/stop       median {:.1f} ms, 95 % {:.1f} ms, 99 % {:.1f} ms, worst {:.1f} ms'
+        '; limit {:.0f} ms'.format(*values, 1e3 * STOP_LIMIT)
+    )
+    for status, keys in (
+        ('stage_driver: state', ('missed_ticks', 'watchdog_stops', 'late_setpoints')),
+        ('stage_twin: plant', ('late_forces', 'stale_forces', 'missed_ticks', 'pauses')),
+        ('contour_ctrl: timing', ('missed_ticks', 'interval_p99_ms', 'callback_p99_us')),
+    ):
+        shown = ', '.join(f'{key} {watch.value(status, key) or "-"}' for key in keys)
+        print(f'{status:22s} {shown}')
+    print(f'recording              {watch.text("session_recorder: recording")}')
+    total = 0.0
+    for name, used in cpu.items():
+        total += used.used
+        print(f'CPU {name:18s} {100 * used.used / seconds:5.0f} % of a core')
+    print(f'CPU of all             {100 * total / seconds:5.0f} % of {os.cpu_count()} cores')
+
+
+def main() -> int:
+    """Run the load."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--seconds', type=float, default=60.0)
+    seconds = parser.parse_args().seconds
+    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 100))
+    counts = {'/calibrator/retrain': [0, 0], '/gap_diagnosis/diagnose': [0, 0]}
+    counts['/contour_ctrl/run'] = [0, 0]
+    with tempfile.TemporaryDirectory() as folder:
+        extra: dict[str, dict[str, object]] = {
+            'contour_ctrl': {'radius': 0.01, 'feed': 0.02, 'iterations': 3},
+        }
+        chosen = [
+            replace(c, parameters={**c.parameters, **extra.get(c.name, {})})
+            for c in commands(Options(clock='realtime', out=Path(folder) / 'out'))
+        ]
+        nodes = Nodes(chosen, Path(folder) / 'log')
+        nodes.start()
+        watch = Watch(lockstep=False)
+        ended = threading.Event()
+        try:
+            watch.wait(lambda: len(watch.encoder) > 0, 'the stage')
+            client = watch.client
+            for service in ('/session_recorder/start', *counts):
+                client.wait_for_service(service, 90.0)
+            bag = record(watch)
+            client.set_parameters('/calibrator', bag=bag)
+            client.set_parameters('/gap_diagnosis', bag=bag)
+            client.trigger('/session_recorder/start')
+            cpu = {name: Cpu.of(p.pid) for name, p in nodes.processes.items()}
+            for rows in (watch.encoder, watch.command, watch.reference, watch.tracker):
+                rows.clear()
+            begin = time.monotonic()
+            threads = [
+                # Daemons: a call may still wait for an answer when the time is over.
+                threading.Thread(target=repeat, args=(ended, counts, watch, name), daemon=True)
+                for name in counts
+            ]
+            for thread in threads:
+                thread.start()
+            time.sleep(seconds)
+            took = time.monotonic() - begin
+            report(watch, cpu, stop_times(watch), took)
+            ended.set()
+            for name, (done, failed) in counts.items():
+                print(f'{name:26s} {done} answered, {failed} failed')
+            return 0
+        finally:
+            ended.set()
+            nodes.end()
+            watch.close()
+
+
+def stop_times(watch: Watch, calls: int = 50) -> np.ndarray:
+    """Answer times of `~/stop` [s] while everything else is busy."""
+    stop = watch.client.node.create_client(Trigger, '/stage_driver/stop')
+    stop.wait_for_service(30.0)
+    durations = []
+    for _ in range(calls):
+        done = threading.Event()
+        begin = time.perf_counter()
+        stop.call_async(Trigger.Request()).add_done_callback(lambda _, d=done: d.set())
+        done.wait(10.0)
+        durations.append(time.perf_counter() - begin)
+        time.sleep(0.05)
+    return np.array(durations)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,127 @@
+"""Soak test: nodes of a running graph are killed at random, in any order, at any time.
+
+    nice -n 10 .venv/bin/python benchmarks/soak_kill.py --minutes 10
+
+Every round starts a move or a contour, kills one node (kill -9) after a random time, and checks
+that the stage comes to rest, that no other node ends, and that after a restart a move arrives.
+Prints a table of rounds and failures per node and motion; exit 1 if anything failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import os
+import random
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests' / 'reliability'))
+
+from rig import PATIENCE, Nodes, Watch, spread
+
+from stage_bringup.graph import Options, commands
+from stage_core.errors import StageError
+
+SHORT: dict[str, dict[str, object]] = {
+    'stage_twin': {'lockstep_watchdog': 3.0},
+    'stage_driver': {'lockstep_timeout': 2.0, 'settle_time': 0.3},
+    'contour_ctrl': {'lockstep_timeout': 4.0, 'iterations': 1, 'scheme': 'p_ff', 'feed': 0.05},
+}
+
+
+def contour(watch: Watch) -> threading.Thread:
+    """Follow a contour in a thread; a failure is what the kill is expected to cause."""
+
+    def run() -> None:
+        try:
+            watch.client.trigger('/contour_ctrl/run', 2.0 * PATIENCE)
+        except StageError:
+            return
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    return thread
+
+
+def arrive(watch: Watch, x: float, y: float) -> None:
+    """Home and move; raises AssertionError where the stage does not arrive."""
+    watch.home()
+    watch.move(x, y)
+    watch.wait(watch.arrived(x, y), 'a move')
+
+
+def one_round(nodes: Nodes, watch: Watch, victim: str, motion: str) -> None:
+    """Kill a node during a motion; raises where the promise is broken."""
+    target = random.uniform(-0.05, 0.05)
+    thread = None
+    if motion == 'move':
+        watch.move(target, -target)
+    else:
+        thread = contour(watch)
+    time.sleep(random.uniform(0.0, 1.5))
+    nodes.kill(victim)
+    if thread is not None:
+        thread.join()
+    rows = watch.encoder if victim != 'stage_driver' else watch.tracker
+    watch.silent(rows, 5.0 if victim == 'stage_driver' else 3.0)
+    assert spread(list(rows)[-3:]) < 2e-5, 'the stage is not at rest'
+    assert nodes.dead() == [victim], f'ended with it: {nodes.dead()}'
+    for name in list(watch.states):
+        if name.startswith(f'{victim}:'):
+            del watch.states[name]
+    nodes.start(victim)
+    watch.wait(lambda: any(s.startswith(f'{victim}:') for s in list(watch.states)), 'the restart')
+    arrive(watch, 0.01, 0.01)
+
+
+def main() -> int:
+    """Kill until the time is over."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--minutes', type=float, default=10.0)
+    parser.add_argument('--seed', type=int, default=1)
+    given = parser.parse_args()
+    random.seed(given.seed)
+    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 100))
+    rounds: collections.Counter[tuple[str, str]] = collections.Counter()
+    failures: list[str] = []
+    with tempfile.TemporaryDirectory() as folder:
+        chosen = [
+            replace(c, parameters={**c.parameters, **SHORT.get(c.name, {})})
+            for c in commands(Options(out=Path(folder) / 'out'))
+        ]
+        nodes = Nodes(chosen, Path(folder) / 'log')
+        nodes.start()
+        watch = Watch(lockstep=True)
+        try:
+            watch.wait(lambda: len(watch.encoder) > 0, 'the stage')
+            arrive(watch, 0.01, 0.01)
+            deadline = time.monotonic() + 60.0 * given.minutes
+            while time.monotonic() < deadline:
+                victim = random.choice(list(nodes.commands))
+                motion = random.choice(('move', 'stream'))
+                rounds[victim, motion] += 1
+                try:
+                    one_round(nodes, watch, victim, motion)
+                except (AssertionError, StageError) as error:
+                    failures.append(f'{victim} during a {motion}: {error}')
+                    nodes.start(*nodes.dead())
+                    arrive(watch, 0.01, 0.01)
+        finally:
+            watch.close()
+            nodes.end()
+    print(f'{"node killed":18s} {"move":>6s} {"stream":>7s}')
+    for name in nodes.commands:
+        print(f'{name:18s} {rounds[name, "move"]:6d} {rounds[name, "stream"]:7d}')
+    print(f'{sum(rounds.values())} kills, {len(failures)} failures')
+    for failure in failures:
+        print(f'  {failure}')
+    return int(bool(failures))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
