@@ -1,0 +1,61 @@
+"""What keeps the servo loop stable: fresh forces, and a following error that is judged fairly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stage_core.twin_file import TwinFile
+from stage_driver.limits import AxisLimits, Setpoint, SetpointKind
+from stage_driver.servo_axes import ServoAxes, ServoConfig
+
+LIMITS = (AxisLimits(-0.15, 0.15, 0.2, 2.0, 4.0),) * 2
+PERIOD = 1e-3
+SPEED = 0.1
+
+
+def follow(skip: int, blocked_at: int | None = None) -> tuple[str | None, float]:
+    """Follow a stream of positions and velocities of which only every `skip`-th tick arrives.
+
+    The plant is the contract's mass with viscous friction. Returns the fault, if any, and the
+    last position [m].
+    """
+    twin = TwinFile.nominal_servo()
+    axes = ServoAxes(replace(ServoConfig(('x', 'y'), LIMITS, twin)))
+    axes.begin((0.0, 0.0))
+    position, velocity = np.zeros(2), np.zeros(2)
+    mass = np.array([twin.servo(axis).mass for axis in 'xy'])
+    viscous = np.array([twin.servo(axis).viscous for axis in 'xy'])
+    fault = None
+    for tick in range(600):
+        axes.measure((np.round(position / 1e-6) * 1e-6).tolist())
+        if tick % skip == 0:
+            wanted = SPEED * PERIOD * tick
+            rate = SPEED + 40.0 * (wanted - position[0] - SPEED / 40.0)
+            axes.motion.take(
+                Setpoint(SetpointKind.BOTH, tick + 1, (wanted, 0.0), (float(rate), 0.0)),
+                axes.encoder,
+            )
+        axes.control()
+        if blocked_at is not None and tick >= blocked_at:
+            velocity[:] = 0.0
+        else:
+            velocity += PERIOD * (axes.force - viscous * velocity) / mass
+            position += PERIOD * velocity
+        fault = fault or axes.following_fault()
+    return fault, float(position[0])
+
+
+@pytest.mark.parametrize('skip', [1, 5, 20])
+def test_a_stream_that_skips_ticks_is_no_following_error(skip: int) -> None:
+    fault, reached = follow(skip)
+    assert fault is None
+    assert reached == pytest.approx(SPEED * 0.6 - SPEED / 40.0, abs=3e-3)
+
+
+@pytest.mark.parametrize('skip', [1, 5, 20])
+def test_a_blocked_axis_is_one_whatever_the_stream_skips(skip: int) -> None:
+    fault, _ = follow(skip, blocked_at=300)
+    assert fault is not None and 'following error of x' in fault
