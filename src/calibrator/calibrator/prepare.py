@@ -35,6 +35,8 @@ STALE = 60.0
 """A temperature older than this [s] is a sensor that dropped out."""
 JUMP = 3.0
 """A reference that is faster than the stage ever moves by this factor jumps to its target."""
+JUMP_SHARE = 0.2
+"""Where the stage's own count is not known: a reference that steps by this share of its span."""
 LARGEST_SHIFT = 0.5
 """Clock differences up to this [s] are searched."""
 
@@ -118,8 +120,9 @@ def prepare(session: Session, source: str = 'reference', target: str = 'tracker'
     measured_times, measured = _target_series(session, target, axes)
     same_clock = target != 'tracker'
     shift = 0.0
-    if not same_clock:
-        shift = estimate_shift(*_motion(session, times, command, axes), measured_times, measured)
+    motion = None if same_clock else _motion(session, times, command, axes)
+    if motion is not None:
+        shift = estimate_shift(*motion, measured_times, measured)
     measured_times = measured_times - shift
     rests = find_rests(times, command)
     samples = _rest_samples(times, command, measured_times, measured, rests)
@@ -348,28 +351,34 @@ def _stage_series(session: Session, quantity: str, axes: tuple[str, ...]) -> tup
 
 def _motion(
     session: Session, times: Array, command: Array, axes: tuple[str, ...]
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array] | None:
     """What the tracker's clock is compared with: the command, or a stepper's counted travel.
 
     A stepper's reference jumps to the target when a move is sent: its travel is no clock error.
     Told from the motion itself, because live data and foreign bags hold no twin; the unit of the
-    counted travel (steps or metres) does not matter to the affine fit.
+    counted travel (steps or metres) does not matter to the affine fit. None where the reference
+    jumps and the travel is not known: nothing tells the time then.
     """
     if not session.has(topics.JOINT_STATES):
-        return times, command
+        step = np.abs(np.diff(_in_spans(command))).max(initial=0.0)
+        return None if step > JUMP_SHARE else (times, command)
     counted_times, travelled = _stage_series(session, 'encoder', axes)
     if _fastest(times, command) > JUMP * _fastest(counted_times, travelled):
         return counted_times, travelled
     return times, command
 
 
-def _fastest(times: Array, positions: Array) -> float:
-    """Largest speed of any axis in spans of its travel per second."""
-    if len(times) < 2:
-        return 0.0
+def _in_spans(positions: Array) -> Array:
+    """The axis that travels most, in spans of its travel, (n,); zeros where none moves."""
     span = np.ptp(positions, axis=0)
-    speed = np.abs(np.diff(positions, axis=0)) / np.maximum(np.diff(times), 1e-6)[:, None]
-    return float(np.max(speed[:, span > 0.0] / span[span > 0.0], initial=0.0))
+    widest = positions[:, int(np.argmax(span))]
+    return widest / span.max() if span.max() > 0.0 else np.zeros(len(positions))
+
+
+def _fastest(times: Array, positions: Array) -> float:
+    """Largest speed of the axis that travels most, in spans per second."""
+    rate = np.diff(_in_spans(positions)) / np.maximum(np.diff(times), 1e-6)
+    return float(np.abs(rate).max(initial=0.0))
 
 
 def _target_series(session: Session, target: str, axes: tuple[str, ...]) -> tuple[Array, Array]:
