@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 REST_BAND = 4.0e-6
 #: So near to its reference [m] the stage has arrived.
 ARRIVED = 1.0e-4
+#: A reference further from its target [m] than any correction belongs to another move.
+LARGEST_CORRECTION = 2.0e-3
 #: A set-point that got lost is sent again after this wall time [s]; duplicates do no harm.
 RESEND = 5.0
 
@@ -109,6 +111,8 @@ class SessionClient(GraphClient):
             if self._last_stamp <= sent or self._reference is None:
                 return False
             if self._last_stamp - max(self._reference_since, sent) < settle:
+                return False
+            if np.abs(np.array(self._reference) - target).max() > LARGEST_CORRECTION:
                 return False
             if not self._watch_encoder or self._rest_position is None:
                 return True

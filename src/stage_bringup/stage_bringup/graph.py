@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import socket
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,14 +44,23 @@ def config_folder() -> Path:
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
-    """A port of the loopback interface that nobody uses now, below the ephemeral range."""
-    for port in range(20000, 32000, 7):
+    """A port of the loopback interface that nobody uses now, below the ephemeral range.
+
+    Raises
+    ------
+    StageError
+        If none is found.
+    """
+    # Drawn at random: two sessions that start together must not pick the same one.
+    draw = random.SystemRandom()
+    for _ in range(200):
+        port = draw.randrange(20000, 32000)
         with socket.socket(socket.AF_INET, kind) as probe:
             try:
-                probe.bind(('127.0.0.1', port + (hash(kind) % 5)))
+                probe.bind(('127.0.0.1', port))
             except OSError:
                 continue
-            return int(probe.getsockname()[1])
+            return port
     raise StageError('no free port between 20000 and 32000: end what holds them')
 
 

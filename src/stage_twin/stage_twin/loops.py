@@ -19,6 +19,9 @@ LONGEST_WAIT = 0.05
 BRAKING_LIMIT = 2.0
 #: A force for a tick longer ago is refused: a loop closed that late drives the stage to and fro.
 STALE_TICKS = 5
+#: The plant's time stands still for so long [s] when a force is late: an operating system that
+#: takes the driver off its core must not look like an axis that runs away. Counted.
+PATIENCE = 0.25
 
 
 class TrackerOutput(Protocol):
@@ -135,7 +138,7 @@ class _Loop(threading.Thread, ABC):
 
 
 class RealTimeLoop(_Loop):
-    """Tick at absolute deadlines; interval k takes force k, or the last one when that is late.
+    """Tick at absolute deadlines; interval k takes force k, which is awaited for a while.
 
     Parameters
     ----------
@@ -154,12 +157,14 @@ class RealTimeLoop(_Loop):
         self.pacer = Pacer(machine.period)
         self.late_forces = 0
         self.stale_forces = 0
+        self.held_ticks = 0
         self._watchdog_ticks = max(1, round(watchdog / machine.period))
 
     def _counters(self) -> dict[str, Any]:
         return {
             'late_forces': self.late_forces,
             'stale_forces': self.stale_forces,
+            'held_ticks': self.held_ticks,
             'missed_ticks': self.pacer.missed,
             'worst_lateness': f'{self.pacer.worst:.6f}',
             'pauses': self.pacer.pauses,
@@ -174,15 +179,14 @@ class RealTimeLoop(_Loop):
         self._send_encoder(0)
         while not self._ended.is_set():
             before = self.pacer.deadline
-            moved = round((self.pacer.next() - before) * NANOSECONDS)
-            fresh = False
-            while (datagram := self.drive.receive()) is not None:
-                if datagram.tick < self.tick - STALE_TICKS:
-                    self.stale_forces += 1
-                    continue
-                force = datagram.values
+            self.pacer.next()
+            fresh, newest = self._collect()
+            if not fresh and force is not None and silent <= 1:
+                fresh, newest = self._await_force(newest)
+            moved = round((self.pacer.deadline - before) * NANOSECONDS)
+            if newest is not None:
+                force = newest
                 silent = 0
-                fresh = fresh or datagram.tick == self.tick
             silent += 1
             if silent > self._watchdog_ticks:
                 force = None
@@ -197,6 +201,31 @@ class RealTimeLoop(_Loop):
             if flags:
                 force = None
             self._send_encoder(flags)
+
+    def _collect(self) -> tuple[bool, tuple[float, ...] | None]:
+        """Whether the force of this tick has come, and the newest force that has."""
+        fresh, newest = False, None
+        while (datagram := self.drive.receive()) is not None:
+            if datagram.tick < self.tick - STALE_TICKS:
+                self.stale_forces += 1
+                continue
+            newest = datagram.values
+            fresh = fresh or datagram.tick == self.tick
+        return fresh, newest
+
+    def _await_force(
+        self, newest: tuple[float, ...] | None
+    ) -> tuple[bool, tuple[float, ...] | None]:
+        """Hold the plant's time while the driver of a busy machine is late (see `PATIENCE`)."""
+        begin = time.monotonic()
+        fresh = False
+        while not fresh and (left := begin + PATIENCE - time.monotonic()) > 0.0:
+            if self.drive.wait(left):
+                fresh, came = self._collect()
+                newest = newest if came is None else came
+        self.pacer.deadline += time.monotonic() - begin
+        self.held_ticks += 1
+        return fresh, newest
 
 
 class LockstepLoop(_Loop):
