@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibrator import model_file
+from calibrator.clock_shift import estimate_shift
 from calibrator.compare import compare, table
 from calibrator.prepare import (
     approach_direction,
     concatenate,
-    estimate_shift,
     find_rests,
     prepare,
     split,

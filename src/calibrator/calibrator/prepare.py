@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
+from calibrator.clock_shift import estimate_shift, interpolate, jumps
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
@@ -33,12 +33,6 @@ ENOUGH_RESTS = 8
 MOST_STREAM_SAMPLES = 4000
 STALE = 60.0
 """A temperature older than this [s] is a sensor that dropped out."""
-JUMP = 3.0
-"""A reference that is faster than the stage ever moves by this factor jumps to its target."""
-JUMP_SHARE = 0.2
-"""Where the stage's own count is not known: a reference that steps by this share of its span."""
-LARGEST_SHIFT = 0.5
-"""Clock differences up to this [s] are searched."""
 
 
 @dataclass(frozen=True)
@@ -228,41 +222,6 @@ def split(
     return samples.take(train), samples.take(held)
 
 
-def estimate_shift(times: Array, command: Array, measured_times: Array, measured: Array) -> float:
-    """How late the measured stamps are [s]: measured(t) belongs to command(t - shift).
-
-    The shift with the smallest residual of an affine fit of the measured points by the command
-    (eq. 24 of paper 1), searched on a grid of 10 ms in +-0.5 s and refined. Zero where the
-    command never moves, because then nothing tells the time. With the reference as command the
-    servo's lag is part of it.
-    """
-    chosen = np.linspace(0, len(measured_times) - 1, min(len(measured_times), 3000)).astype(int)
-    t, points = measured_times[chosen], measured[chosen]
-    inside = (t > times[0] + LARGEST_SHIFT) & (t < times[-1] - LARGEST_SHIFT)
-    if np.count_nonzero(inside) > 20:
-        t, points = t[inside], points[inside]
-    if len(t) < 4 or float(np.ptp(command, axis=0).max()) <= 0.0:
-        return 0.0
-
-    def residual(shift: float) -> float:
-        at = _interpolate(t - shift, times, command)
-        design = np.column_stack([np.ones(len(at)), at - at.mean(axis=0)])
-        left = points - design @ np.linalg.lstsq(design, points, rcond=None)[0]
-        return float(np.sum(left**2))
-
-    grid = np.arange(-LARGEST_SHIFT, LARGEST_SHIFT + 1e-9, 0.01)
-    values = np.array([residual(s) for s in grid])
-    best = int(np.argmin(values))
-    if values[best] > 0.999 * values[len(grid) // 2]:
-        # Nothing gained over no shift: the points were taken at rest.
-        return 0.0
-    found = minimize_scalar(
-        residual, bounds=(grid[best] - 0.01, grid[best] + 0.01), method='bounded',
-        options={'xatol': 1e-6},
-    )  # fmt: skip
-    return float(found.x)
-
-
 def find_rests(times: Array, command: Array) -> list[tuple[int, int]]:
     """Index ranges [start, stop) in which the command stands for `REST_DURATION` or longer."""
     if len(times) < 2:
@@ -337,7 +296,7 @@ def _stream_samples(
     before = np.maximum(np.searchsorted(times, t, side='right') - 1, 0)
     return (
         t,
-        _interpolate(t, times, command),
+        interpolate(t, times, command),
         measured[inside],
         approach_direction(command)[before],
     )
@@ -359,26 +318,10 @@ def _motion(
     counted travel (steps or metres) does not matter to the affine fit. None where the reference
     jumps and the travel is not known: nothing tells the time then.
     """
-    if not session.has(topics.JOINT_STATES):
-        step = np.abs(np.diff(_in_spans(command))).max(initial=0.0)
-        return None if step > JUMP_SHARE else (times, command)
-    counted_times, travelled = _stage_series(session, 'encoder', axes)
-    if _fastest(times, command) > JUMP * _fastest(counted_times, travelled):
-        return counted_times, travelled
-    return times, command
-
-
-def _in_spans(positions: Array) -> Array:
-    """The axis that travels most, in spans of its travel, (n,); zeros where none moves."""
-    span = np.ptp(positions, axis=0)
-    widest = positions[:, int(np.argmax(span))]
-    return widest / span.max() if span.max() > 0.0 else np.zeros(len(positions))
-
-
-def _fastest(times: Array, positions: Array) -> float:
-    """Largest speed of the axis that travels most, in spans per second."""
-    rate = np.diff(_in_spans(positions)) / np.maximum(np.diff(times), 1e-6)
-    return float(np.abs(rate).max(initial=0.0))
+    counted = None
+    if session.has(topics.JOINT_STATES):
+        counted = _stage_series(session, 'encoder', axes)
+    return counted if jumps(times, command, counted) else (times, command)
 
 
 def _target_series(session: Session, target: str, axes: tuple[str, ...]) -> tuple[Array, Array]:
@@ -404,7 +347,3 @@ def _temperatures(session: Session, at: Array) -> tuple[tuple[str, ...], Array]:
             )
         columns.append(np.interp(at, times, values))
     return tuple(series), np.column_stack(columns) if columns else np.empty((len(at), 0))
-
-
-def _interpolate(at: Array, times: Array, values: Array) -> Array:
-    return np.column_stack([np.interp(at, times, column) for column in values.T])
