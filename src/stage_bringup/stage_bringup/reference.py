@@ -27,6 +27,7 @@ NODES: dict[str, tuple[str, ...]] = {
     'session_recorder': ('session_bags.recorder_node',),
     'session_player': ('session_bags.player_node',),
     'gap_diagnosis': ('gap_diagnosis.node',),
+    'live_view': ('stage_bringup.live_view_node',),
 }
 _PUBLISHES, _SUBSCRIBES = 'create_publisher', 'create_subscription'
 
