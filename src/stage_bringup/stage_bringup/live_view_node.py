@@ -32,6 +32,21 @@ PARAMETERS = (
     ),
 )
 
+SHOWN = (
+    topics.TARGET,
+    topics.SETPOINT,
+    topics.REFERENCE,
+    topics.COMMAND,
+    topics.JOINT_STATES,
+    topics.TEMPERATURE,
+    topics.CONTACT_FORCE,
+    topics.TRACKER_POINT,
+    topics.ALIGNMENT,
+    topics.CONTOUR_ERROR,
+    topics.MODEL,
+    topics.DIAGNOSTICS,
+)
+
 
 def load_sdk() -> Any:
     """The module ``foxglove`` of foxglove-sdk.
@@ -92,13 +107,12 @@ class LiveView(StageNode):
         self._latched: dict[str, bytes] = {}
         self._channels: dict[str, Any] = {}
         self._passed = 0
-        for topic, name in topics.TOPIC_TYPES.items():
-            if topic == topics.CLOCK:
-                continue
+        for topic in SHOWN:
             self._channels[topic] = channel(sdk, topic)
             qos = LATCHED_QOS if topic in topics.LATCHED else STATE_QOS
             callback = self._callback(topic)
-            self.create_subscription(message_class(name), topic, callback, qos, raw=True)
+            kind = message_class(topics.TOPIC_TYPES[topic])
+            self.create_subscription(kind, topic, callback, qos, raw=True)
         # A browser that connects later has missed what is published once only.
         self.create_timer(1.0, self._repeat)
         self.diagnostics.task('view', self._status)
