@@ -28,6 +28,10 @@ Array = NDArray[np.float64]
 REST_BAND = 4.0e-6
 #: So near to its reference [m] the stage has arrived.
 ARRIVED = 1.0e-4
+#: In lockstep the world waits this long [ns] after the dwell's last reference; a set-point that
+#: came sooner would start its move a tick sooner on one run than on another.
+STANDSTILL = 2_000_000
+STANDSTILL_SILENCE = 1.0
 #: A reference further from its target [m] than any correction belongs to another move.
 LARGEST_CORRECTION = 2.0e-3
 #: A set-point that got lost is sent again after this wall time [s]; duplicates do no harm.
@@ -42,7 +46,7 @@ class SessionClient(GraphClient):
         self.settle_time = settle_time
         # In lockstep the driver's own dwell is the rule: nothing may depend on what an encoder
         # count does in its last milliseconds.
-        self._watch_encoder = not use_sim_time
+        self._lockstep = use_sim_time
         self._last_stamp = 0
         self._last_target_stamp = 0
         self._reference_since = 0
@@ -100,7 +104,7 @@ class SessionClient(GraphClient):
         `alive` is called while waiting and raises when a node has ended. Returns the stamp [ns]
         at which the rest has lasted the settle time.
         """
-        settle = int(self.settle_time * 1e9) - 2_000_000
+        settle = int(self.settle_time * 1e9)
         sent = self._last_stamp
         stamp = max(self.node.get_clock().now().nanoseconds, self._last_target_stamp + 1)
         self._last_target_stamp = stamp
@@ -110,11 +114,16 @@ class SessionClient(GraphClient):
         def at_rest() -> bool:
             if self._last_stamp <= sent or self._reference is None:
                 return False
-            if self._last_stamp - max(self._reference_since, sent) < settle:
+            dwelt = self._last_stamp - max(self._reference_since, sent)
+            if self._lockstep and dwelt < settle + STANDSTILL:
+                # A move of no length ends a tick or two sooner: then only silence tells.
+                silent = self.silence(topics.JOINT_STATES)
+                return dwelt >= settle - STANDSTILL and silent > STANDSTILL_SILENCE
+            if dwelt < settle:
                 return False
             if np.abs(np.array(self._reference) - target).max() > LARGEST_CORRECTION:
                 return False
-            if not self._watch_encoder or self._rest_position is None:
+            if self._lockstep or self._rest_position is None:
                 return True
             arrived = np.abs(self._rest_position - np.array(self._reference)).max() < ARRIVED
             return bool(arrived) and self._last_stamp - self._rest_since >= settle

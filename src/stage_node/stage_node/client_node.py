@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -107,10 +108,14 @@ class GraphClient:
         """
         begin = time.monotonic()
         self.wait_for(
-            lambda: time.monotonic() - max(self._arrival.get(topic, begin), begin) >= quiet,
+            lambda: min(self.silence(topic), time.monotonic() - begin) >= quiet,
             timeout,
             f'silence on {topic}',
         )
+
+    def silence(self, topic: str) -> float:
+        """Wall time since the newest message of a watched topic [s]; infinite before the first."""
+        return time.monotonic() - self._arrival.get(topic, -math.inf)
 
     def call(self, service_type: type, name: str, request: Any, timeout: float) -> Any:
         """Call a service and return its response.
