@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import random
 import signal
 import subprocess
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -25,8 +27,14 @@ from stage_node.client_node import GraphClient
 from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
 
 #: Patience for anything that a loaded machine must do [s]; nothing is asserted about it.
-PATIENCE = 60.0
+PATIENCE = 40.0
 ROS_NAMES = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE')
+
+
+def die_with_parent() -> None:
+    """In a child: end when the tests end, even where they are killed (Linux only)."""
+    set_death_signal = 1
+    ctypes.CDLL(None).prctl(set_death_signal, signal.SIGKILL)
 
 
 class Nodes:
@@ -48,6 +56,7 @@ class Nodes:
                     stdout=log,
                     stderr=subprocess.STDOUT,
                     env=os.environ.copy(),
+                    preexec_fn=die_with_parent if sys.platform == 'linux' else None,
                 )
 
     def signal(self, name: str, number: int) -> None:
