@@ -15,7 +15,7 @@ import pytest
 from session_bags.reader import read_session
 from stage_core import topics
 
-SMALL = ['--grid', '4', '--heldout', '4', '--iterations', '1']
+SMALL = ['--grid', '5', '--heldout', '5', '--iterations', '1']
 
 
 def start(out: Path, environment: dict[str, str], *options: str) -> subprocess.Popen:

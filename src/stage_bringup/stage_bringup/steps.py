@@ -190,6 +190,11 @@ def _calibrate(session: Session) -> None:
     result.targets = heldout + session.centre
     result.before, result.after = before - result.targets, after - result.targets
     result.rows += heldout_rows(result.before, result.after)
+    result.data['heldout'] = {
+        'targets': result.targets.tolist(),
+        'errors_before': result.before.tolist(),
+        'errors_after': result.after.tolist(),
+    }
 
 
 def _circle(session: Session) -> None:
