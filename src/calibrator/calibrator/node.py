@@ -29,7 +29,7 @@ from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.parameters import Parameter
 from stage_core.quantities import AXES
-from stage_driver.deferred_service import create_deferred_service
+from stage_node.deferred_service import create_deferred_service
 from stage_node.node import (
     ERROR,
     LATCHED_QOS,

@@ -23,7 +23,7 @@ from contour_ctrl.streaming_node import StreamingNode
 from contour_ctrl.tick import Controller, Gains
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_driver.deferred_service import create_deferred_service
+from stage_node.deferred_service import create_deferred_service
 from stage_node.node import ERROR, LATCHED_QOS, OK, run
 
 

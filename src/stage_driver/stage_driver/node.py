@@ -13,12 +13,12 @@ from std_srvs.srv import SetBool, Trigger
 
 from stage_core import topics
 from stage_driver.backend import FAILURE, WARNING, Backend
-from stage_driver.deferred_service import create_deferred_service
 from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config, zaber_config
 from stage_driver.servo import ServoBackend
 from stage_driver.states import State
 from stage_driver.zaber import ZaberBackend
 from stage_driver.zaber_words import describe_flag
+from stage_node.deferred_service import create_deferred_service
 from stage_node.node import (
     ERROR,
     OK,
