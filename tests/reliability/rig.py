@@ -205,11 +205,12 @@ class Watch:
             try:
                 self.client.trigger('/stage_driver/reset_fault', 20.0)
                 self.client.set_bool('/stage_driver/enable', True, 20.0)
-                self.client.trigger('/stage_driver/home', 60.0)
+                self.client.trigger('/stage_driver/home', 20.0)
                 return
-            except StageError:
+            except StageError as error:
                 if time.monotonic() > deadline:
-                    raise
+                    known = {name: state[1:3] for name, state in self.states.items()}
+                    raise AssertionError(f'{error}; statuses: {known}') from error
                 time.sleep(0.2)
 
     def silent(self, rows: deque, seconds: float = 0.5) -> None:
