@@ -159,6 +159,8 @@ class TrackerBridge(StageNode):
         The executor is busy with the service meanwhile, so the joint states are taken here.
         """
         asked = self.get_clock().now().nanoseconds
+        # /clock waits for the executor too: simulated time is older here than what has come.
+        simulated = bool(self.get_parameter('use_sim_time').value)
         deadline = time.monotonic() + ALIGN_TIMEOUT
         while time.monotonic() < deadline:
             with self._joint_states.handle:
@@ -169,7 +171,7 @@ class TrackerBridge(StageNode):
             with self._lock:
                 newest = (self._bridge.last_stamp or 0, self._pairs.last_stage or 0)
                 quiet = time.monotonic() - self._arrived > QUIET_TIME
-            if min(newest) > asked or quiet:
+            if quiet or (min(newest) > asked and not simulated):
                 return
             time.sleep(ALIGN_POLL)
 
