@@ -174,6 +174,7 @@ class Calibrator(StageNode):
         def finish(done: Future[str]) -> None:
             try:
                 message = done.result()
+                self._refuse_nonsense(Path(job.out))
                 self._use(Path(job.out))
             except StageError as error:
                 self._failure = str(error)
@@ -205,6 +206,16 @@ class Calibrator(StageNode):
             version=version,
             seed=self.value('seed'),
         )
+
+    def _refuse_nonsense(self, path: Path) -> None:
+        """Refuse a new model whose held-out error no correction may reach."""
+        error = model_file.load(path).metrics.get('after', {}).get('rms')
+        largest = self.value('max_correction')
+        if error is not None and error > largest:
+            raise StageError(
+                f'the new model still errs by {1e6 * error:.0f} um, beyond max_correction '
+                f'{1e6 * largest:.0f} um: the old model stays; check the tracker and its alignment'
+            )
 
     def _use(self, path: Path) -> None:
         """Load a model and swap it in; on an error the old one stays."""
