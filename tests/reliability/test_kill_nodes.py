@@ -152,7 +152,8 @@ def test_kill_of_the_controller_during_a_stream(ready: tuple[Nodes, Watch]) -> N
     assert '1 iteration' in run.message, run.failure
 
 
-@pytest.mark.parametrize('motion', ['move', 'stream'])
+# In a move the driver is killed in test_stage_safety.py, in real time.
+@pytest.mark.parametrize('motion', ['stream'])
 def test_kill_of_the_driver(ready: tuple[Nodes, Watch], motion: str) -> None:
     nodes, watch = ready
     run = None
@@ -178,7 +179,8 @@ def test_kill_of_the_driver(ready: tuple[Nodes, Watch], motion: str) -> None:
     watch.wait(watch.arrived(0.01, 0.01), 'a move with the new driver')
 
 
-@pytest.mark.parametrize('motion', ['move', 'stream'])
+# In a stream the plant is killed by benchmarks/soak_kill.py.
+@pytest.mark.parametrize('motion', ['move'])
 def test_kill_of_the_plant(ready: tuple[Nodes, Watch], motion: str) -> None:
     nodes, watch = ready
     run = None

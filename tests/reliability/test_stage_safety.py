@@ -185,8 +185,10 @@ def braking(watch: Watch, since: int) -> tuple[int, float, float]:
     return first, 1e-9 * (last - first), abs(float(after[-1, 1] - after[0, 1]))
 
 
-@pytest.mark.parametrize('death', ['killed', 'suspended', 'nan'])
-@pytest.mark.parametrize('kind', ['velocity', 'both'])
+@pytest.mark.parametrize(
+    ('kind', 'death'),
+    [('velocity', 'killed'), ('velocity', 'nan'), ('both', 'suspended'), ('both', 'nan')],
+)
 def test_watchdog_stops_within_the_deceleration_distance(
     ready: Watch, controller: Callable[..., Controller], kind: str, death: str
 ) -> None:
