@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.session import Series, Session
-from stage_core.twin_file import ForceAxis, ServoAxis, TwinFile
+from stage_core.twin_file import ForceAxis, ServoAxis, StepperAxis, TwinFile
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -44,6 +44,7 @@ class Record:
     held_out_session: bool = False
     moving: tuple[bool, ...] = ()
     warnings: tuple[str, ...] = field(default=())
+    points_per_row: float = 1.0  # tracker points whose mean is a row: more than 1 for rests
 
     @property
     def duration(self) -> float:
@@ -58,14 +59,26 @@ class Record:
 def held_out_windows(record: Record) -> list[tuple[float, float]]:
     """Windows [s] that no fit sees.
 
-    The last third of each block of about 5 s (10 s of a session beyond two minutes); of a
-    held-out session everything after the prefix in which its own nuisances are refitted.
+    The last third of each block of about 5 s (10 s of a session beyond two minutes), or every
+    third rest; of a held-out session everything after the prefix in which its own nuisances
+    are refitted.
     """
     if record.held_out_session:
         return [(float(record.time[0] + PREFIX * record.duration), float(record.time[-1]))]
+    if record.points_per_row > 1.0 and record.tracker_time is not None:
+        # Rests are few: every third one is held out, whatever the rhythm of the moves.
+        middle = 0.5 * (record.tracker_time[1:] + record.tracker_time[:-1])
+        bounds = np.concatenate([record.time[:1], middle, record.time[-1:]])
+        return [(float(bounds[i]), float(bounds[i + 1])) for i in range(2, len(bounds) - 1, 3)]
     blocks = max(3, round(record.duration / (5.0 if record.duration < 120.0 else 10.0)))
     length = record.duration / blocks
     return [((i + 2.0 / 3.0) * length, (i + 1.0) * length) for i in range(blocks)]
+
+
+def motion_step(twin: TwinFile, axis: str) -> float:
+    """Least step of the recorded motion of an axis [m]: of the encoder, or of the motor."""
+    own = twin.axes[axis]
+    return own.microstep if isinstance(own, StepperAxis) else own.encoder_resolution
 
 
 def inside(time: Array, windows: list[tuple[float, float]]) -> Mask:
@@ -85,11 +98,6 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         If a topic is missing, holds NaNs or does not overlap the others in time, if the twin
         belongs to another machine, or if the session is too short or lacks excitation.
     """
-    if twin.kind == 'stepper':
-        raise StageError(
-            'a twin of kind stepper has no force to diagnose: give one of kind servo or '
-            'measured_force'
-        )
     axes = session.axes
     absent = [axis for axis in axes if axis not in twin.axes]
     if absent:
@@ -98,7 +106,7 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
             'this machine'
         )
     reference, command, states = (
-        _finite(session.require(topic, why), session.path)
+        finite(session.require(topic, why), session.path)
         for topic, why in (
             (topics.REFERENCE, 'says what was asked for'),
             (topics.COMMAND, 'holds the forces'),
@@ -120,20 +128,21 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         velocity_command=grid.optional(command, 'velocity', axes),
         force=grid.columns(command, 'effort', axes) * effort_unit,
         encoder=encoder,
-        temperature=_temperatures(session, axes, grid.time),
+        temperature=screw_temperatures(session, axes, grid.time),
         tracker_time=None,
         tracker=None,
         held_out_session=held_out,
         moving=tuple(bool(m) for m in np.ptp(encoder, axis=0) > MINIMUM_TRAVEL),
         warnings=grid.warnings,
     )
-    _check_excitation(record)
+    check_excitation(record)
     if twin.kind == 'servo':
         _check_controller(record, twin)
     return _with_tracker(record, session)
 
 
-def _finite(series: Series, path: str) -> Series:
+def finite(series: Series, path: str) -> Series:
+    """The series, refused where it holds NaNs or its stamps run backwards."""
     for name, values in series.values.items():
         bad = int(np.count_nonzero(~np.isfinite(values)))
         if bad:
@@ -220,14 +229,15 @@ class _Grid:
         return self.columns(series, quantity, axes)
 
 
-def _temperatures(session: Session, axes: tuple[str, ...], time: Array) -> Array | None:
+def screw_temperatures(session: Session, axes: tuple[str, ...], time: Array) -> Array | None:
+    """Screw temperature of each axis (n, a) [degC] at some times [s]; None where not recorded."""
     sensors = session.temperatures()
     columns = []
     for axis in axes:
         series = sensors.get(f'screw_{axis}')
         if series is None or len(series) == 0:
             return None
-        _finite(series, session.path)
+        finite(series, session.path)
         seconds = to_seconds(series.stamps, session.start_ns)
         columns.append(np.interp(time, seconds, series.values['temperature']))
     return np.column_stack(columns)
@@ -236,7 +246,7 @@ def _temperatures(session: Session, axes: tuple[str, ...], time: Array) -> Array
 def _with_tracker(record: Record, session: Session) -> Record:
     if not session.has(topics.TRACKER_POINT):
         return record
-    series = _finite(session.series[topics.TRACKER_POINT], session.path)
+    series = finite(session.series[topics.TRACKER_POINT], session.path)
     seconds = to_seconds(series.stamps, session.start_ns)
     points = session.table_points()
     # Two ticks from the ends: the encoder is interpolated with its neighbours.
@@ -250,18 +260,26 @@ def _with_tracker(record: Record, session: Session) -> Record:
         )
     columns = [('x', 'y').index(axis) for axis in record.axes]
     tracker = points[use][:, columns]
+    found = replace(record, tracker_time=seconds[use], tracker=tracker)
+    check_tracker_moves(found)
+    return found
+
+
+def check_tracker_moves(record: Record) -> None:
+    """Refuse a session whose tracker stands while the encoder moves."""
+    assert record.tracker is not None
     for i, axis in enumerate(record.axes):
-        if record.moving[i] and float(np.ptp(tracker[:, i])) < 0.01 * float(
+        if record.moving[i] and float(np.ptp(record.tracker[:, i])) < 0.01 * float(
             np.ptp(record.encoder[:, i])
         ):
             raise StageError(
-                f'{session.path}: the tracker is frozen: {topics.TRACKER_POINT} does not move in '
+                f'{record.name}: the tracker is frozen: {topics.TRACKER_POINT} does not move in '
                 f'{axis} while the encoder does; check the reflector and record again'
             )
-    return Record(**{**record.__dict__, 'tracker_time': seconds[use], 'tracker': tracker})
 
 
-def _check_excitation(record: Record) -> None:
+def check_excitation(record: Record) -> None:
+    """Refuse a session without motion or without reversals."""
     if not any(record.moving):
         wanted = np.ptp(record.reference, axis=0)
         cause = (

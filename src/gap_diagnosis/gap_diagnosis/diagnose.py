@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,25 @@ from gap_diagnosis.channels import Channel, axis_shares, gap_channels, position_
 from gap_diagnosis.data import Record, held_out_windows, load_record
 from gap_diagnosis.kinematics import Kinematics
 from gap_diagnosis.localise import Condition, conditions, features
-from gap_diagnosis.parts import KINEMATIC_RULES, Part, fit_part, fit_servo, with_steps
+from gap_diagnosis.parts import (
+    KINEMATIC_RULES,
+    LEAST_RESTS,
+    LEAST_ROWS,
+    REST_RULES,
+    Part,
+    fit_part,
+    fit_servo,
+    with_mean_points,
+    with_steps,
+)
 from gap_diagnosis.polish import polish
 from gap_diagnosis.selection import describe
 from gap_diagnosis.servo import Servo
+from gap_diagnosis.stepper import load_stepper_record
 from stage_core.errors import StageError
 from stage_core.quantities import EFFECT_LINKS, UNKNOWN, split_effect
 from stage_core.session import Session
-from stage_core.twin_file import TwinFile
+from stage_core.twin_file import TrackerSpec, TwinFile
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -100,16 +111,19 @@ def diagnose(
             f'{twin_name} already holds effects ({", ".join(twin.effects)}): diagnose with the '
             'nominal twin, which has none'
         )
-    records = [load_record(s, twin) for s in sessions]
-    records += [load_record(s, twin, held_out=True) for s in holdout]
+    stepper = twin.kind == 'stepper'
+    load = load_stepper_record if stepper else load_record
+    records = [load(s, twin) for s in sessions]
+    records += [load(s, twin, held_out=True) for s in holdout]
     axes = records[0].axes
     if any(r.axes != axes for r in records):
         raise StageError('the sessions have different axes: diagnose them one by one')
     parts: list[Part] = []
-    quantisation = {} if 'encoder_quantisation' in without else judge.encoder_steps(records, twin)
-    seen = with_steps(twin, quantisation)
+    counted = stepper or 'encoder_quantisation' in without
+    quantisation = {} if counted else judge.encoder_steps(records, twin)
+    seen = with_mean_points(with_steps(twin, quantisation), records)
     for axis in axes:
-        if not any(r.moving[records[0].column(axis)] for r in records):
+        if stepper or not any(r.moving[records[0].column(axis)] for r in records):
             continue
         progress(f'command -> encoder of axis {axis}: reading the equation of motion backwards')
         problem = Servo(records, seen, axis).problem()
@@ -118,7 +132,8 @@ def diagnose(
     if all(r.tracker is not None for r in records):
         progress('encoder -> table -> tracker: residual of the measurement')
         kinematics = Kinematics(records, seen)
-        part = fit_part('tracker', kinematics.problem(), KINEMATIC_RULES, seed, without)
+        rules, least = (REST_RULES, LEAST_RESTS) if stepper else (KINEMATIC_RULES, LEAST_ROWS)
+        part = fit_part('tracker', kinematics.problem(), rules, seed, without, least)
         part.row_axis = kinematics.row_axis()
         parts.append(part)
     parameters: dict[str, dict[str, tuple[float, float]]] = dict(quantisation)
@@ -134,13 +149,23 @@ def diagnose(
     effects = {n: {k: v for k, (v, _) in p.items()} for n, p in parameters.items()}
     channels = gap_channels(records, twin, effects, parts)
     return _conclude(
-        records, twin, twin_name, parts, parameters, channels, seed, progress, quantisation
+        records,
+        twin,
+        seen.tracker,
+        twin_name,
+        parts,
+        parameters,
+        channels,
+        seed,
+        progress,
+        quantisation,
     )
 
 
 def _conclude(
     records: list[Record],
     twin: TwinFile,
+    tracker: TrackerSpec | None,
     twin_name: str,
     parts: list[Part],
     parameters: dict[str, dict[str, tuple[float, float]]],
@@ -163,10 +188,10 @@ def _conclude(
     verdict = accepted + ([UNKNOWN] if structured else [])
     progress('where the gap lies')
     found = _conditions(scored, records, twin, parts, seed)
-    shares, worst = axis_shares(records[0].axes, channels, twin)
+    shares, worst = axis_shares(records[0].axes, channels, replace(twin, tracker=tracker))
     link = EFFECT_LINKS[split_effect(accepted[0])[0]] if accepted else worst
     others = judge.rejected_causes(parts, accepted, structured, before, after)
-    floor = judge.noise_floor(twin, channels, effects)
+    floor = judge.noise_floor(replace(twin, tracker=tracker), channels, effects)
     return Diagnosis(
         sessions=[r.name for r in records],
         twin_name=twin_name,
@@ -216,14 +241,15 @@ def _cause(
             squares_without.append(np.concatenate([a**2 for a in lesser[channel.name]]))
     gap_before = float(np.sqrt(np.mean([s.mean() for s in squares_without])))
     gap_after = float(np.sqrt(np.mean([s.mean() for s in squares_with])))
+    blocks = min(12, *(len(s) for s in squares_with))
     pairs = [
-        np.array([np.array_split(s, 12)[j].mean() for s in side]).mean()
+        np.array([np.array_split(s, blocks)[j].mean() for s in side]).mean()
         for side in (squares_without, squares_with)
-        for j in range(12)
+        for j in range(blocks)
     ]
-    without_blocks, with_blocks = np.array(pairs[:12]), np.array(pairs[12:])
+    without_blocks, with_blocks = np.array(pairs[:blocks]), np.array(pairs[blocks:])
     generator = np.random.default_rng(seed)
-    picks = generator.integers(0, 12, (500, 12))
+    picks = generator.integers(0, blocks, (500, blocks))
     shrinks = 1.0 - np.sqrt(
         with_blocks[picks].mean(axis=1) / np.maximum(without_blocks[picks].mean(axis=1), 1e-30)
     )

@@ -75,7 +75,9 @@ def structure(problem: Problem, everywhere: Array, modelled: Array, name: str) -
     if name == 'tracker':
         remaining = float(np.mean([np.mean(residual[k:] * residual[:-k]) for k in (1, 2, 3)]))
         remaining = max(remaining, _line(everywhere))
-        least = (0.30 * problem.floor) ** 2
+        # What white noise shows by chance: three lags of n products.
+        chance = 3.0 * float(np.mean(residual**2)) / math.sqrt(3.0 * len(residual))
+        least = max((0.30 * problem.floor) ** 2, chance)
         share = min(max(remaining, 0.0) / gap, 1.0)
         return Structure(remaining, share, remaining > least and share > TRACKER_STRUCTURE)
     remaining = float(np.mean(residual**2)) - problem.floor**2

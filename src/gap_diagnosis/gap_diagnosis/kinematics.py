@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.data import Record, held_out_windows, inside
+from gap_diagnosis.data import Record, held_out_windows, inside, motion_step
 from gap_diagnosis.operators import play
 from gap_diagnosis.regression import Problem, Term, Theta
 from stage_core.twin_file import TwinFile
@@ -82,7 +82,7 @@ class Kinematics:
                 number.append(np.full(len(mask), session))
         tracker = self.twin.tracker
         noise = tracker.noise if tracker is not None else 1.0e-6
-        resolution = np.array([self.twin.axes[a].encoder_resolution for a in self.axes])  # type: ignore[union-attr]
+        resolution = np.array([motion_step(self.twin, axis) for axis in self.axes])
         floor = math.sqrt(noise**2 + float(np.mean(resolution**2)) / 12.0)
         return Problem(
             np.concatenate(target),
@@ -116,7 +116,10 @@ class Kinematics:
                 terms += [self._straightness(i, axis), self._angular(i, axis)]
         if len(self.axes) == 2 and any(all(r.moving) for r in self.records):
             terms.append(self._nonorthogonality())
-        terms += [self._misalignment(), self._latency(), self._drift()]
+        terms.append(self._misalignment())
+        # The clock of a tracker shows in motion alone.
+        if not any(r.points_per_row > 1.0 for r in self.records):
+            terms += [self._latency(), self._drift()]
         return {term.name: term for term in terms}
 
     def _scale(self, i: int, axis: str) -> Term:

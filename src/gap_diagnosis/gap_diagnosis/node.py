@@ -41,7 +41,8 @@ class GapDiagnosisNode(StageNode):
     def __init__(self) -> None:
         super().__init__('gap_diagnosis', PARAMETERS)
         self.verdict = 'no diagnosis yet'
-        self.monitor: LiveMonitor | None = None
+        # What can be refused is refused before a thread runs.
+        self.monitor = self._live_monitor()
         self._process: subprocess.Popen[str] | None = None
         self._lock = threading.Lock()
         # A diagnosis takes seconds to minutes: its service waits in a thread of its own, and
@@ -53,7 +54,7 @@ class GapDiagnosisNode(StageNode):
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
         self.diagnostics.task('diagnosis', lambda: (OK, self.verdict, {}))
-        if self.value('live') and self.value('twin'):
+        if self.monitor is not None:
             self._start_live()
 
     def _serve(self) -> None:
@@ -62,13 +63,21 @@ class GapDiagnosisNode(StageNode):
         except (rclpy.executors.ExternalShutdownException, rclpy.executors.ShutdownException):
             return
 
-    def _start_live(self) -> None:
+    def _live_monitor(self) -> LiveMonitor | None:
+        """The monitor of live mode; None where it is off or has no loop to follow."""
+        if not self.value('live') or not self.value('twin'):
+            return None
         twin = TwinFile.load(self.value('twin'))
+        if twin.kind == 'stepper':
+            self.get_logger().info('live mode is off: a stepper twin has no servo loop to follow')
+            return None
         if twin.kind != 'servo':
-            raise StageError('live mode needs a twin of kind servo: set live to false')
-        self.monitor = LiveMonitor(
-            twin, self.value('window'), self.value('learn'), self.value('band')
-        )
+            raise StageError(
+                f'live mode needs a twin of kind servo, not {twin.kind}: set live to false'
+            )
+        return LiveMonitor(twin, self.value('window'), self.value('learn'), self.value('band'))
+
+    def _start_live(self) -> None:
         for topic, fields in (
             (topics.REFERENCE, ('position', 'velocity')),
             (topics.COMMAND, ('velocity',)),

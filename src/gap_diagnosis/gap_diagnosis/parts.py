@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -22,6 +23,12 @@ Array = NDArray[np.float64]
 #: A gain in the force balance is told from noise that regressors share with the residual.
 SERVO_RULES = Rules(of_noise=0.05, of_gap=6e-4)
 KINEMATIC_RULES = Rules(of_gap=1e-5)
+#: The alignment of a session took what is rigid out of the errors: scale and
+#: squareness show only beside the rotation and the offset that it should have had.
+REST_RULES = Rules(of_gap=1e-5, given=('tracker_misalignment',), prefer_plain=True)
+
+#: Rows that fit and rows that are held out: of samples in motion, and of rests of a stepper.
+LEAST_ROWS, LEAST_RESTS = (200, 50), (8, 4)
 
 
 @dataclass
@@ -48,7 +55,29 @@ def with_steps(
     return replace(twin, axes=axes)
 
 
-def fit_part(name: str, problem: Problem, rules: Rules, seed: int, without: Sequence[str]) -> Part:
+def with_mean_points(twin: TwinFile, records: list[Record]) -> TwinFile:
+    """The twin with the noise that the rows really have: the mean of a rest's tracker points.
+
+    A twin that states its `repeatability` [m] has the scatter of the rests in it (R = 4 s,
+    ISO 230-2).
+    """
+    points = min(r.points_per_row for r in records)
+    if points <= 1.0 or twin.tracker is None:
+        return twin
+    scatter = twin.extra.get('repeatability', 0.0)
+    scatter = 0.25 * float(scatter) if isinstance(scatter, (int, float)) else 0.0
+    noise = math.hypot(twin.tracker.noise / math.sqrt(points), scatter)
+    return replace(twin, tracker=replace(twin.tracker, noise=noise))
+
+
+def fit_part(
+    name: str,
+    problem: Problem,
+    rules: Rules,
+    seed: int,
+    without: Sequence[str],
+    least_rows: tuple[int, int] = LEAST_ROWS,
+) -> Part:
     """Select the effects of one problem and judge what remains.
 
     Raises
@@ -56,7 +85,10 @@ def fit_part(name: str, problem: Problem, rules: Rules, seed: int, without: Sequ
     StageError
         If there is too little motion to judge.
     """
-    if np.count_nonzero(problem.fit) < 200 or np.count_nonzero(problem.held_out) < 50:
+    if any(
+        np.count_nonzero(rows) < least
+        for rows, least in zip((problem.fit, problem.held_out), least_rows, strict=True)
+    ):
         raise StageError(
             f'too little motion to judge {name}: only {np.count_nonzero(problem.fit)} samples '
             'in motion; record a longer session with `ros2 run contour_ctrl excite`'

@@ -199,9 +199,9 @@ class Regression:
         for number in np.unique(problem.record[problem.held_out]).tolist():
             rows = problem.record == number
             at = rows & prefix
-            if np.count_nonzero(at) < 50:
-                continue
             chosen = [list(problem.terms[n].nuisances) for n in names]
+            if np.count_nonzero(at) < max(12, 4 * sum(len(c) for c in chosen)):
+                continue
             columns = np.hstack(
                 [self.columns(n, thetas[n])[:, c] for n, c in zip(names, chosen, strict=True)]
             )

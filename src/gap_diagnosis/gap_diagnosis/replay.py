@@ -39,8 +39,11 @@ def replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]
     """Gap (n,) of each encoder channel [m], and of the force where it is the input [N].
 
     A servo twin follows the recorded reference with its own controller (closed loop). A
-    measured-force twin runs in windows of 100 ms from the recorded state.
+    measured-force twin runs in windows of 100 ms from the recorded state. A stepper twin has no
+    encoder that could show a gap.
     """
+    if twin.kind == 'stepper':
+        return {}
     mine = {
         name: dict(values)
         for name, values in effects.items()

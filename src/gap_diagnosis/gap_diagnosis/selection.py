@@ -61,6 +61,8 @@ class Rules:
     of_own_noise : the same for effects whose columns hold the target's noise
     level : of the bootstrap interval
     largest : number of effects in a set
+    given : effects that every set is grown with; they too are left out in the end if they can be
+    prefer_plain : whether a special case takes its holder's place wherever the data bear it
     """
 
     of_gap: float = 1e-4
@@ -69,6 +71,8 @@ class Rules:
     of_own_noise: float = 0.3
     level: float = 0.98
     largest: int = 10
+    given: tuple[str, ...] = ()
+    prefer_plain: bool = False
 
 
 @dataclass
@@ -109,12 +113,12 @@ class Selector:
 
     def select(self) -> Selection:
         """Run forward selection, pruning and the search for rivals."""
-        base = self.regression.linear({})
-        accepted: list[str] = []
+        accepted = [name for name in self.rules.given if name in self.problem.terms]
+        base = self.regression.linear({n: self.problem.terms[n].grid[0] for n in accepted})
         rejected: dict[str, Evidence] = {}
         while len(accepted) < self.rules.largest:
             trials = self._trials(base, accepted)
-            if not accepted:
+            if not rejected:
                 rejected = {name: evidence for name, (evidence, _) in trials.items()}
             good = [
                 (evidence.gain, name)
@@ -144,6 +148,8 @@ class Selector:
             accepted, base = self._simplify(accepted, base)
         accepted, base = self._merge(accepted, base)
         accepted, base, evidence = self._prune(accepted, base)
+        if self.rules.prefer_plain:
+            accepted, base, evidence = self._prune(*self._plain(accepted, base))
         self._rivals(accepted, base, evidence)
         for name in accepted:
             rejected.pop(name, None)
@@ -286,6 +292,26 @@ class Selector:
             reached = other.mean_square(self.problem) / max(unit, 0.01)
             if reached < limit and self._admissible(other, name):
                 return [a for a in accepted if a not in pair] + [name], other
+        return accepted, fit
+
+    def _plain(self, accepted: list[str], fit: Fit) -> tuple[list[str], Fit]:
+        """Replace effects by special cases of theirs that lose nothing significant."""
+        for name in list(accepted):
+            effect, _, axis = name.partition('.')
+            for held in HOLDS.get(effect, ()):
+                plain = f'{held}.{axis}'
+                if plain not in self.problem.terms or plain in accepted:
+                    continue
+                less = self._without(fit, name)
+                thetas = self._with(less, plain).thetas
+                other = self.regression.refine(thetas, list(thetas))
+                loss = block_gains(self.problem, other, fit)
+                gain = float(block_gains(self.problem, less, fit).mean())
+                low, _ = bootstrap_interval(loss, self.seed, level=self.rules.level)
+                close = low <= 0.0 or float(loss.mean()) < 0.05 * gain
+                if close and self._admissible(other, plain):
+                    accepted, fit = [plain if a == name else a for a in accepted], other
+                    break
         return accepted, fit
 
     def _without(self, fit: Fit, name: str) -> Fit:

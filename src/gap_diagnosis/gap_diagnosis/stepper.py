@@ -1,0 +1,175 @@
+"""Sessions of an open-loop stage: rests of the counted motion beside the tracker.
+
+A stepper has no servo link, and its count of motor steps comes tens of times a second over a
+wire. While it moves, the time of a count is known to milliseconds only, which at 100 mm/s are
+hundreds of micrometres. At rest time does not matter: the mean of the tracker points of a rest is
+one row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.data import (
+    MINIMUM_DURATION,
+    MINIMUM_TRAVEL,
+    Record,
+    check_excitation,
+    check_tracker_moves,
+    finite,
+    screw_temperatures,
+)
+from stage_core import topics
+from stage_core.clocks import to_seconds
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+from stage_core.twin_file import StepperAxis, TwinFile
+
+Array = NDArray[np.float64]
+
+LARGEST_TRAVEL = 20.0  # m; a larger number is a count of motor steps
+STILL = 2.5e-7  # m between two counts at rest
+LEAST_REST = 0.2  # s
+EDGE = 0.06  # s at both ends of a rest: age of a count, and what rings after a move
+LEAST_POINTS = 5  # of a rest
+LEAST_RESTS = 12
+HINT = 'record one with at least 18 rests of 0.5 s (`ros2 run stage_bringup session`)'
+
+
+@dataclass(frozen=True)
+class _Rests:
+    """Middle [s], mean tracker point [m] and number of points of each rest."""
+
+    time: Array
+    point: Array
+    count: Array
+
+
+def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False) -> Record:
+    """Arrays of a session of a stepper stage: its tracker rows are rests.
+
+    Raises
+    ------
+    StageError
+        If a topic is missing or wrong, the twin belongs to another machine, or there are too
+        few rests.
+    """
+    axes = session.axes
+    absent = [axis for axis in axes if axis not in twin.axes]
+    if absent:
+        raise StageError(
+            f'the twin has no axis {absent[0]} but {session.path} has: give the twin file of '
+            'this machine'
+        )
+    _refuse_forces(session)
+    topic = topics.JOINT_STATES if session.has(topics.JOINT_STATES) else topics.REFERENCE
+    series = finite(session.require(topic, 'holds the counted motion'), session.path)
+    if not session.has(topics.TRACKER_POINT):
+        raise StageError(
+            f'{session.path} holds no message of {topics.TRACKER_POINT}: a stepper stage is '
+            'diagnosed against the tracker; record the session again with it'
+        )
+    counted = to_seconds(series.stamps, session.start_ns)
+    counted, first = np.unique(counted, return_index=True)
+    motion = _metres(series, axes, twin)[first]
+    if len(counted) < 3 or counted[-1] - counted[0] < MINIMUM_DURATION:
+        raise StageError(
+            f'{session.path} is too short: a diagnosis needs at least {MINIMUM_DURATION:.0f} s; '
+            f'{HINT}'
+        )
+    rests = _rests(session, twin, counted, motion, [('x', 'y').index(axis) for axis in axes])
+    time = np.arange(counted[0], counted[-1], twin.control_period)
+    encoder = np.column_stack([np.interp(time, counted, column) for column in motion.T])
+    nothing = np.full_like(encoder, np.nan)
+    record = Record(
+        name=session.path,
+        axes=axes,
+        period=twin.control_period,
+        time=time,
+        reference=encoder,
+        reference_velocity=nothing,
+        velocity_command=nothing,
+        force=nothing,
+        encoder=encoder,
+        temperature=screw_temperatures(session, axes, time),
+        tracker_time=rests.time,
+        tracker=rests.point,
+        held_out_session=held_out,
+        moving=tuple(bool(m) for m in np.ptp(encoder, axis=0) > MINIMUM_TRAVEL),
+        warnings=(
+            f'{len(rests.time)} rests are judged, each by the mean of its tracker points; motion '
+            'between them is not, nor are the servo link and the tracker clock',
+        ),
+        points_per_row=float(np.median(rests.count)),
+    )
+    check_excitation(record)
+    check_tracker_moves(record)
+    return record
+
+
+def _refuse_forces(session: Session) -> None:
+    if not session.has(topics.COMMAND):
+        return
+    values = session.series[topics.COMMAND].values
+    if any(np.any(np.nan_to_num(v) != 0.0) for k, v in values.items() if k.startswith('effort')):
+        raise StageError(
+            f'{session.path} holds forces in {topics.COMMAND}, a twin of kind stepper has none: '
+            'give the twin file of this machine'
+        )
+
+
+def _metres(series: Series, axes: tuple[str, ...], twin: TwinFile) -> Array:
+    """Counted motion (n, a) [m]; a topic whose numbers are too large for metres counts steps."""
+    values = series.columns('position', axes)
+    if float(np.max(np.abs(values), initial=0.0)) <= LARGEST_TRAVEL:
+        return values
+    steps = [axis.microstep for a in axes if isinstance(axis := twin.axes[a], StepperAxis)]
+    return np.asarray(values * np.array(steps))
+
+
+def _rests(
+    session: Session, twin: TwinFile, counted: Array, motion: Array, columns: list[int]
+) -> _Rests:
+    """Rests of all axes together, each with the mean of the points at which the table stood.
+
+    Raises
+    ------
+    StageError
+        If there are fewer than `LEAST_RESTS`.
+    """
+    series = finite(session.series[topics.TRACKER_POINT], session.path)
+    seconds = to_seconds(series.stamps, session.start_ns)
+    points = session.table_points()[:, columns]
+    if seconds[-1] < counted[0] or seconds[0] > counted[-1]:
+        raise StageError(
+            f'{session.path}: the stamps of {topics.TRACKER_POINT} and of the stage topics do not '
+            'overlap: check the clock of the tracker bridge'
+        )
+    noise = twin.tracker.noise if twin.tracker is not None else 1.0e-6
+    still = np.all(np.abs(np.diff(motion, axis=0)) < STILL, axis=1)
+    edges = np.diff(np.concatenate([[0], still.astype(np.int64), [0]]))
+    time, mean, count = [], [], []
+    for start, stop in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        if counted[stop] - counted[start] < LEAST_REST:
+            continue
+        low, high = np.searchsorted(seconds, (counted[start] + EDGE, counted[stop] - EDGE))
+        own = points[low:high]
+        if len(own) < LEAST_POINTS:
+            continue
+        # A command at rest is no table at rest: what is far from the rest's end still moves.
+        end = np.median(own[len(own) // 2 :], axis=0)
+        use = np.all(np.abs(own - end) < 6.0 * noise, axis=1)
+        if np.count_nonzero(use) < max(LEAST_POINTS, 0.4 * len(own)):
+            continue
+        time.append(0.5 * (counted[start] + counted[stop]))
+        mean.append(own[use].mean(axis=0))
+        count.append(float(np.count_nonzero(use)))
+    if len(time) < LEAST_RESTS:
+        raise StageError(
+            f'{session.path} holds {len(time)} rests of the stage that the tracker sees, a '
+            f'diagnosis of a stepper stage needs {LEAST_RESTS}: {HINT}'
+        )
+    return _Rests(np.array(time), np.array(mean), np.array(count))

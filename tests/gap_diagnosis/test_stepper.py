@@ -1,0 +1,109 @@
+"""A stepper stage is diagnosed from its rests: kinematics and sensor, no servo link."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gap_diagnosis.__main__ import main
+from gap_diagnosis.diagnose import diagnose
+from session_bags.writer import write_session
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
+from stage_twin.kinematics import carry
+
+START = 1_750_000_000_000_000_000
+SCATTER = 0.75e-6  # m, a quarter of a repeatability of 3 um
+EFFECTS = {
+    'scale_error.x': {'error': 150e-6},
+    'backlash.y': {'width': 8e-6},
+    'cyclic_pitch_error.y': {'amplitude': 4e-6, 'phase': 0.7},
+}
+
+
+def nominal() -> TwinFile:
+    axes = {axis: StepperAxis() for axis in ('x', 'y')}
+    return TwinFile('stepper', axes, 0.01, tracker=TrackerSpec(100.0, 1e-6))
+
+
+def stepper_session(effects: dict[str, dict[str, float]], moves: int = 40) -> Session:
+    """Moves of 0.4 s with rests of 0.6 s in between, counted 50 times a second."""
+    generator = np.random.default_rng(5)
+    twin = nominal()
+    stops = generator.uniform(-0.04, 0.04, (moves, 2))
+    stops = np.rint(stops / 0.047625e-6) * 0.047625e-6
+    s = np.clip(np.arange(100) / 40.0, 0.0, 1.0)[:, None]
+    s = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    starts = np.vstack([np.zeros((1, 2)), stops[:-1]])
+    motor = np.concatenate([a + (b - a) * s for a, b in zip(starts, stops, strict=True)])
+    result = carry(twin.with_effects(effects), motor, seed=1)
+    # Where a move ends scatters; each stop has a deviation of its own.
+    scatter = np.repeat(SCATTER * generator.standard_normal((moves, 2)), 100, axis=0)
+    points = result.tracker_points[:, :2] + scatter[: len(result.tracker_points)]
+    stamps = START + np.arange(len(motor)) * 10_000_000
+    counted = np.rint(motor[::2] / 0.047625e-6)
+    still = np.zeros(len(counted))
+
+    def joints(topic: str, values: dict[str, np.ndarray]) -> Series:
+        return Series(topic, stamps[::2], values)
+
+    series = {
+        topics.REFERENCE: joints(
+            topics.REFERENCE, {f'position.{a}': motor[::2, i] for i, a in enumerate('xy')}
+        ),
+        topics.COMMAND: joints(topics.COMMAND, {f'velocity.{a}': still for a in 'xy'}),
+        topics.JOINT_STATES: joints(
+            topics.JOINT_STATES, {f'position.{a}': counted[:, i] for i, a in enumerate('xy')}
+        ),
+        topics.TRACKER_POINT: Series(
+            topics.TRACKER_POINT,
+            START + np.rint(result.tracker_stamps * 1e9).astype(np.int64),
+            {'x': points[:, 0], 'y': points[:, 1], 'z': np.zeros(len(points))},
+        ),
+    }
+    return Session('stepper', series, twin.to_dict(), None)
+
+
+def test_planted_effects_are_named_from_counted_steps(tmp_path: Path) -> None:
+    session = stepper_session(EFFECTS)
+    found = diagnose([session], [], nominal())
+    assert set(found.verdict) == set(EFFECTS)
+    assert found.link == 'kinematic'
+    assert set(found.channels) == {'tracker.x', 'tracker.y'}
+    for name, values in EFFECTS.items():
+        for key, value in values.items():
+            assert found.parameters[name][key][0] == pytest.approx(value, rel=0.15)
+    # What remains is where the moves end.
+    assert found.after < 1.4 * SCATTER < 0.5 * found.before
+    bag = write_session(tmp_path / 'bag', session, nominal())
+    nominal().save(tmp_path / 'twin.yaml')
+    words = ['diagnose', '--bag', str(bag), '--twin', str(tmp_path / 'twin.yaml'), '--quiet']
+    assert main([*words, '--out', str(tmp_path / 'out')]) == 0
+    assert TwinFile.load(tmp_path / 'out' / 'corrected_twin.yaml').kind == 'stepper'
+    assert (tmp_path / 'out' / 'report.html').exists()
+
+
+def test_a_nominal_stepper_has_no_gap() -> None:
+    found = diagnose([stepper_session({})], [], nominal())
+    assert found.verdict == []
+
+
+def test_the_reference_stands_in_for_a_missing_count() -> None:
+    session = stepper_session(EFFECTS)
+    series = {k: s for k, s in session.series.items() if k != topics.JOINT_STATES}
+    found = diagnose([replace(session, series=series)], [], nominal())
+    assert set(found.verdict) == set(EFFECTS)
+
+
+def test_what_a_stepper_session_may_lack() -> None:
+    session = stepper_session({})
+    without = {k: s for k, s in session.series.items() if k != topics.TRACKER_POINT}
+    with pytest.raises(StageError, match='tracker'):
+        diagnose([replace(session, series=without)], [], nominal())
+    with pytest.raises(StageError, match='rests'):
+        diagnose([stepper_session({}, moves=10)], [], nominal())
