@@ -43,3 +43,31 @@ def test_the_service_answers_with_the_verdict(
     finally:
         process.terminate()
         assert process.wait(timeout=20.0) == 0
+
+
+def test_live_mode_refuses_or_leaves_out_a_twin_without_a_servo_loop(
+    tmp_path: Path, ros_env: dict[str, str]
+) -> None:
+    from stage_node.client_node import GraphClient
+
+    rig, stepper = tmp_path / 'rig.yaml', tmp_path / 'stepper.yaml'
+    rig.write_text('kind: measured_force\naxes: {x: {mass: 95.1}}\n')
+    stepper.write_text('kind: stepper\naxes: {x: {}, y: {}}\n')
+    command = [sys.executable, '-m', 'gap_diagnosis.node', '--ros-args', '-p']
+    refused = subprocess.run(
+        [*command, f'twin:={rig}'], env=ros_env, capture_output=True, text=True, timeout=60.0
+    )
+    assert refused.returncode == 2
+    assert len(refused.stderr.strip().splitlines()) == 1
+    assert 'measured_force' in refused.stderr
+    process = subprocess.Popen(
+        [*command, f'twin:={stepper}'], env=ros_env, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        with GraphClient() as client:
+            client.wait_for_service('/gap_diagnosis/diagnose', timeout=30.0)
+    finally:
+        process.terminate()
+        _, errors = process.communicate(timeout=20.0)
+    assert process.returncode == 0
+    assert 'live mode is off' in errors

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gap_diagnosis.data import EXCITATION_HINT
 from gap_diagnosis.diagnose import Diagnosis
 from stage_core.quantities import UNKNOWN, split_effect
 
@@ -35,7 +36,8 @@ SEPARATES: dict[tuple[str, str], str] = {
     'acts only on the fast one',
 }  # fmt: skip
 
-REFERENCE_FILE = 'next_reference.csv'
+REFERENCE_FILE = 'next_reference.yaml'
+SHARE_OF_TRAVEL, POINTS = 0.4, 240
 
 
 def steps(diagnosis: Diagnosis) -> list[str]:
@@ -55,8 +57,14 @@ def steps(diagnosis: Diagnosis) -> list[str]:
             'Structure remains that no effect of the library explains'
             f'{goes}. Repeat the session as it is: what repeats is the machine, the rest is not.'
         )
-    if found:
-        found.append(f'{REFERENCE_FILE} beside this page holds a reference that excites this.')
+    if found and len(diagnosis.records[0].axes) == 2:
+        found.append(
+            f'{REFERENCE_FILE} beside this page is a contour that passes every place in both '
+            'directions: run it with contour_ctrl (contour freeform, curve_file) at a slow and at '
+            'a fast feed.'
+        )
+    elif found:
+        found.append(f'Or {EXCITATION_HINT}.')
     if not found:
         found.append('Nothing: run the corrected twin, and diagnose again after a change.')
     return found
@@ -69,50 +77,36 @@ def needed(diagnosis: Diagnosis) -> bool:
     )
 
 
-def write_reference(diagnosis: Diagnosis, directory: Path) -> None:
-    """Write the next experiment's reference: t [s] and a position [m] per axis.
+def write_reference(diagnosis: Diagnosis, directory: Path) -> Path | None:
+    """Write the next experiment as a closed curve that `contour_ctrl` reads (`curve_file`).
 
-    Strokes from both sides at speeds from creeping to fast, short reversals, and a sweep, one
-    axis after the other, within the travel of the diagnosed session.
+    A Lissajous figure of three to four periods in the middle of the diagnosed travel: every
+    position is passed in both directions, both axes reverse many times, each at several places of
+    the other one, and the axes' speeds go through zero. None where no question is open, or where
+    one axis alone was recorded: a contour has two.
     """
-    if not needed(diagnosis):
-        return
     record = diagnosis.records[0]
+    if not needed(diagnosis) or len(record.axes) != 2:
+        return None
     centre = 0.5 * (record.encoder.min(axis=0) + record.encoder.max(axis=0))
-    half = 0.4 * np.ptp(record.encoder, axis=0)
-    step = 0.01
-    shape = _stroke_shape(step)
-    rows = np.tile(centre, (len(shape) * len(record.axes), 1))
-    for i in range(len(record.axes)):
-        rows[i * len(shape) : (i + 1) * len(shape), i] += half[i] * shape
-    time = np.arange(len(rows)) * step
-    np.savetxt(
-        directory / REFERENCE_FILE,
-        np.column_stack([time, rows]),
-        delimiter=',',
-        header=','.join(['t', *record.axes]),
-        comments='',
-        fmt='%.9g',
-    )
+    half = SHARE_OF_TRAVEL * np.ptp(record.encoder, axis=0)
+    # An axis that stood still has to move a little, else the figure has cusps.
+    half = np.maximum(half, 0.1 * half.max())
+    points = centre + half * _figure(POINTS)
+    path = directory / REFERENCE_FILE
+    lines = [
+        '# The next experiment, a curve in metres. At two feeds, slow and fast, run:',
+        '#   ros2 run contour_ctrl contour_ctrl --ros-args -p contour:=freeform \\',
+        f'#     -p curve_file:={path} -p reduce_feed:=true -p feed:=0.01',
+        'closed: true',
+        'points:',
+        *(f'- [{x:.9f}, {y:.9f}]' for x, y in points),
+    ]
+    path.write_text('\n'.join(lines) + '\n', encoding='utf-8')
+    return path
 
 
-def _stroke_shape(step: float) -> np.ndarray:
-    """Relative position of one axis: smooth strokes, each slower than the last, then a sweep."""
-    pieces = []
-    at = 0.0
-    for target, length in (
-        (1, 1.0),
-        (-1, 1.0),
-        (1, 2.0),
-        (-1, 4.0),
-        (-0.9, 3.0),
-        (-1, 3.0),
-        (0, 2),
-    ):
-        s = np.arange(0.0, length, step) / length
-        pieces.append(at + (target - at) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
-        pieces.append(np.full(int(0.5 / step), float(target)))
-        at = float(target)
-    t = np.arange(0.0, 12.0, step)
-    pieces.append(0.1 * np.sin(2.0 * np.pi * (0.2 * t + 0.15 * t**2)) * np.sin(np.pi * t / 12.0))
-    return np.concatenate(pieces)
+def _figure(count: int) -> np.ndarray:
+    """Lissajous figure (count, 2) within ±1; its phase keeps the speed away from zero."""
+    u = 2.0 * np.pi * np.arange(count) / count
+    return np.column_stack([np.sin(3.0 * u + 0.25 * np.pi), np.sin(4.0 * u)])

@@ -1,0 +1,55 @@
+"""The next experiment is a curve that the contour controller reads and plans."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contour_ctrl.contour_parameters import PARAMETERS, make_curve, make_reference
+from contour_ctrl.curves import check_regular
+from gap_diagnosis import experiments
+from gap_diagnosis.diagnose import Diagnosis, diagnose
+from stage_core.session import Session
+from stage_core.twin_file import TwinFile
+
+Maker = Callable[..., Session]
+
+
+@pytest.fixture(scope='module')
+def open_question(planted: Maker) -> Diagnosis:
+    """Play that the library does not know: something remains."""
+    session = planted({'backlash.x': {'width': 20e-6}}, axes=('x', 'y'), duration=12.0)
+    found = diagnose([session], [], TwinFile.nominal_servo(), without=['backlash'])
+    assert 'unknown' in found.verdict
+    return found
+
+
+def test_the_contour_controller_plans_the_next_experiment(
+    open_question: Diagnosis, tmp_path: Path
+) -> None:
+    path = experiments.write_reference(open_question, tmp_path)
+    assert path is not None
+    values = {p.name: p.default for p in PARAMETERS}
+    values |= {'contour': 'freeform', 'curve_file': str(path), 'reduce_feed': True, 'feed': 0.05}
+    curve = make_curve(values.__getitem__)
+    check_regular(curve)
+    planned = make_reference(values.__getitem__, curve)
+    encoder = open_question.records[0].encoder
+    assert np.all(planned.position >= encoder.min(axis=0))
+    assert np.all(planned.position <= encoder.max(axis=0))
+    # Both axes reverse, each at several places of the other.
+    for i in range(2):
+        rate = planned.velocity[:, i]
+        turns = np.flatnonzero(np.diff(np.sign(rate[np.abs(rate) > 1e-6])))
+        assert len(turns) >= 5
+    assert experiments.REFERENCE_FILE in ' '.join(experiments.steps(open_question))
+
+
+def test_no_open_question_no_experiment(open_question: Diagnosis, tmp_path: Path) -> None:
+    closed = replace(open_question, verdict=[], causes=[])
+    assert experiments.write_reference(closed, tmp_path) is None
+    assert list(tmp_path.iterdir()) == []
