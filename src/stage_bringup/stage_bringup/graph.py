@@ -141,7 +141,7 @@ def commands(options: Options) -> list[NodeCommand]:
         NodeCommand(
             'gap_diagnosis',
             'gap_diagnosis.node',
-            {'twin': nominal, 'out': options.out / 'diagnosis', 'live': not stepper, **clock},
+            {'twin': nominal, 'out': options.out / 'diagnosis', **clock},
             config / 'gap_diagnosis.yaml',
         ),
     ]
