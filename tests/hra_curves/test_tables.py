@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hra_curves import interpolate, tables, worth
+from hra_curves import interpolate, readings, tables, worth
 from hra_curves.__main__ import main
 from hra_curves.bases import Bernstein, Trigonometric
 from hra_curves.cycloid import cycloid
@@ -39,6 +39,16 @@ def test_only_ib2_depends_on_the_place_of_the_nodes() -> None:
     assert errors['IB2', 'interior'] < 0.3
 
 
+def test_the_other_readings_say_what_they_give() -> None:
+    entries = readings.other_readings()
+    wide = [e for e in entries if e.column == 'IB2, Delta = 1.5707']
+    assert len(wide) == 6
+    for entry in wide:
+        assert entry.here == pytest.approx(float(entry.paper), abs=0.0051)
+    for column in {e.column for e in entries if e.column.startswith('linear')}:
+        assert 'differs' in {e.reason for e in entries if e.column == column}
+
+
 def test_the_counts_of_section_6_1() -> None:
     assert tables.smallest_count('IB2', 5, 30) == 16
     # 0.0533 um at 11 points: the paper rounds it to its limit of 0.05.
@@ -59,14 +69,6 @@ def test_table4_counts() -> None:
     for entry in tables.table4_counts((51, 251)):
         if entry.column.startswith('LSB'):
             assert entry.here == int(entry.paper)
-
-
-def test_table5_definition_dominates_with_splines_only() -> None:
-    rows = {row.name: row for row in worth.table5(holds=200)}
-    assert all(rows[f'TP{k} HRA'].share < 0.05 for k in range(1, 5))
-    assert all(rows[f'TP{k} CAM'].share > 0.98 for k in range(1, 5))
-    assert rows['TP1 HRA'].system_deviation == pytest.approx(0.25e-6, rel=0.02)
-    assert rows['TP1 HRA'].trajectory == pytest.approx(0.04e-6, abs=0.005e-6)
 
 
 def test_worth_shows_where_each_wins() -> None:
@@ -108,7 +110,7 @@ def test_ib2_depends_on_the_nodes_and_ib1_does_not() -> None:
     ('arguments', 'part'),
     [
         (['table1', '--sizes', '5,6'], 'n=6'),
-        (['table5'], 'TP4 CAM'),
+        (['table3'], 'Delta = 1.5707'),
     ],
 )
 def test_the_command_prints(

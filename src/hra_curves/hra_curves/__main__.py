@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
-from hra_curves import tables, worth
+from hra_curves import readings, tables, twin_share, worth
 from hra_curves.printing import format_entries, format_number, format_table
 from stage_core.errors import StageError, command_line
+from stage_core.twin_file import TwinFile
 
 
 def _table1(sizes: str | None) -> None:
@@ -27,6 +29,8 @@ def _table1(sizes: str | None) -> None:
 def _table3() -> None:
     print('Table 3: largest interpolation errors of the cycloid (r = 1 mm)')
     print(format_entries(tables.table3()))
+    print('\nOther readings tried')
+    print(format_entries(readings.other_readings()))
     print('\nThe place of the nodes in the domain of the basis')
     print(format_entries(tables.node_conventions()))
     print('\nSection 6.1: points needed')
@@ -40,27 +44,59 @@ def _table4() -> None:
     print(format_entries(tables.table4_counts()))
 
 
-def _table5() -> None:
-    print('Table 5: errors (um) at points of the cycloid through 11 data, U = 0.50 um (k = 2)')
+def _difference(row: twin_share.Hold) -> str:
+    if row.paper is None:
+        return 'not in the paper'
+    if row.method == 'CAM' and row.name in ('TP1', 'TP2'):
+        return 'CAM of TP1 and TP2 likely exchanged'
+    return "stage: the paper's loop corrects the resolution"
+
+
+def _table5(twin_file: str | None) -> None:
+    path = twin_share.default_twin() if twin_file is None else twin_file
+    twin = TwinFile.load(path)
+    uncertainty = twin_share.measured_uncertainty(twin)
+    holds, drives = twin_share.table5(twin)
+    print('Table 5: share of the definition error in the total, cycloid through 11 data')
+    print(
+        f'twin {Path(path).name}: U (k = 2) measured over 50 mm x 50 mm: '
+        f'x {uncertainty[0] * 1e6:.2f} um, y {uncertainty[1] * 1e6:.2f} um (paper 0.50 um)'
+    )
+    print('\nHeld at a point of the curve (um)')
     rows = [
         [
-            row.name,
-            f'{row.system_error * 1e6:.2f} +- {row.system_deviation * 1e6:.2f}',
-            row.paper_trajectory,
-            format_number(row.trajectory * 1e6),
+            f'{row.name} {"HRA IB1" if row.method == "IB1" else row.method}',
+            row.paper.definition if row.paper else '',
+            format_number(row.definition * 1e6),
+            f'{row.paper.system:.2f} +- {row.paper.deviation:.2f}' if row.paper else '',
+            f'{row.system * 1e6:.2f} +- {row.deviation * 1e6:.2f}',
             f'{row.total * 1e6:.2f}',
+            f'{100.0 * row.paper.share:.1f} %' if row.paper else '',
+            f'{100.0 * row.share:.1f} %',
+            _difference(row),
+        ]
+        for row in sorted(holds, key=lambda row: row.name)
+    ]
+    header = ['point', 'definition: paper', 'here', 'stage: paper', 'here', 'total rms']
+    print(format_table([*header, 'share: paper', 'here', 'difference'], rows))
+    print('\nDriven from end to end (um, distance to the cycloid)')
+    moving = [
+        [
+            row.method,
+            format_number(row.largest_definition * 1e6),
+            format_number(row.definition * 1e6),
+            format_number(row.total * 1e6),
             f'{100.0 * row.share:.1f} %',
         ]
-        for row in worth.table5()
+        for row in drives
     ]
+    header = ['method', 'definition max', 'definition rms', 'total rms', 'share']
+    print(format_table(header, moving))
     print(
-        format_table(
-            ['point', 'stage', 'definition, paper', 'definition, here', 'total', 'share'], rows
-        )
+        'Stage: its error along the definition error, size of the mean of a hold +- deviation in'
     )
-    print('share: of the squared definition error in the mean squared total error.')
-    print('The paper does not say where its points lie; here at 0.5 and 0.6 of the first')
-    print('interval, 0.35 and 0.45 of the second, and the CAM figures depend on that.')
+    print('it, over 50 placings in the working range. Share: of the squared definition error in')
+    print('the mean square of definition and stage together; that of the paper from its columns.')
 
 
 def _worth() -> None:
@@ -81,15 +117,16 @@ def main(arguments: list[str] | None = None) -> int:
     first.add_argument('--sizes', help='sizes n as 10,20,50 (default 10,20,25,50,100,200)')
     commands.add_parser('table3', help='interpolation of the cycloid')
     commands.add_parser('table4', help='least squares of the cycloid')
-    commands.add_parser('table5', help='share of the definition error in the total')
+    fifth = commands.add_parser('table5', help='share of the definition error in the total')
+    fifth.add_argument('--twin', help='twin file of the stage (default: the NanoPla of paper 4)')
     commands.add_parser('worth', help='what the accuracy and the basis are each worth')
     chosen = parser.parse_args(arguments)
     if chosen.command == 'table1':
         _table1(chosen.sizes)
+    elif chosen.command == 'table5':
+        _table5(chosen.twin)
     else:
-        {'table3': _table3, 'table4': _table4, 'table5': _table5, 'worth': _worth}[
-            chosen.command
-        ]()
+        {'table3': _table3, 'table4': _table4, 'worth': _worth}[chosen.command]()
     return 0
 
 

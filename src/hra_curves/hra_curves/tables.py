@@ -47,7 +47,7 @@ TABLE_4 = {
 }
 
 
-def _differs(paper: str, here: float) -> bool:
+def differs(paper: str, here: float) -> bool:
     """Whether a figure lies outside the last printed digit, or outside a printed bound."""
     if paper.startswith('<'):
         return here >= float(paper.lstrip('<'))
@@ -133,13 +133,17 @@ def table3(counts: Sequence[int] = (7, 9, 11, 21)) -> list[Entry]:
                 paper = TABLE_3[count][position][k] if known else ''
                 here = error * MICRO
                 reason = 'not in the paper' if not known else ''
-                if known and _differs(paper, here):
+                if known and differs(paper, here):
                     if method == 'CAM':
                         reason = 'unnamed CAM program; here natural spline over chord length'
+                    elif method == 'linear' and k == 1:
+                        reason = 'unexplained: no reading below gives all four'
                     elif method == 'linear':
-                        reason = 'last digit of a reading; here distance to the curve'
+                        reason = 'last digit, likely cut off'
+                    elif method == 'IB2':
+                        reason = 'Delta = 1.57 here; 1.5707 gives it'
                     elif abs(here / float(paper.lstrip('<')) - 1.0) < 0.01:
-                        reason = 'last digit, sampling of the maximum'
+                        reason = 'data rounded to 0.01 um would give it'
                     else:
                         reason = 'likely a misprint of 5.03: no convention tried gives it'
                 entries.append(
@@ -243,7 +247,7 @@ def table4(points: Sequence[int] = (51, 101, 251, 501, 1001)) -> list[Entry]:
             reason = ''
             if method.startswith('CAD'):
                 reason = 'unnamed CAD program, knots and parameters unknown'
-            elif _differs(paper, here):
+            elif differs(paper, here):
                 reason = 'likely a misprint of 0.04'
             entries.append(Entry(f'l+1={count} n+1={control}', method, paper, here, 'um', reason))
     return entries

@@ -1,4 +1,4 @@
-"""What high relative accuracy and the basis are each worth, and Table 5's share of the error."""
+"""What high relative accuracy and the basis are each worth."""
 
 from __future__ import annotations
 
@@ -12,80 +12,13 @@ from numpy.typing import NDArray
 
 from hra_curves import exact, peers
 from hra_curves.bases import Basis, Bernstein, Trigonometric
-from hra_curves.cycloid import cycloid, error_to_the_curve
+from hra_curves.cycloid import cycloid
 from hra_curves.factorisation import collocation_matrix, factorise
 from hra_curves.fitting import HraWarning, interpolate, least_squares_curve, parameter_nodes
 from hra_curves.solvers import least_squares, solve
 from hra_curves.tables import MICRO, TURN, hra_cycloid, least_squares_error
 
 Array = NDArray[np.float64]
-
-# Section 5 of paper 4: U_XY = 0.50 um with coverage factor 2.
-STANDARD_UNCERTAINTY = 0.25e-6
-# Of which the laser's own calibration stays constant during a hold (Table 2).
-HELD_UNCERTAINTY = 0.099e-6
-READOUTS = 250
-# (interval, fraction of it, paper's trajectory error with HRA, with CAM), micrometres.
-TRAJECTORY_POINTS = (
-    (0, 0.5, '0.04', '3.1'),
-    (0, 0.6, '0.03', '3.8'),
-    (1, 0.35, '0.007', '4.5'),
-    (1, 0.45, '0.007', '4.5'),
-)
-
-
-@dataclass(frozen=True)
-class Share:
-    """A row of Table 5: lengths in metres, the share a fraction of the mean square error."""
-
-    name: str
-    paper_trajectory: str
-    system_error: float
-    system_deviation: float
-    trajectory: float
-    total: float
-    share: float
-
-
-def table5(holds: int = 2000, seed: int = 5) -> list[Share]:
-    """Share of the definition error in the total positioning error (Table 5, Eq. 15).
-
-    A stage of the NanoPla's uncertainty (0.25 um standard, normal, a constant part of 0.099 um in
-    each hold) is held at four points of the cycloid through 11 data, ``holds`` times with 250
-    readouts. The share is that of the squared definition error in the mean squared total.
-    """
-    generator = np.random.default_rng(seed)
-    count = 11
-    hra = hra_cycloid(count, Bernstein())
-    nodes, spline = peers.chord_length_spline(cycloid(np.linspace(0.0, TURN, count)))
-    noise = math.sqrt(STANDARD_UNCERTAINTY**2 - HELD_UNCERTAINTY**2)
-    rows = []
-    for number, (interval, fraction, paper_hra, paper_cam) in enumerate(TRAJECTORY_POINTS, 1):
-        theta = (interval + fraction) * TURN / (count - 1)
-        chord = nodes[interval] + fraction * (nodes[interval + 1] - nodes[interval])
-        for method, paper, point in (
-            ('HRA', paper_hra, hra.evaluate(np.array([theta]))),
-            ('CAM', paper_cam, spline(np.array([chord]))),
-        ):
-            if method == 'HRA':
-                trajectory = float(np.linalg.norm(point - cycloid(np.array([theta]))))
-            else:
-                trajectory = error_to_the_curve(point)
-            # One error component along the definition error; the paper adds scalars (Eq. 15).
-            constant = generator.normal(0.0, HELD_UNCERTAINTY, holds)
-            readouts = constant[:, None] + generator.normal(0.0, noise, (holds, READOUTS))
-            rows.append(
-                Share(
-                    f'TP{number} {method}',
-                    paper,
-                    float(np.abs(readouts.mean(axis=1)).mean()),
-                    float(readouts.std()),
-                    trajectory,
-                    trajectory + float(np.abs(readouts.mean(axis=1)).mean()),
-                    trajectory**2 / float(((trajectory + readouts) ** 2).mean()),
-                )
-            )
-    return rows
 
 
 @dataclass(frozen=True)
