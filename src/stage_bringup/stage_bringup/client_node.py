@@ -32,6 +32,8 @@ ARRIVED = 1.0e-4
 #: came sooner would start its move a tick sooner on one run than on another.
 STANDSTILL = 2_000_000
 STANDSTILL_SILENCE = 1.0
+#: The tracker's newest point is at most this old [ns]: three periods at 100 Hz.
+UNDER_WAY = 30_000_000
 #: A reference further from its target [m] than any correction belongs to another move.
 LARGEST_CORRECTION = 2.0e-3
 #: A set-point that got lost is sent again after this wall time [s]; duplicates do no harm.
@@ -144,17 +146,19 @@ class SessionClient(GraphClient):
         return self._last_stamp
 
     def measure(self, until: int, window: float, timeout: float) -> Array:
-        """Mean tracker point over the `window` [s] before stamp `until` [ns], (3,) raw [m].
+        """Mean tracker point over a `window` [s] that ends near stamp `until` [ns], (3,) raw [m].
 
         Raises
         ------
         StageError
             If the tracker sent fewer than three points in that time.
         """
+        # The newest points may still be under way: the window ends where one is sure to come, so
+        # that the same points are taken on every run.
+        until -= UNDER_WAY
         begin = until - int(window * 1e9)
-        # The tracker is slower than the control tick: its last point may lie one period back.
         self.wait_for(
-            lambda: bool(self._points) and self._points[-1][0] >= until - 25_000_000,
+            lambda: bool(self._points) and self._points[-1][0] >= until,
             timeout,
             'a tracker point of the position',
             poll=0.01,

@@ -18,6 +18,10 @@ from std_srvs.srv import SetBool, Trigger
 from stage_core.errors import StageError
 from stage_node.node import STATE_QOS, local_graph, make_executor, spin
 
+#: A server that this client has found may not have found this client's ear for the answer yet:
+#: the first call waits so long [s], or its answer could be lost.
+ACQUAINTANCE = 0.7
+
 
 class GraphClient:
     """A node spun in a thread of its own, with calls that block the caller and time out."""
@@ -41,6 +45,7 @@ class GraphClient:
         self._changed = threading.Condition()
         self._subscriptions: dict[str, Any] = {}
         self._clients: dict[str, Any] = {}
+        self._acquainted: dict[str, float] = {}
 
     def close(self) -> None:
         """Stop the thread and leave the graph."""
@@ -128,6 +133,8 @@ class GraphClient:
         client = self._client(service_type, name)
         if not client.wait_for_service(timeout_sec=min(timeout, 30.0)):
             raise StageError(f'service {name} is absent: is its node running?')
+        acquainted = self._acquainted.setdefault(name, time.monotonic()) + ACQUAINTANCE
+        time.sleep(max(0.0, acquainted - time.monotonic()))
         future = client.call_async(request)
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
@@ -151,6 +158,7 @@ class GraphClient:
             alive()
             if time.monotonic() > deadline:
                 raise StageError(f'service {name} is absent: is its node running?')
+        self._acquainted.setdefault(name, time.monotonic())
 
     def trigger(self, name: str, timeout: float = 30.0) -> str:
         """Call a Trigger service; its message.
