@@ -34,7 +34,7 @@ echo "setting up .venv with $("$python" --version) (ROS 2 from $([ ${#locks[@]} 
 "$python" -m venv --clear "${options[@]}" .venv
 arguments=()
 for lock in "${locks[@]}"; do arguments+=(-r "$lock"); done
-.venv/bin/python -m pip install --quiet --disable-pip-version-check "${arguments[@]}"
+.venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check "${arguments[@]}"
 
 # The packages are used from the checkout: one path a line.
 site=$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
