@@ -23,6 +23,9 @@ from stage_core.twin_file import TwinFile
 
 from .rig import PATIENCE, Nodes, Watch, die_with_parent, spread
 
+#: Whole graphs with faults: `make faults`, not `make test` (see docs/reliability.md).
+pytestmark = pytest.mark.faults
+
 SPEED = 0.1
 STOP_DECELERATION = 4.0
 SETPOINT_TIMEOUT = 0.1
@@ -38,6 +41,7 @@ from sensor_msgs.msg import JointState
 from stage_core import topics
 from stage_node.client_node import GraphClient
 from stage_node.node import SETPOINT_QOS, joint_state, stamp_of
+
 kind, speed = sys.argv[1], float(sys.argv[2])
 with GraphClient('controller') as client:
     client.watch(JointState, topics.JOINT_STATES)
