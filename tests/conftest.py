@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import random
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,9 +25,9 @@ def ros_env() -> Iterator[dict[str, str]]:
 
     Also set in this process, so that a client in the test joins the same graph.
     """
-    # Below 102: higher domains collide with the ephemeral ports of Linux.
+    domain, lock = _reserve_domain()
     values = {
-        'ROS_DOMAIN_ID': str(random.SystemRandom().randint(1, 100)),
+        'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'FASTRTPS_DEFAULT_PROFILES_FILE': str(
             ROOT / 'src' / 'stage_node' / 'stage_node' / 'fastdds_local.xml'
@@ -39,6 +41,24 @@ def ros_env() -> Iterator[dict[str, str]]:
             os.environ.pop(name, None)
         else:
             os.environ[name] = value
+    os.close(lock)
+
+
+def _reserve_domain() -> tuple[int, int]:
+    """A ROS domain that no other test run on this machine has, and the lock that holds it."""
+    # Below 102: higher domains collide with the ephemeral ports of Linux.
+    domains = list(range(1, 101))
+    random.SystemRandom().shuffle(domains)
+    for domain in domains:
+        path = Path(tempfile.gettempdir()) / f'stage_test_domain_{domain}.lock'
+        lock = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(lock)
+            continue
+        return domain, lock
+    pytest.fail('all ROS domains 1 to 100 are in use by other test runs')
 
 
 @pytest.fixture
