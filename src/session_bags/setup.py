@@ -12,6 +12,7 @@ setup(
         ('share/' + package_name, ['package.xml']),
     ],
     install_requires=['setuptools'],
+    extras_require={'dask': ['distributed']},  # --scheduler: an archive on a cluster
     zip_safe=False,
     maintainer='The maintainers',
     maintainer_email='maintainers@users.noreply.h-seed-275f4c40.example',
