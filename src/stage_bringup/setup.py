@@ -16,7 +16,6 @@ setup(
         ('share/' + package_name + '/launch', glob('../../ros_ws/launch/*.launch.py')),
     ],
     install_requires=['setuptools'],
-    extras_require={'live_view': ['foxglove-sdk']},  # the server of live_view
     extras_require={'live_view': ['foxglove-sdk']},
     zip_safe=False,
     maintainer='The maintainers',
