@@ -54,7 +54,9 @@ def session(
 def emps(file: str) -> tuple[Session, dict[str, float]]:
     """One EMPS file and its controller; the force is gtau · vir [N].
 
-    `vir` holds the pulses already, so that they belong to the velocity command [m/s] too.
+    `vir` holds the pulses already, so that they belong to the velocity command [m/s] too. (They
+    are 178 N and not the 176 N of `pulses_N`: the replay takes what the recorded force holds
+    beyond the law as an input.)
     """
     data = loadmat(DATA / 'emps' / f'{file}.mat')
     gain, kp, kv = (float(data[k][0, 0]) for k in ('gtau', 'kp', 'kv'))

@@ -17,7 +17,7 @@ def feed(monitor: LiveMonitor, session: Session) -> int:
     judged = 0
     fields = {
         topics.REFERENCE: ('position.x', 'velocity.x'),
-        topics.COMMAND: ('velocity.x',),
+        topics.COMMAND: ('velocity.x', 'effort.x'),
         topics.JOINT_STATES: ('position.x',),
     }
     points = session.series[topics.TRACKER_POINT]

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.grid import Grid, control_period
+from gap_diagnosis.ticks import Clock
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
@@ -45,11 +47,24 @@ class Record:
     moving: tuple[bool, ...] = ()
     warnings: tuple[str, ...] = field(default=())
     points_per_row: float = 1.0  # tracker points whose mean is a row: more than 1 for rests
+    clock: Clock | None = None  # from stamps to `time`; None where they are the same
+    tracker_stamp: Array | None = None  # of the points, where `clock` makes another time of it
 
     @property
     def duration(self) -> float:
         """Length of the session [s]."""
         return float(self.time[-1] - self.time[0] + self.period)
+
+    def point_time(self, latency: float = 0.0, drift: float = 0.0) -> Array:
+        """Machine's time (m,) [s] of the tracker points, their stamps late or drifting."""
+        stamps = self.tracker_time if self.tracker_stamp is None else self.tracker_stamp
+        assert stamps is not None
+        true = stamps / (1.0 + drift) - latency
+        return true if self.clock is None else self.clock.to_machine(true)
+
+    def session_time(self, time: float) -> float:
+        """Time by the stamps since the session's start [s] of a time of the machine [s]."""
+        return time if self.clock is None else float(self.clock.to_stamps(np.array([time]))[0])
 
     def column(self, axis: str) -> int:
         """Column of an axis in the arrays."""
@@ -114,8 +129,11 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         )
     )
     start = session.start_ns
-    period = _period(reference, twin, session.path)
-    grid = _Grid(start, period, (reference, command, states), session.path)
+    period = control_period(reference, twin.control_period, session.path)
+    resolution = np.array([motion_step(twin, axis) for axis in axes])
+    series = (reference, command, states)
+    grid = Grid(start, period, series, axes, resolution, session.path)
+    check_duration(grid.time, period, session.path)
     effort_unit = np.array([getattr(twin.axes[axis], 'effort_unit', 1.0) for axis in axes])
     encoder = grid.columns(states, 'position', axes)
     record = Record(
@@ -128,12 +146,13 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         velocity_command=grid.optional(command, 'velocity', axes),
         force=grid.columns(command, 'effort', axes) * effort_unit,
         encoder=encoder,
-        temperature=screw_temperatures(session, axes, grid.time),
+        temperature=screw_temperatures(session, axes, grid.stamp_time),
         tracker_time=None,
         tracker=None,
         held_out_session=held_out,
         moving=tuple(bool(m) for m in np.ptp(encoder, axis=0) > MINIMUM_TRAVEL),
         warnings=grid.warnings,
+        clock=grid.clock,
     )
     check_excitation(record)
     if twin.kind == 'servo':
@@ -155,78 +174,14 @@ def finite(series: Series, path: str) -> Series:
     return series
 
 
-def _period(reference: Series, twin: TwinFile, path: str) -> float:
-    if len(reference) < 3:
-        raise StageError(f'{path} is too short: it holds {len(reference)} messages of reference')
-    period = float(np.median(np.diff(reference.stamps))) * 1e-9
-    expected = twin.control_period
-    mean = float(reference.stamps[-1] - reference.stamps[0]) * 1e-9 / (len(reference) - 1)
-    if abs(period / expected - 1.0) > 0.2 and abs(mean / expected - 1.0) > 0.2:
+def check_duration(time: Array, period: float, path: str) -> None:
+    """Refuse a session that is too short."""
+    duration = float(time[-1] - time[0]) + period
+    if duration < MINIMUM_DURATION:
         raise StageError(
-            f'{path} has a control period of {1e3 * period:.3g} ms but the twin one of '
-            f'{1e3 * expected:.3g} ms: give the twin file of this machine'
+            f'{path} is too short: {duration:.1f} s, a diagnosis needs at least '
+            f'{MINIMUM_DURATION:.0f} s; {EXCITATION_HINT}'
         )
-    return expected
-
-
-class _Grid:
-    """The control ticks that reference, command and joint states have in common."""
-
-    def __init__(self, start: int, period: float, series: tuple[Series, ...], path: str) -> None:
-        self.period, self.path = period, path
-        self.ticks = {s.topic: self._tick_numbers(s, start) for s in series}
-        first = max(int(t[0]) for t in self.ticks.values())
-        last = min(int(t[-1]) for t in self.ticks.values())
-        if last <= first:
-            raise StageError(
-                f'{path}: the stamps of {", ".join(self.ticks)} do not overlap in time: '
-                'all of them must be stamped by the same clock'
-            )
-        self.numbers = np.arange(first, last + 1)
-        # Stamps jitter; the encoder is read at regular ticks of a clock of its own.
-        states = series[-1]
-        line = np.polyfit(self.ticks[states.topic], to_seconds(states.stamps, start), 1)
-        self.time: Array = np.asarray(np.polyval(line, self.numbers), dtype=np.float64)
-        duration = (last - first) * period
-        if duration < MINIMUM_DURATION:
-            raise StageError(
-                f'{path} is too short: {duration:.1f} s, a diagnosis needs at least '
-                f'{MINIMUM_DURATION:.0f} s; {EXCITATION_HINT}'
-            )
-        missing = max(1.0 - len(np.unique(t)) / (t[-1] - t[0] + 1) for t in self.ticks.values())
-        if missing > 0.2:
-            raise StageError(
-                f'{path} lacks {100 * missing:.0f} % of its control ticks: record it again'
-            )
-        self.warnings = (
-            (f'{100 * missing:.1f} % of the ticks are missing and were interpolated',)
-            if missing > 1e-3
-            else ()
-        )
-
-    def _tick_numbers(self, series: Series, start: int) -> NDArray[np.int64]:
-        seconds = to_seconds(series.stamps, start)
-        span = len(series) - 1
-        # Jittered stamps of a complete series are counted; with gaps they are rounded.
-        if span > 0 and abs((seconds[-1] - seconds[0]) / self.period - span) < 2.0:
-            return np.arange(span + 1) + int(
-                np.rint(np.median(seconds / self.period - np.arange(span + 1)))
-            )
-        return np.asarray(np.rint(seconds / self.period), dtype=np.int64)
-
-    def columns(self, series: Series, quantity: str, axes: tuple[str, ...]) -> Array:
-        """Quantity of each axis on the common ticks, shape (n, a)."""
-        values = series.columns(quantity, axes)
-        ticks = self.ticks[series.topic]
-        return np.column_stack(
-            [np.interp(self.numbers, ticks, values[:, i]) for i in range(len(axes))]
-        )
-
-    def optional(self, series: Series, quantity: str, axes: tuple[str, ...]) -> Array:
-        """As `columns`; NaN where the topic does not carry the quantity."""
-        if any(f'{quantity}.{axis}' not in series.values for axis in axes):
-            return np.full((len(self.numbers), len(axes)), np.nan)
-        return self.columns(series, quantity, axes)
 
 
 def screw_temperatures(session: Session, axes: tuple[str, ...], time: Array) -> Array | None:
@@ -247,7 +202,8 @@ def _with_tracker(record: Record, session: Session) -> Record:
     if not session.has(topics.TRACKER_POINT):
         return record
     series = finite(session.series[topics.TRACKER_POINT], session.path)
-    seconds = to_seconds(series.stamps, session.start_ns)
+    stamps = to_seconds(series.stamps, session.start_ns)
+    seconds = stamps if record.clock is None else record.clock.to_machine(stamps)
     points = session.table_points()
     # Two ticks from the ends: the encoder is interpolated with its neighbours.
     margin = 5 * record.period
@@ -260,7 +216,7 @@ def _with_tracker(record: Record, session: Session) -> Record:
         )
     columns = [('x', 'y').index(axis) for axis in record.axes]
     tracker = points[use][:, columns]
-    found = replace(record, tracker_time=seconds[use], tracker=tracker)
+    found = replace(record, tracker_time=seconds[use], tracker=tracker, tracker_stamp=stamps[use])
     check_tracker_moves(found)
     return found
 

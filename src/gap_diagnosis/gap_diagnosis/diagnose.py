@@ -199,7 +199,9 @@ def _conclude(
         records=records,
         parts=parts,
         channels=channels,
-        windows=[w for r in scored for w in held_out_windows(r)],
+        windows=[
+            (r.session_time(a), r.session_time(b)) for r in scored for a, b in held_out_windows(r)
+        ],
         before=before,
         after=after,
         noise_floor=floor,

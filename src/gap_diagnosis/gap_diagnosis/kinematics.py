@@ -285,7 +285,7 @@ class Kinematics:
 
     def _latency(self) -> Term:
         def columns(theta: Theta) -> Array:
-            return self._shifted([_time(r) - theta[0] for r in self.records])
+            return self._shifted([r.point_time(latency=theta[0]) for r in self.records])
 
         grid = [s * v for v in np.geomspace(1e-4, 0.05, 12) for s in (1.0, -1.0)]
         return Term(
@@ -301,7 +301,7 @@ class Kinematics:
 
     def _drift(self) -> Term:
         def columns(theta: Theta) -> Array:
-            return self._shifted([_time(r) / (1.0 + theta[0]) for r in self.records])
+            return self._shifted([r.point_time(drift=theta[0]) for r in self.records])
 
         grid = [s * v for v in np.geomspace(2e-6, 1e-3, 12) for s in (1.0, -1.0)]
         return Term(
@@ -314,8 +314,3 @@ class Kinematics:
             fixed=True,
             noisy=True,
         )
-
-
-def _time(record: Record) -> Array:
-    assert record.tracker_time is not None
-    return record.tracker_time

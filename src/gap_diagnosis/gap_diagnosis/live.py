@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.data import Record
+from gap_diagnosis.data import Record, motion_step
 from gap_diagnosis.replay import compensation
+from gap_diagnosis.ticks import machine_clock, tick_numbers
 from stage_core.frames import RigidTransform
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
@@ -102,17 +103,24 @@ class LiveMonitor:
             return False
         common = set.intersection(*(set(t) for t in self._topics.values()))
         stamps = np.array(sorted(common), dtype=np.int64)
-        if len(stamps) < 2 or (stamps[-1] - stamps[0]) * 1e-9 < self.window:
+        period = self.twin.control_period
+        if len(stamps) < 2 or (len(stamps) - 1) * period < self.window:
             return False
-        wanted = (stamps[-1] - stamps[0]) * 1e-9 / self.twin.control_period + 1.0
-        if len(stamps) < 0.99 * wanted:
+        record = self._record(stamps)
+        seconds = (stamps - stamps[0]) * 1e-9
+        resolution = np.array([motion_step(self.twin, axis) for axis in self.axes])
+        numbers = tick_numbers(seconds, period, record.encoder, resolution)
+        if len(stamps) < 0.99 * (int(numbers[-1]) + 1):
             # Lost ticks: a replay of what is left would show a gap that the machine has not.
             self.clear()
             return False
-        record = self._record(stamps)
+        _, clock = machine_clock(seconds, numbers, period)
         start = int(stamps[0])
         points = np.array([p[1:] for p in self._points]).reshape(-1, 3)
         times = np.array([1e-9 * (p[0] - start) for p in self._points], dtype=np.float64)
+        # Points from before the window have no place on its clock.
+        points, times = points[times > 0.0], times[times > 0.0]
+        times = times if clock is None else clock.to_machine(times)
         self.clear()
         self._compare(record, times, self.alignment.apply(points))
         return True
@@ -131,11 +139,11 @@ class LiveMonitor:
             name='live',
             axes=self.axes,
             period=self.twin.control_period,
-            time=(stamps - stamps[0]) * 1e-9,
+            time=np.linspace(0.0, (len(stamps) - 1) * self.twin.control_period, len(stamps)),
             reference=reference[:, :count],
             reference_velocity=reference[:, count : 2 * count],
             velocity_command=command[:, :count],
-            force=np.zeros((len(stamps), count)),
+            force=command[:, count : 2 * count],
             encoder=states[:, :count],
             temperature=None,
             tracker_time=None,

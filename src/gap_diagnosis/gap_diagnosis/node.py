@@ -80,7 +80,7 @@ class GapDiagnosisNode(StageNode):
     def _start_live(self) -> None:
         for topic, fields in (
             (topics.REFERENCE, ('position', 'velocity')),
-            (topics.COMMAND, ('velocity',)),
+            (topics.COMMAND, ('velocity', 'effort')),
             (topics.JOINT_STATES, ('position',)),
         ):
             self.create_subscription(JointState, topic, self._collector(topic, fields), STATE_QOS)

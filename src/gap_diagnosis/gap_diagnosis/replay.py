@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from gap_diagnosis.data import Record
@@ -19,9 +21,10 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 def compensation(record: Record, twin: TwinFile) -> Array:
-    """What the recorded velocity command holds beyond the nominal law, shape (n, a) [m/s].
+    """What the recorded controller did beyond the nominal law, shape (n, a) [m/s].
 
-    A friction compensation or a cross-coupled controller; it is an input of the replay.
+    A friction compensation, a cross-coupled controller, a force added behind the loop (an
+    excitation), another filter of the velocity: known inputs of the replay, no gap of the plant.
     """
     out = np.zeros_like(record.reference)
     for i, name in enumerate(record.axes):
@@ -29,14 +32,50 @@ def compensation(record: Record, twin: TwinFile) -> Array:
         law = axis.position_gain * (record.reference[:, i] - record.encoder[:, i])
         if axis.velocity_feedforward:
             law = law + axis.velocity_feedforward * record.reference_velocity[:, i]
-        out[:, i] = record.velocity_command[:, i] - law
+        command = _command_of_force(
+            record.force[:, i],
+            record.velocity_command[:, i],
+            record.encoder[:, i],
+            record.period,
+            (axis.velocity_gain, axis.integral_gain, axis.velocity_filter, axis.force_limit),
+        )
+        out[:, i] = command - law
     # Rounding of stored numbers is no compensation.
     out[np.abs(out) < 1e-9] = 0.0
     return out
 
 
+@njit(cache=True)
+def _command_of_force(
+    force: Array,
+    command: Array,
+    encoder: Array,
+    period: float,
+    gains: tuple[float, float, float, float],
+) -> Array:
+    """Velocity command (n,) with which the velocity loop of section 5 gives a force (n,) [m/s].
+
+    The law solved for its input; its memory fades within velocity_gain / integral_gain. The
+    recorded command stands where the force is clipped, or where there is no gain to solve for.
+    """
+    gain, integral_gain, corner, limit = gains
+    out = command.copy()
+    decay = math.exp(-period * corner)
+    velocity = integral = 0.0
+    for k in range(len(force)):
+        rate = (encoder[k] - encoder[max(k - 1, 0)]) / period
+        velocity = decay * velocity + (1.0 - decay) * rate
+        clipped = abs(force[k]) > 0.999 * limit
+        if not clipped and gain > 0.0:
+            out[k] = (force[k] - integral) / gain + velocity
+        error = out[k] - velocity
+        if not (clipped and error * force[k] > 0.0):
+            integral += integral_gain * error * period
+    return out
+
+
 def replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]:
-    """Gap (n,) of each encoder channel [m], and of the force where it is the input [N].
+    """Gap (n,) of each encoder channel [m] and of the force of each axis [N].
 
     A servo twin follows the recorded reference with its own controller (closed loop). A
     measured-force twin runs in windows of 100 ms from the recorded state. A stepper twin has no
@@ -73,7 +112,10 @@ def replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]
         tracker_times=np.zeros(0),
         noise=False,
     )
-    return {
+    gap = {
         f'encoder.{a}': record.encoder[:, i] - simulated.encoder[:, i]
         for i, a in enumerate(record.axes)
     }
+    for i, a in enumerate(record.axes):
+        gap[f'force.{a}'] = record.force[:, i] - simulated.force[:, i]
+    return gap

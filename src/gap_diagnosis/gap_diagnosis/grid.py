@@ -1,0 +1,154 @@
+"""The control ticks that reference, command and joint states have in common."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.ticks import Clock, machine_clock, tick_numbers
+from stage_core.clocks import to_seconds
+from stage_core.errors import StageError
+from stage_core.session import Series
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SAME = 0.9  # share of stamps that two topics have in common, from which on they name ticks
+
+
+def control_period(reference: Series, expected: float, path: str) -> float:
+    """The twin's control period [s], refused where the reference has another one.
+
+    Raises
+    ------
+    StageError
+        If the stamps belong to another period, or are too few.
+    """
+    if len(reference) < 3:
+        raise StageError(f'{path} is too short: it holds {len(reference)} messages of reference')
+    gaps = np.diff(reference.stamps) * 1e-9 / expected
+    period, mean = float(np.median(gaps)), float(gaps.mean())
+    # On a busy machine most ticks may be late: some are in time.
+    in_time = float(np.mean(np.abs(gaps - 1.0) < 0.02))
+    if abs(period - 1.0) > 0.2 and abs(mean - 1.0) > 0.2 and in_time < 0.05:
+        raise StageError(
+            f'{path} has a control period of {1e3 * expected * period:.3g} ms but the twin one of '
+            f'{1e3 * expected:.3g} ms: give the twin file of this machine'
+        )
+    return expected
+
+
+class Grid:
+    """Columns of several topics on common ticks.
+
+    Attributes
+    ----------
+    numbers : of the ticks (n,)
+    time : machine's time of the ticks (n,) [s]
+    clock : map from stamps to that time; None where they are the same
+
+    Raises
+    ------
+    StageError
+        If the topics do not overlap in time or lack too many ticks.
+    """
+
+    def __init__(
+        self,
+        start: int,
+        period: float,
+        series: tuple[Series, ...],
+        axes: tuple[str, ...],
+        resolution: Array,
+        path: str,
+    ) -> None:
+        self.period, self.path = period, path
+        states = series[-1]
+        self._overlap(series)
+        stamps = np.unique(np.concatenate([s.stamps for s in series]))
+        self.clock: Clock | None = None
+        if all(len(s) > SAME * len(stamps) for s in series):
+            seconds = to_seconds(stamps, start)
+            numbers = tick_numbers(seconds, period, _at(states, stamps, axes), resolution)
+            line, self.clock = machine_clock(seconds, numbers, period)
+            self.ticks = {s.topic: numbers[np.searchsorted(stamps, s.stamps)] for s in series}
+        else:
+            # Each topic has stamps of its own: they are counted one by one.
+            self.ticks = {s.topic: self._counted(s, start) for s in series}
+            numbers = self.ticks[states.topic]
+            fitted = np.polyfit(numbers, to_seconds(states.stamps, start), 1)
+            line = np.asarray(np.polyval(fitted, numbers), dtype=np.float64)
+        first = max(int(t[0]) for t in self.ticks.values())
+        last = min(int(t[-1]) for t in self.ticks.values())
+        if last <= first:
+            self._no_overlap(series)
+        self.numbers = np.arange(first, last + 1)
+        slope = float(line[-1] - line[0]) / max(int(numbers[-1] - numbers[0]), 1)
+        self.time = np.asarray(line[0] + slope * (self.numbers - numbers[0]), dtype=np.float64)
+        self._check_missing()
+
+    def _overlap(self, series: tuple[Series, ...]) -> None:
+        if max(int(s.stamps[0]) for s in series) >= min(int(s.stamps[-1]) for s in series):
+            self._no_overlap(series)
+
+    def _no_overlap(self, series: tuple[Series, ...]) -> None:
+        raise StageError(
+            f'{self.path}: the stamps of {", ".join(s.topic for s in series)} do not overlap in '
+            'time: all of them must be stamped by the same clock'
+        )
+
+    def _check_missing(self) -> None:
+        missing = max(1.0 - len(np.unique(t)) / (t[-1] - t[0] + 1) for t in self.ticks.values())
+        if missing > 0.2:
+            raise StageError(
+                f'{self.path} lacks {100 * missing:.0f} % of its control ticks: record it again'
+            )
+        warnings = []
+        if missing > 1e-3:
+            warnings.append(
+                f'{100 * missing:.1f} % of the ticks are missing and were interpolated'
+            )
+        if self.clock is not None:
+            ran, passed = np.ptp(self.clock.machine), np.ptp(self.clock.stamps)
+            warnings.append(
+                f'the machine ran {ran:.1f} s of the {passed:.1f} s between the stamps (it waited '
+                'for late forces): times are those of the machine'
+            )
+        self.warnings = tuple(warnings)
+
+    def _counted(self, series: Series, start: int) -> Ints:
+        seconds = to_seconds(series.stamps, start)
+        span = len(series) - 1
+        # Jittered stamps of a complete series are counted; with gaps they are rounded.
+        if span > 0 and abs((seconds[-1] - seconds[0]) / self.period - span) < 2.0:
+            return np.arange(span + 1) + int(
+                np.rint(np.median(seconds / self.period - np.arange(span + 1)))
+            )
+        return np.asarray(np.rint(seconds / self.period), dtype=np.int64)
+
+    @property
+    def stamp_time(self) -> Array:
+        """Stamps of the ticks (n,) [s]."""
+        return self.time if self.clock is None else self.clock.to_stamps(self.time)
+
+    def columns(self, series: Series, quantity: str, axes: tuple[str, ...]) -> Array:
+        """Quantity of each axis on the common ticks, shape (n, a)."""
+        values = series.columns(quantity, axes)
+        ticks = self.ticks[series.topic]
+        return np.column_stack(
+            [np.interp(self.numbers, ticks, values[:, i]) for i in range(len(axes))]
+        )
+
+    def optional(self, series: Series, quantity: str, axes: tuple[str, ...]) -> Array:
+        """As `columns`; NaN where the topic does not carry the quantity."""
+        if any(f'{quantity}.{axis}' not in series.values for axis in axes):
+            return np.full((len(self.numbers), len(axes)), np.nan)
+        return self.columns(series, quantity, axes)
+
+
+def _at(states: Series, stamps: Ints, axes: tuple[str, ...]) -> Array:
+    """Encoder (n, a) at the stamps of all topics."""
+    values = states.columns('position', axes)
+    own = (states.stamps - stamps[0]).astype(np.float64)
+    at = (stamps - stamps[0]).astype(np.float64)
+    return np.column_stack([np.interp(at, own, values[:, i]) for i in range(len(axes))])
