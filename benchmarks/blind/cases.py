@@ -67,17 +67,33 @@ class Case:
     noise: float
     truth: Truth
     planted: tuple[str, ...] = field(default=())
+    suite: str = 'main'
+    tracker: bool = True
+    temperature: bool = True
+    without: tuple[str, ...] = ()  # effects taken out of the library
+
+    @property
+    def folder(self) -> str:
+        """Name of the case's folder."""
+        return f'{self.suite}_{self.number:04d}'
 
     @property
     def expected(self) -> tuple[str, ...]:
-        """Names that the verdict must hold; hidden mechanisms are `unknown`."""
-        named = tuple(sorted(n for n in self.planted if not n.startswith('hidden')))
-        hidden = any(n.startswith('hidden') for n in self.planted)
-        return (*named, 'unknown') if hidden else named
+        """Names that the verdict must hold; what the library cannot say is `unknown`."""
+        named = tuple(sorted(n for n in self.planted if self._sayable(n)))
+        return (*named, 'unknown') if len(named) < len(self.planted) else named
+
+    def _sayable(self, name: str) -> bool:
+        effect = name.partition('.')[0]
+        if effect == 'thermal_expansion' and not self.temperature:
+            return False
+        return not effect.startswith('hidden') and effect not in self.without
 
 
-def draw(number: int, seed: int, duration: float = 30.0) -> Case:
-    """Draw the case of a seed."""
+def draw(
+    number: int, seed: int, duration: float = 30.0, axes: tuple[str, ...] | None = None
+) -> Case:
+    """Draw the case of a seed; `axes` where they are not left to chance."""
     g = np.random.default_rng(seed)
     kind = str(
         g.choice(
@@ -85,7 +101,8 @@ def draw(number: int, seed: int, duration: float = 30.0) -> Case:
             p=[0.10, 0.34, 0.18, 0.12, 0.13, 0.09, 0.04],
         )
     )
-    axes = ('x',) if g.random() < 0.15 else ('x', 'y')
+    drawn = ('x',) if g.random() < 0.15 else ('x', 'y')
+    axes = axes or drawn
     rate = float(g.choice([100.0, 100.0, 200.0, 1000.0]))
     noise = float(g.uniform(0.7e-6, 1.0e-6))
     count = {'none': 0, 'single': 1, 'pair': 2, 'triple': 3, 'outside': 0, 'mixed': 1, 'small': 1}
@@ -106,6 +123,16 @@ def draw(number: int, seed: int, duration: float = 30.0) -> Case:
         truth[name] = _hidden(g, name)
     planted = () if kind == 'small' else tuple(names)
     return Case(number, seed, kind, axes, duration, rate, noise, truth, planted)
+
+
+def draw_single(number: int, seed: int, effect: str) -> Case:
+    """A 30 s case of both axes with one given effect, on an axis that the seed draws."""
+    g = np.random.default_rng(seed)
+    joint = effect in COMMON
+    name = effect if joint else f'{effect}.{g.choice(["x", "y"])}'
+    noise = float(g.uniform(0.7e-6, 1.0e-6))
+    truth = {name: _parameters(g, name, small=False)}
+    return Case(number, seed, 'single', ('x', 'y'), 30.0, 100.0, noise, truth, (name,))
 
 
 def _name(g: np.random.Generator, axes: tuple[str, ...]) -> str:
@@ -212,6 +239,8 @@ def _parameters(g: np.random.Generator, name: str, small: bool) -> dict[str, flo
         }
     if effect == 'encoder_quantisation':
         return {'resolution': 1e-6 if small else float(g.choice([2e-6, 4e-6, 5e-6, 8e-6]))}
+    if effect == 'angular_error':
+        return {'yaw': sign * _log(g, 5e-4, 3e-3) * size}
     if effect == 'nonorthogonality':
         return {'angle': sign * _log(g, 40e-6, 500e-6) * size}
     if effect == 'tracker_misalignment':

@@ -70,8 +70,10 @@ def moves(generator: np.random.Generator, duration: float, period: float) -> tup
         distance = target - position
         speed = float(np.exp(generator.uniform(math.log(0.005), math.log(0.15))))
         length = min(max(1.875 * abs(distance) / speed, 0.25), sweep - at - 0.1, 4.0)
-        s = np.clip((t - at) / length, 0.0, 1.0)
-        reference += distance * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        first, last = np.searchsorted(t, (at, at + length))
+        s = (t[first:last] - at) / length
+        reference[first:last] += distance * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        reference[last:] += distance
         position = target
         at += length + float(generator.choice([0.0, 0.1, 0.3, 0.6]))
     u = np.clip((t - sweep) / (duration - sweep), 0.0, 1.0)
@@ -174,6 +176,10 @@ def _table(
             elif effect == 'thermal_expansion':
                 warm = np.interp(t, temperature_time, celsius[:, i]) - 20.0
                 table[:, i] += value['coefficient'] * warm * (p - value['fixed'])
+            elif effect == 'angular_error' and len(axes) == 2:
+                # Yaw of the carriage, growing over the travel, seen at the other axis' arm.
+                yaw = value['yaw'] * np.sin(p / 0.06)
+                table[:, i] += (-1.0 if i == 0 else 1.0) * yaw * motor[:, other]
             elif effect == 'straightness' and len(axes) == 2:
                 u = np.linspace(float(p.min()), float(p.max()), 500)
                 bend = value['bow'] * np.cos(np.pi * (u - value['middle']) / 0.07)

@@ -57,7 +57,7 @@ CONTROLLER = (
 )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def run_axis(
     period: float,
     reference: Array,
@@ -204,7 +204,7 @@ def run_axis(
     return motor, encoder, filtered, command, force_out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def smooth_play(position: Array, width: float) -> Array:
     """Backlash with a soft edge: the mean of five plays of 0.8 to 1.2 times the full width."""
     out = np.zeros(len(position))

@@ -31,6 +31,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--out', required=True, help='directory for the report')
     parser.add_argument('--seed', type=int, default=0, help='of bootstrap and permutations')
     parser.add_argument('--quiet', action='store_true', help='no progress on stderr')
+    parser.add_argument(
+        '--without',
+        action='append',
+        default=[],
+        metavar='EFFECT',
+        help='take an effect out of the library (backlash, or backlash.x), repeatable',
+    )
+    parser.add_argument(
+        '--no-page', action='store_true', help='write report.json and the twin, no report.html'
+    )
     options = parser.parse_args(words)
     verdict = run(
         options.bag,
@@ -39,6 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Path(options.out),
         seed=options.seed,
         quiet=options.quiet,
+        without=options.without,
+        with_page=not options.no_page,
     )
     print(verdict)
     return 0

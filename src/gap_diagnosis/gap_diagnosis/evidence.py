@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 
 NONE = 'none'
 
-#: Logistic of the log of (gain / least gain that counts): intercept and slope, fitted to the
-#: development cases of `benchmarks/blind` (never to the cases that are reported).
+#: Logistic of the log of (gain / least gain that counts): intercept and slope, set by hand on
+#: development cases of `benchmarks/blind` (never on the cases that are reported).
 CALIBRATION = (0.6, 1.1)
 
 #: Share of the gap that may stay structured before something unknown is named: models of

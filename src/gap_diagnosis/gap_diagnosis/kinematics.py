@@ -95,6 +95,7 @@ class Kinematics:
             floor,
             not any_held_session,
             seams=np.cumsum([0, *(len(t) for t in target[:-1])]),
+            signatures=dict.fromkeys(('tracker_latency', 'tracker_clock_drift'), self._lateness),
         )
 
     def row_axis(self) -> NDArray[np.int64]:
@@ -298,6 +299,17 @@ class Kinematics:
             fixed=True,
             noisy=True,
         )
+
+    def _lateness(self) -> Array:
+        """A time error that changes with time in any smooth way: columns velocity · tᵏ."""
+        step = 0.5e-3
+        velocity = self._shifted([_time(r) + step for r in self.records])[:, 0] / step
+        parts = [
+            np.tile(_time(r) / max(float(_time(r)[-1]), 1e-9), len(self.axes))
+            for r in self.records
+        ]
+        share = np.concatenate(parts)
+        return np.column_stack([velocity * share**k for k in range(3)])
 
     def _drift(self) -> Term:
         def columns(theta: Theta) -> Array:

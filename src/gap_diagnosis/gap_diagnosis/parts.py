@@ -27,6 +27,10 @@ KINEMATIC_RULES = Rules(of_gap=1e-5)
 #: squareness show only beside the rotation and the offset that it should have had.
 REST_RULES = Rules(of_gap=1e-5, given=('tracker_misalignment',), prefer_plain=True)
 
+#: Least share of an effect's own contribution that a general curve over its condition may still
+#: find in the remainder, before the effect is held for an imitation of something unknown.
+UNEXHAUSTED = 0.15
+
 #: Rows that fit and rows that are held out: of samples in motion, and of rests of a stepper.
 LEAST_ROWS, LEAST_RESTS = (200, 50), (8, 4)
 
@@ -98,6 +102,44 @@ def fit_part(
         for term in [t for t in problem.terms if split_effect(t)[0] == base]:
             if axis is None or term == effect:
                 del problem.terms[term]
+    while True:
+        part = _fit_whole(name, problem, rules, seed)
+        imitations = _imitations(part) if part.structure.structured else []
+        if not imitations:
+            return part
+        for effect in imitations:
+            del problem.terms[effect]
+
+
+def _imitations(part: Part) -> list[str]:
+    """Accepted effects beside which the same condition still holds a large part of the gap.
+
+    The right effect exhausts its condition: what a friction leaves is no function of the speed.
+    Where structure remains and a general curve over the effect's own condition explains more than
+    `UNEXHAUSTED` of what the effect does, something else of that kind was imitated.
+    """
+    found = []
+    problem, selection = part.problem, part.selection
+    regression = part.selector.regression
+    whiten = part.selector.problem.whiten
+    rows = problem.judged
+    for name in selection.accepted:
+        if name not in problem.signatures:
+            continue
+        basis = whiten(problem.signatures[name]())[rows]
+        rest = whiten(part.residual)[rows]
+        scale = np.linalg.norm(basis, axis=0)
+        basis = basis[:, scale > 0.0] / scale[scale > 0.0]
+        solution, *_ = np.linalg.lstsq(basis, rest, rcond=1e-8)
+        theta = selection.fit.thetas[name]
+        own = regression.columns(name, theta)[rows] @ selection.fit.coefficients[name]
+        if np.sum((basis @ solution) ** 2) > UNEXHAUSTED * np.sum(own**2):
+            found.append(name)
+    return found
+
+
+def _fit_whole(name: str, problem: Problem, rules: Rules, seed: int) -> Part:
+    """Selection on the rows as they are, or beside a slow remainder on whitened ones."""
     selector = Selector(problem, rules, seed)
     selection = selector.select()
     residual = selection.fit.residual
@@ -179,12 +221,16 @@ def _contradicted(
         squares = []
         for record in [r for r in records if r.held_out_session] or records:
             mask = inside(record.time, held_out_windows(record))
-            squares.append(replay(record, twin, some)[channel][mask] ** 2)
+            try:
+                squares.append(replay(record, twin, some)[channel][mask] ** 2)
+            except StageError:
+                # Together they are no machine that could run.
+                return math.inf
         return float(np.mean(np.concatenate(squares)))
 
     step = float(getattr(twin.axes[axis], 'encoder_resolution', 1e-6)) ** 2
     everything = gap(effects)
-    if gap({}) > 4.0 * step and everything > 0.7 * gap({}):
+    if math.isinf(everything) or (gap({}) > 4.0 * step and everything > 0.7 * gap({})):
         return list(accepted)
     losses = {n: everything - gap({k: v for k, v in effects.items() if k != n}) for n in accepted}
     worst = max(losses, key=lambda n: losses[n])

@@ -57,7 +57,11 @@ class Term:
 
 @dataclass(frozen=True)
 class Problem:
-    """Rows of a residual: target (n,), which fit and which are held out, blocks and times."""
+    """Rows of a residual: target (n,), which fit and which are held out, blocks and times.
+
+    `signatures` holds, for effects that are functions of one condition (of the speed, say), a
+    general basis (n, k) of that condition: what they leave must not go with it any more.
+    """
 
     target: Array
     fit: Mask
@@ -68,6 +72,7 @@ class Problem:
     terms: dict[str, Term]
     floor: float  # standard deviation of a row's noise, in the target's unit
     crossable: bool = True  # False where the held-out rows are a session of their own
+    signatures: dict[str, Callable[[], Array]] = field(default_factory=dict)
     whitening: float = 0.0  # ρ of rows and columns r_k - ρ r_(k-1)
     seams: NDArray[np.int64] | None = None  # rows before which no row of the same series comes
 
@@ -123,6 +128,13 @@ class Regression:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self._cache: dict[tuple[str, Theta], Array] = {}
+        folds = (problem.time / FOLD).astype(np.int64) % FOLDS
+        # Row numbers of each fold, and of its rows that fit.
+        self._folds = [
+            (np.flatnonzero(folds == k), np.flatnonzero((folds == k) & problem.fit))
+            for k in range(FOLDS)
+        ]
+        self._fit_rows = np.flatnonzero(problem.fit)
 
     def columns(self, name: str, theta: Theta) -> Array:
         """Columns (n, k) of a term; the last few hundred are kept."""
@@ -134,8 +146,12 @@ class Regression:
             self._cache[key] = self.problem.whiten(columns)
         return self._cache[key]
 
-    def linear(self, thetas: dict[str, Theta]) -> Fit:
-        """Coefficients of a set with its nonlinear parameters held."""
+    def linear(self, thetas: dict[str, Theta], judged: bool = True) -> Fit:
+        """Coefficients of a set with its nonlinear parameters held.
+
+        A search for θ needs the residual of the fit rows alone: with `judged` false nothing is
+        crossed and no nuisance is refitted.
+        """
         problem = self.problem
         if not thetas:
             return Fit({}, {}, problem.target.copy(), problem.target)
@@ -151,12 +167,14 @@ class Regression:
         if not free:
             return Fit(dict(thetas), coefficients, target, target)
         matrix = np.hstack([part for _, part in free])
-        solution = _solve(matrix[problem.fit], target[problem.fit])
+        solution = _solve(matrix[self._fit_rows], target[self._fit_rows])
         at = 0
         for name, part in free:
             coefficients[name] = solution[at : at + part.shape[1]]
             at += part.shape[1]
         residual = target - matrix @ solution
+        if not judged:
+            return Fit(dict(thetas), coefficients, residual, residual)
         sessions = self._refit_nuisances(thetas, coefficients, residual)
         crossed = self._crossed(matrix, target, residual) if problem.crossable else residual
         return Fit(dict(thetas), coefficients, residual, crossed, sessions)
@@ -167,17 +185,14 @@ class Regression:
         Folds are windows of two seconds dealt out in turn; their Gram matrices add up, so that a
         fold is left out by a subtraction.
         """
-        problem = self.problem
-        folds = (problem.time / FOLD).astype(np.int64) % FOLDS
         parts = []
-        for number in range(FOLDS):
-            own = folds == number
-            parts.append((own, matrix[own].T @ matrix[own], matrix[own].T @ target[own]))
+        for own, rows in self._folds:
+            mine = matrix[own]
+            parts.append((rows, mine.T @ mine, mine.T @ target[own]))
         gram = sum(part[1] for part in parts)
         right = sum(part[2] for part in parts)
         crossed = residual.copy()
-        for own, own_gram, own_right in parts:
-            rows = own & problem.fit
+        for rows, own_gram, own_right in parts:
             coefficients = _solve_gram(gram - own_gram, right - own_right)
             crossed[rows] = target[rows] - matrix[rows] @ coefficients
         return crossed
@@ -270,7 +285,7 @@ class Regression:
         rows = self.problem.fit
 
         def residual(z: Array) -> Array:
-            return self.linear(unpack(z)).residual[rows]
+            return self.linear(unpack(z), judged=False).residual[rows]
 
         scale = float(np.std(residual(start))) or 1.0
         result = least_squares(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from gap_diagnosis import experiments, page, report
+from gap_diagnosis import experiments, report
 from gap_diagnosis.diagnose import diagnose, silent, to_stderr
 from session_bags.reader import read_session
 from stage_core import topics
@@ -29,8 +29,12 @@ def run(
     out: Path,
     seed: int = 0,
     quiet: bool = False,
+    without: Sequence[str] = (),
+    with_page: bool = True,
 ) -> str:
     """Diagnose, write the report into `out`, and return the verdict line.
+
+    `without` takes effects out of the library; `with_page` false leaves out report.html.
 
     Raises
     ------
@@ -55,9 +59,14 @@ def run(
         twin_name=str(twin_path),
         seed=seed,
         progress=progress,
+        without=without,
     )
     progress('writing the report')
     report.write(found, out)
-    page.write(found, out)
+    if with_page:
+        # Plotting takes seconds to import and to draw: only who wants a page waits for it.
+        from gap_diagnosis import page
+
+        page.write(found, out)
     experiments.write_reference(found, out)
     return report.sentence(found)

@@ -34,6 +34,8 @@ CORNER = 30.0  # Hz; above it the quantisation of the acceleration is white afte
 LONGEST = 120.0  # s of a session that are used; longer ones are thinned in whole blocks
 SLIDING = 3.0  # encoder steps within 20 ms, below which the axis counts as resting
 PRESLIDING_GRID = (0.0, 1e-6, 3e-6, 8e-6, 15e-6)
+FRICTIONS = ('viscous_friction', 'coulomb_friction', 'asymmetric_friction', 'stribeck_friction')
+CURVE_KNOTS = (0.0, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1)  # m/s
 STRIBECK_GRID = (1e-3, 3e-3, 8e-3, 20e-3, 60e-3)
 
 
@@ -139,6 +141,9 @@ class Servo:
             self.terms(),
             self.floor(),
             not any_held_session,
+            signatures=dict.fromkeys(
+                (f'{name}.{self.axis}' for name in FRICTIONS), self._friction_curve
+            ),
         )
 
     def floor(self) -> float:
@@ -185,7 +190,8 @@ class Servo:
             f'viscous_friction.{self.axis}',
             lambda theta: signal,
             lambda theta, c: {'viscous': float(c[0])},
-            admissible=lambda theta, c: -500.0 < c[0] < 2000.0,
+            # Less than none at all is no friction.
+            admissible=lambda theta, c: -self.viscous <= c[0] < 2000.0,
         )
 
     def _state(self, presliding: float) -> list[Array]:
@@ -230,10 +236,24 @@ class Servo:
             admissible=lambda theta, c: bool(
                 0.0 < c[0] < 500.0
                 and 0.0 < c[1] < 500.0
-                and min(c[2], c[3]) > -500.0
+                and min(c[2], c[3]) >= -self.viscous
                 and max(c[2], c[3]) < 2000.0
             ),
         )
+
+    def _friction_curve(self) -> Array:
+        """Any function of the speed, for each direction: hats over `CURVE_KNOTS`."""
+        hats = []
+        for sign in (1.0, -1.0):
+            for k in range(len(CURVE_KNOTS)):
+                height = np.eye(len(CURVE_KNOTS))[k]
+                hats.append(
+                    [
+                        np.where(sign * v > 0.0, np.interp(sign * v, CURVE_KNOTS, height), 0.0)
+                        for v in self._of('v_smooth')
+                    ]
+                )
+        return self._columns(*hats)
 
     def _stribeck(self) -> Term:
         def columns(theta: Theta) -> Array:

@@ -1,0 +1,100 @@
+"""report.json to the letter of section 6 of the contract."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gap_diagnosis import report
+from gap_diagnosis.diagnose import diagnose
+from stage_core.quantities import EFFECT_LINKS, LINKS, split_effect
+from stage_core.session import Session
+from stage_core.twin_file import TwinFile
+
+Maker = Callable[..., Session]
+CONDITIONS = {
+    'reversal', 'position', 'screw_phase', 'speed', 'acceleration', 'temperature', 'time',
+    'frequency_band', 'cross_axis',
+}  # fmt: skip
+
+
+def one_axis() -> TwinFile:
+    twin = TwinFile.nominal_servo().to_dict()
+    return TwinFile.from_dict({**twin, 'axes': {'x': twin['axes']['x']}})
+
+
+def content(session: Session, directory: Path) -> dict[str, Any]:
+    path = report.write(diagnose([session], [], one_axis()), directory)
+    assert path == directory / 'report.json'
+    found: dict[str, Any] = json.loads(path.read_text(encoding='utf-8'))
+    return found
+
+
+@pytest.mark.parametrize(
+    'effects',
+    [
+        {},
+        {'backlash.x': {'width': 8e-6}},
+        {'backlash.x': {'width': 8e-6}, 'coulomb_friction.x': {'coulomb': 8.0}},
+    ],
+    ids=['none', 'one', 'two'],
+)
+def test_the_fields_of_the_report(planted: Maker, tmp_path: Path, effects: dict) -> None:
+    found = content(planted(effects), tmp_path)
+    assert found['schema'] == 'gap-report/1'
+    assert isinstance(found['session'], str) and isinstance(found['twin'], str)
+    _gap(found['gap'])
+    where = found['where']
+    assert where['link'] in LINKS
+    assert set(where['axes']) == {'x'}
+    for condition in where['conditions']:
+        assert condition['name'] in CONDITIONS and condition['axis'] == 'x'
+        assert 0.0 <= condition['share'] <= 1.0 and 0.0 <= condition['p_value'] <= 1.0
+    causes = found['causes']
+    for cause in causes:
+        _cause(cause)
+    names = [c['effect'] for c in causes]
+    assert len(set(names)) == len(names) and {'unknown', 'none'} <= set(names)
+    # The accepted ones first, the rest by probability.
+    accepted = [c['effect'] for c in causes if c['status'] == 'accepted']
+    named = [n for n in accepted if n != 'none']
+    assert names[: len(named)] == named == found['verdict']
+    assert set(found['verdict']) == set(effects)
+    if found['verdict']:
+        assert where['link'] == EFFECT_LINKS[split_effect(named[0])[0]]
+    rest = [c['probability'] for c in causes[len(accepted) :]]
+    assert rest == sorted(rest, reverse=True)
+    if len(found['verdict']) <= 1:
+        assert sum(c['probability'] for c in causes) == pytest.approx(1.0)
+    assert 0.0 <= found['unexplained']['share'] <= 1.0
+    assert isinstance(found['unexplained']['structured'], bool)
+
+
+def _gap(gap: dict[str, Any]) -> None:
+    assert gap['unit'] == 'm' and gap['metric'] == 'rms'
+    assert all(stop > start for start, stop in gap['heldout_windows'])
+    channels = gap['channels']
+    assert set(channels) == {'encoder.x', 'tracker.x'}
+    for which in ('before', 'after'):
+        mean = sum(c[which] ** 2 for c in channels.values()) / len(channels)
+        assert gap[which] == pytest.approx(mean**0.5)
+    assert gap['shrink'] == pytest.approx(1.0 - gap['after'] / gap['before'])
+    assert 0.0 < gap['noise_floor'] < 1e-5
+
+
+def _cause(cause: dict[str, Any]) -> None:
+    effect = cause['effect']
+    assert split_effect(effect)[0] in {*EFFECT_LINKS, 'unknown', 'none'}
+    assert 0.0 <= cause['probability'] <= 1.0
+    assert cause['status'] in ('accepted', 'rejected', 'below_noise')
+    assert isinstance(cause['alternatives'], list)
+    assert len(cause['shrink_ci95']) == 2
+    assert cause['shrink'] == pytest.approx(1.0 - cause['gap_after'] / cause['gap_before'])
+    for parameter in cause['parameters'].values():
+        assert set(parameter) == {'value', 'std', 'unit'}
+    if cause['status'] == 'accepted' and effect not in ('unknown', 'none'):
+        assert cause['parameters'] and cause['gap_after'] <= cause['gap_before']
