@@ -73,7 +73,7 @@ def spectra(diagnosis: Diagnosis) -> str:
         plot.set_title(channel.name, fontsize=9)
         plot.set_xlabel('frequency [Hz]')
         plot.set_ylabel(f'amplitude [{unit}]')
-        plot.grid(alpha=0.3, which='both')
+        plot.grid(alpha=0.3)
     for plot in panels[len(channels) :]:
         plot.set_axis_off()
     return data_uri(figure)

@@ -303,11 +303,9 @@ class Kinematics:
     def _lateness(self) -> Array:
         """A time error that changes with time in any smooth way: columns velocity · tᵏ."""
         step = 0.5e-3
-        velocity = self._shifted([_time(r) + step for r in self.records])[:, 0] / step
-        parts = [
-            np.tile(_time(r) / max(float(_time(r)[-1]), 1e-9), len(self.axes))
-            for r in self.records
-        ]
+        velocity = self._shifted([r.point_time(latency=-step) for r in self.records])[:, 0] / step
+        times = [r.point_time() for r in self.records]
+        parts = [np.tile(t / max(float(t[-1]), 1e-9), len(self.axes)) for t in times]
         share = np.concatenate(parts)
         return np.column_stack([velocity * share**k for k in range(3)])
 

@@ -28,8 +28,9 @@ KINEMATIC_RULES = Rules(of_gap=1e-5)
 REST_RULES = Rules(of_gap=1e-5, given=('tracker_misalignment',), prefer_plain=True)
 
 #: Least share of an effect's own contribution that a general curve over its condition may still
-#: find in the remainder, before the effect is held for an imitation of something unknown.
-UNEXHAUSTED = 0.15
+#: find in the remainder, before the effect is held for an imitation of something unknown. Models
+#: of friction are approximations; a clock's latency and drift are exact.
+UNEXHAUSTED = {'servo': 0.15, 'sensor': 0.04}
 
 #: Rows that fit and rows that are held out: of samples in motion, and of rests of a stepper.
 LEAST_ROWS, LEAST_RESTS = (200, 50), (8, 4)
@@ -120,20 +121,19 @@ def _imitations(part: Part) -> list[str]:
     """
     found = []
     problem, selection = part.problem, part.selection
-    regression = part.selector.regression
-    whiten = part.selector.problem.whiten
     rows = problem.judged
     for name in selection.accepted:
         if name not in problem.signatures:
             continue
-        basis = whiten(problem.signatures[name]())[rows]
-        rest = whiten(part.residual)[rows]
+        # On the rows as they were measured: whitened ones weigh fast motion alone.
+        basis = problem.signatures[name]()[rows]
         scale = np.linalg.norm(basis, axis=0)
         basis = basis[:, scale > 0.0] / scale[scale > 0.0]
-        solution, *_ = np.linalg.lstsq(basis, rest, rcond=1e-8)
-        theta = selection.fit.thetas[name]
-        own = regression.columns(name, theta)[rows] @ selection.fit.coefficients[name]
-        if np.sum((basis @ solution) ** 2) > UNEXHAUSTED * np.sum(own**2):
+        solution, *_ = np.linalg.lstsq(basis, part.residual[rows], rcond=1e-8)
+        columns = problem.terms[name].columns(selection.fit.thetas[name])[rows]
+        own = columns @ selection.fit.coefficients[name]
+        least = UNEXHAUSTED[EFFECT_LINKS[split_effect(name)[0]]]
+        if np.sum((basis @ solution) ** 2) > least * np.sum(own**2):
             found.append(name)
     return found
 
