@@ -17,7 +17,6 @@ import numpy as np
 import paper3_rig as rig
 
 from contour_ctrl.figures import Figures
-from contour_ctrl.learning import LearningSettings
 
 DISTURBED = 6
 PULSE_FORCE, PULSE_TIME = 60.0, 0.3
@@ -36,9 +35,8 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     tuned = rig.tune()
     gains = replace(tuned.scheme_1, velocity_feedforward=(0.0, 0.0))
-    rate = rig.first_rate(tuned.base.position[0])
-    fixed = LearningSettings((rate, rate), rig.CUTOFF, reinforced=False, divergence=0.0)
-    fuzzy = LearningSettings((rate, rate), rig.CUTOFF, divergence=0.0)
+    fuzzy = rig.printed(tuned)
+    fixed = replace(fuzzy, reinforced=False)
     second, _, _ = rig.learn(0, gains, fixed)
     third, learner, controller = rig.learn(0, gains, fuzzy)
     assert learner is not None

@@ -23,8 +23,9 @@ TUNING_SEED = 1000
 SENSITIVITY = 1.6
 #: Random force that differs from run to run [N RMS], per axis.
 NOISE = (1.0, 0.5)
-#: Zero-phase filter Q [Hz]: about twice the bandwidth of the position loop, K_p / 2 pi.
-CUTOFF = 50.0
+#: Zero-phase filter Q [Hz] of the learning as printed, without lead: about twice the bandwidth
+#: of the position loop, K_p / 2 pi.
+PLAIN_CUTOFF = 50.0
 NOMINAL = TwinFile.nominal_servo()
 
 
@@ -72,7 +73,7 @@ def position_gain(axis: str) -> float:
     """Rule: the largest K_p whose loop on the nominal twin keeps max |S| <= SENSITIVITY."""
     best = 1.0
     for gain in range(5, 201, 1):
-        impulse = ilc.closed_loop_impulse(NOMINAL.servo(axis), float(gain), PERIOD, 4000)
+        impulse = nominal_impulse(axis, float(gain))
         sensitivity = np.abs(1.0 - gain * np.fft.rfft(impulse))
         if not np.isfinite(sensitivity).all() or sensitivity.max() > SENSITIVITY:
             break
@@ -86,11 +87,29 @@ def first_rate(gain: float) -> float:
     The paper begins with "a larger value" and leaves the rest to the regulator; just beyond the
     edge of convergence is where a fixed rate over-learns.
     """
-    impulse = ilc.closed_loop_impulse(NOMINAL.servo('x'), gain, PERIOD, 4000)
+    impulse = nominal_impulse('x', gain)
     for rate in range(10, 1000, 10):
-        if ilc.convergence_factor(impulse, float(rate), CUTOFF, PERIOD) > 1.05:
+        if ilc.convergence_factor(impulse, float(rate), PLAIN_CUTOFF, PERIOD) > 1.05:
             return float(rate)
     raise RuntimeError('no rate is beyond the edge')
+
+
+def nominal_impulse(axis: str, gain: float, count: int = 4000) -> np.ndarray:
+    """Response (count,) [m] of the nominal axis to a learned velocity, loop closed by K_p."""
+    return ilc.closed_loop_impulse(NOMINAL.servo(axis), gain, PERIOD, count)
+
+
+def designed(tuned: Tuned) -> LearningSettings:
+    """Learning of scheme 3 with lead and Q by `ilc.design` and L_initial = K_p."""
+    gain = tuned.base.position[0]
+    lead, cutoff = ilc.design(nominal_impulse('x', gain), gain, PERIOD)
+    return LearningSettings((gain, gain), cutoff, lead, divergence=0.0)
+
+
+def printed(tuned: Tuned) -> LearningSettings:
+    """Learning of scheme 3 as printed: no lead, a rate that a fixed one over-learns with."""
+    rate = first_rate(tuned.base.position[0])
+    return LearningSettings((rate, rate), PLAIN_CUTOFF, 0, divergence=0.0)
 
 
 @dataclass(frozen=True)
@@ -154,10 +173,7 @@ def norm_optimal(
     ref = contour()
     forces = disturbances(seed, len(ref), iterations)
     rig, controller = Rehearsal(machine(seed)), Controller(ref, gains)
-    models = [
-        ilc.closed_loop_impulse(NOMINAL.servo(axis), gains.position[i], PERIOD, 1000)
-        for i, axis in enumerate(('x', 'y'))
-    ]
+    models = [nominal_impulse(axis, gains.position[i], 1000) for i, axis in enumerate(('x', 'y'))]
     results = []
     for index in range(iterations):
         results.append(rig.run(controller, forces[index]))

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import paper3_rig as rig
+from scipy import stats
 
 from contour_ctrl.cmac import CmacSettings
 from contour_ctrl.figures import Figures
@@ -24,10 +25,11 @@ PAPER = {
     '3: + fuzzy RILC': (15.221, 22.126, 8.524),
 }
 Runs = Callable[[int], Figures]
+X, Y, CONTOUR = 0, 3, 6
 
 
 def row(name: str, runs: Runs, seeds: int) -> np.ndarray:
-    """Print a line of means over the seeds; return them (9,) in um."""
+    """Print a line of means over the seeds; return (seeds, 9) in um."""
     table = []
     for seed in range(seeds):
         f = runs(seed)
@@ -47,8 +49,8 @@ def row(name: str, runs: Runs, seeds: int) -> np.ndarray:
     values = 1e6 * np.array(table)
     mean, std = values.mean(axis=0), values.std(axis=0)
     cells = ' | '.join(f'{value:.2f}' for value in mean)
-    print(f'| {name} | {cells} | {std[0]:.2f}, {std[6]:.2f} |', flush=True)
-    return np.asarray(mean)
+    print(f'| {name} | {cells} | {std[X]:.2f}, {std[CONTOUR]:.2f} |', flush=True)
+    return np.asarray(values)
 
 
 def header(title: str) -> None:
@@ -59,37 +61,44 @@ def header(title: str) -> None:
 
 
 def ratios(name: str, first: np.ndarray, last: np.ndarray) -> None:
-    """Print the improvement of a scheme."""
+    """Print the mean improvement of a scheme, and the interval of that mean at 95 %."""
+    values = first / last
+    count = len(values)
+    reach = stats.t.ppf(0.975, count - 1) * values.std(axis=0, ddof=1) / np.sqrt(count)
+    low, high = values.mean(axis=0) - reach, values.mean(axis=0) + reach
     print(
-        f'{name}: tracking RMS X / {first[0] / last[0]:.1f}, Y / {first[3] / last[3]:.1f}, '
-        f'contour RMS / {first[6] / last[6]:.2f}'
+        f'- {name}: '
+        + ', '.join(
+            f'{label} / {values[:, i].mean():.2f} ({low[i]:.2f} to {high[i]:.2f})'
+            for label, i in (('tracking RMS X', X), ('Y', Y), ('contour RMS', CONTOUR))
+        ),
+        flush=True,
     )
 
 
-def tables(title: str, gains: Gains, rate: float, seeds: int) -> None:
+def tables(title: str, gains: Gains, tuned: rig.Tuned, seeds: int) -> None:
     """Schemes 1 to 3 with one velocity feed-forward."""
     header(title)
 
     def last(settings: LearningSettings | None) -> Runs:
         return lambda seed: rig.learn(seed, gains, settings)[0][-1]
 
-    pair = rate, rate
-    fixed = LearningSettings(pair, rig.CUTOFF, reinforced=False, divergence=0.0)
-    fuzzy = LearningSettings(pair, rig.CUTOFF, divergence=0.0)
+    ours, printed = rig.designed(tuned), rig.printed(tuned)
     first = row('1, first lap', lambda seed: rig.learn(seed, gains, None, 1)[0][0], seeds)
     settled = row('1, lap 30', last(None), seeds)
-    row('2, best iteration', lambda seed: best(rig.learn(seed, gains, fixed)[0]), seeds)
-    row('2, iteration 30', last(fixed), seeds)
-    third = row('3, iteration 30', last(fuzzy), seeds)
-    half = LearningSettings((rate / 2, rate / 2), rig.CUTOFF, reinforced=False, divergence=0.0)
-    row('2 with half the rate', last(half), seeds)
-    lead = LearningSettings(pair, 80.0, 5, divergence=0.0)
-    ours = row('3 + lead of 5 ticks, Q 80 Hz', last(lead), seeds)
+    row('2, iteration 30', last(replace(ours, reinforced=False)), seeds)
+    third = row('3, iteration 30', last(ours), seeds)
+    fixed = replace(printed, reinforced=False)
+    row('2 as printed, best iteration', lambda seed: best(rig.learn(seed, gains, fixed)[0]), seeds)
+    row('2 as printed, iteration 30', last(fixed), seeds)
+    plain = row('3 as printed, iteration 30', last(printed), seeds)
+    half = replace(fixed, gain=(0.5 * printed.gain[0], 0.5 * printed.gain[1]))
+    row('2 as printed with half the rate', last(half), seeds)
     print()
     ratios('3 against 1 (first lap)', first, third)
     ratios('3 against 1 (lap 30)', settled, third)
-    ratios('3 + lead against 1 (first lap)', first, ours)
-    ratios('3 + lead against 1 (lap 30)', settled, ours)
+    ratios('3 as printed against 1 (first lap)', first, plain)
+    ratios('3 as printed against 1 (lap 30)', settled, plain)
 
 
 def best(results: list[Figures]) -> Figures:
@@ -108,7 +117,7 @@ def peers(tuned: rig.Tuned, seeds: int) -> None:
     )
 
 
-def readings(tuned: rig.Tuned, rate: float, seeds: int) -> None:
+def readings(tuned: rig.Tuned, seeds: int) -> None:
     """Literal equations against the recommended reading."""
     header('Readings: CMAC update (scheme 1, lap 30) and regulator (scheme 3, iteration 30)')
     cmacs: dict[str, CmacSettings | None] = {
@@ -121,7 +130,7 @@ def readings(tuned: rig.Tuned, rate: float, seeds: int) -> None:
         gains = replace(tuned.scheme_1, cmac=settings)
         row(name, lambda s, g=gains: rig.learn(s, g, None)[0][-1], seeds)
     for reading in ('literal', 'recommended'):
-        settings = LearningSettings((rate, rate), rig.CUTOFF, reading=reading, divergence=0.0)
+        settings = replace(rig.printed(tuned), reading=reading)
         row(
             f'regulator {reading}',
             lambda s, c=settings: rig.learn(s, tuned.scheme_1, c)[0][-1],
@@ -137,17 +146,18 @@ def main() -> None:
     given = parser.parse_args()
     begin = time.perf_counter()
     tuned = rig.tune()
-    rate = rig.first_rate(tuned.base.position[0])
+    ours, printed = rig.designed(tuned), rig.printed(tuned)
     assert tuned.scheme_1.cmac is not None
     print(
         f'K_p {tuned.base.position} 1/s (max |S| {rig.SENSITIVITY}), K_c '
         f'{tuned.scheme_1.cross_coupling:g} 1/s, CMAC rate {tuned.scheme_1.cmac.rate:g} 1/s^2, '
-        f'L_initial {rate:g} 1/s, Q {rig.CUTOFF:g} Hz, K_a of the peer '
+        f'lead {ours.lead} ticks, Q {ours.cutoff:g} Hz, L_initial {ours.gain[0]:g} 1/s; without '
+        f'lead Q {printed.cutoff:g} Hz, L_initial {printed.gain[0]:g} 1/s; K_a of the peer '
         f'{tuned.feed_forward.acceleration_feedforward[0]:g} s; circle of {rig.RADIUS} m at '
         f'{rig.FEED} m/s; means over {given.seeds} machines, um; std of X RMS and contour RMS'
     )
     if given.readings:
-        readings(tuned, rate, given.seeds)
+        readings(tuned, given.seeds)
     else:
         print(
             'paper (X RMS, Y RMS, contour RMS): '
@@ -157,10 +167,10 @@ def main() -> None:
         tables(
             'K_f = 0: the tracking error is the lag v / K_p, as its size in the paper says',
             none,
-            rate,
+            tuned,
             given.seeds,
         )
-        tables('K_f = 1: eq. 24 as written', tuned.scheme_1, rate, given.seeds)
+        tables('K_f = 1: eq. 24 as written', tuned.scheme_1, tuned, given.seeds)
         peers(tuned, given.seeds)
     print(f'\n{time.perf_counter() - begin:.0f} s')
 

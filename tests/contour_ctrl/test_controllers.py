@@ -206,6 +206,23 @@ def test_convergence_factor_tells_stable_from_unstable_learning() -> None:
         assert (norms[-1] < norms[0]) == stable
 
 
+def test_designed_lead_and_cutoff_are_the_highest_that_halve_every_error() -> None:
+    settings = LearningSettings()
+    impulse = ilc.closed_loop_impulse(ServoAxis(18.0, 40.0), 40.0, 1e-3, 4000)
+    # The defaults of the package are the design for its default position gain.
+    assert ilc.design(impulse, 40.0, 1e-3) == (settings.lead, settings.cutoff)
+    assert settings.gain == (40.0, 40.0)
+
+    def best(cutoff: float) -> float:
+        return min(ilc.convergence_factor(impulse, 40.0, cutoff, 1e-3, m) for m in range(40))
+
+    factor = ilc.convergence_factor(impulse, 40.0, settings.cutoff, 1e-3, settings.lead)
+    assert factor == best(settings.cutoff) <= 0.5 < best(settings.cutoff + 5.0)
+    assert factor < 0.6 * ilc.convergence_factor(impulse, 40.0, settings.cutoff, 1e-3)
+    with pytest.raises(StageError, match='raise position_gain'):
+        ilc.design(impulse, 40.0, 1e-3, 0.01)
+
+
 def test_rule_table_at_its_corners_and_between() -> None:
     assert defuzzified(1.0, 1.0) == 1.0
     assert defuzzified(1.0, 0.0) == 0.0

@@ -34,7 +34,7 @@ FRICTION = {
 @pytest.fixture(scope='module')
 def record() -> SimulationResult:
     limits = AxisLimits((0.2, 0.2), (2.0, 2.0), (500.0, 500.0))
-    ref = excitation((0.03, 0.03), speeds=(0.004, 0.015, 0.06), multisine_time=8.0, limits=limits)
+    ref = excitation((0.03, 0.03), speeds=(0.015, 0.06), multisine_time=4.0, limits=limits)
     twin = TwinFile.nominal_servo().with_effects(FRICTION)
     return simulate(twin, ref.position, ref.velocity, noise=False)
 
@@ -67,9 +67,21 @@ def test_friction_of_the_twin_is_found_again(record: SimulationResult) -> None:
     assert y.offset == pytest.approx(-3.0, abs=0.02)
     assert abs(x.offset) < 0.02
     for estimate in (x, y):
-        assert estimate.residual < 0.35 * estimate.residual_without
-    # 20 N over 4 um: one encoder count is 5 N, so the stiffness shows to a factor of two.
-    assert 0.4 < x.model.stiffness / 5e6 < 2.0
+        assert estimate.residual < 0.5 * estimate.residual_without
+    # 28 N over 4 um and 10 N over 3 um: one count of the encoder is 7 N and 3.3 N.
+    for estimate, stiffness in ((x, 28.0 / 4e-6), (y, 10.0 / 3e-6)):
+        assert estimate.model.stiffness == pytest.approx(stiffness, rel=0.1)
+        assert abs(estimate.model.stiffness - stiffness) < 3.0 * estimate.std['stiffness']
+        assert estimate.std['stiffness'] < 0.1 * stiffness
+
+
+def test_stiffness_without_slow_reversals_is_a_guess_and_says_so() -> None:
+    limits = AxisLimits((0.2, 0.2), (2.0, 2.0), (500.0, 500.0))
+    ref = excitation((0.03, 0.03), speeds=(0.06,), multisine_time=4.0, limits=limits, micro_time=0)
+    twin = TwinFile.nominal_servo().with_effects(FRICTION)
+    found = identify_session(session_of(simulate(twin, ref.position, ref.velocity, noise=False)))
+    assert found['x'].std['stiffness'] == np.inf
+    assert found['x'].model.coulomb == pytest.approx(20.0, rel=0.02)
 
 
 def test_what_cannot_be_identified_is_told(record: SimulationResult) -> None:

@@ -33,7 +33,7 @@ def _axis_parameters(axis: str) -> list[Parameter]:
         Parameter(f'{axis}.position_gain', 40.0, 'K_p', '1/s', 1e-3, 1e4),
         Parameter(f'{axis}.velocity_feedforward', 1.0, 'K_f', '', 0.0, 2.0),
         Parameter(f'{axis}.acceleration_feedforward', 0.0, 'K_a', 's', 0.0, 1.0),
-        Parameter(f'{axis}.ilc_gain', 25.0, 'L_initial of the learning', '1/s', 0.0, 1e3),
+        Parameter(f'{axis}.ilc_gain', 40.0, 'L_initial of the learning', '1/s', 0.0, 1e3),
         Parameter(f'{axis}.max_velocity', 0.2, 'limit of the plan', 'm/s', 1e-6),
         Parameter(f'{axis}.max_acceleration', 2.0, 'limit of the plan', 'm/s^2', 1e-4),
         Parameter(f'{axis}.max_jerk', 500.0, 'limit of the plan', 'm/s^3', 1e-3),
@@ -88,7 +88,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter('cmac_cells', 24, 'cells per layer and input', '', 2, 512),
     Parameter('cmac_limit', 0.02, 'largest output of the CMAC', 'm/s', 1e-6),
     Parameter('ilc_cutoff', 25.0, 'of the zero-phase filter Q', 'Hz', 1e-3),
-    Parameter('ilc_lead', 0, 'ticks by which the error is read ahead', '', 0, 1000),
+    Parameter('ilc_lead', 15, 'ticks by which the error is read ahead; eq. 26 has 0', '', 0, 1000),
     Parameter(
         'rilc_reading', 'recommended', 'reading of eqs. 12-16', choices=reinforcement.READINGS
     ),

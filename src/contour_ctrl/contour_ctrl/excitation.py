@@ -1,4 +1,4 @@
-"""A reference for identification: reversals at several speeds, then a multi-sine."""
+"""A reference for identification: reversals at several speeds, micro-motion, a multi-sine."""
 
 from __future__ import annotations
 
@@ -16,10 +16,14 @@ FloatArray = NDArray[np.float64]
 
 #: Pauses between moves, so that stiction shows [s].
 PAUSE = 0.1
-#: Fade of the multi-sine at both ends [s].
+#: Fade of the sines at both ends [s].
 FADE = 0.5
 #: Frequencies [Hz] without common multiples below the record's length.
 FREQUENCIES = (0.31, 0.67, 1.13, 1.93, 3.17, 5.3, 8.9, 13.7)
+#: Of the micro-motion [Hz], and their shares of its range: no two reversals at the same place,
+#: so that the rounding to counts averages out.
+MICRO_FREQUENCIES = (0.71, 0.71 / 1.618)
+MICRO_SHARES = (0.75, 0.25)
 
 
 def excitation(
@@ -32,13 +36,17 @@ def excitation(
     path_acceleration: float = 1.0,
     path_jerk: float = 50.0,
     seed: int = 0,
+    micro_range: float = 6e-5,
+    micro_time: float = 15.0,
 ) -> Reference:
     """Reference from rest to rest at the centre.
 
     For each speed [m/s]: x alone, y alone, and both diagonals, there and back; the slow speeds
-    travel a shorter way, so that each takes about as long as the fastest one or 2 s. Then sines of
-    `FREQUENCIES` with random phases (from `seed`) on both axes at once, each component with
-    the same share of half the speed, acceleration and travel that the limits allow.
+    travel a shorter way, so that each takes about as long as the fastest one or 2 s. Then both
+    axes creep to and fro within +-`micro_range` [m] for `micro_time` [s], so slowly that
+    presliding shows in the encoder. Then sines of `FREQUENCIES` with random phases (from
+    `seed`) on both axes at once for `multisine_time` [s], each component with the same share
+    of half the speed, acceleration and travel that the limits allow.
 
     Raises
     ------
@@ -71,6 +79,12 @@ def excitation(
         )
         for start, stop in zip(corners[:-1], corners[1:], strict=True):
             pieces.append(_straight(start, stop, speed, path_acceleration, path_jerk, period))
+    if micro_time > 2.0 * FADE and micro_range > 0.0:
+        amplitude = micro_range * np.array(MICRO_SHARES)
+        phase = np.zeros((2, len(amplitude)))
+        pieces.append(
+            _sines(micro_time, period, MICRO_FREQUENCIES, np.stack([amplitude] * 2), phase)
+        )
     if multisine_time > 2.0 * FADE:
         pieces.append(_multisine(reach, multisine_time, period, bounds, seed))
     position, velocity, acceleration = (
@@ -119,6 +133,30 @@ def _multisine(
     reach: FloatArray, duration: float, period: float, limits: AxisLimits, seed: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     generator = np.random.default_rng(seed)
+    omega = 2.0 * np.pi * np.array(FREQUENCIES)
+    share = 0.5 / len(omega)
+    amplitude = np.stack(
+        [
+            share
+            * np.minimum(
+                np.minimum(reach[axis], limits.speed[axis] / omega),
+                np.minimum(limits.acceleration[axis] / omega**2, limits.jerk[axis] / omega**3),
+            )
+            for axis in range(2)
+        ]
+    )
+    phase = generator.uniform(0.0, 2.0 * np.pi, (2, len(omega)))
+    return _sines(duration, period, FREQUENCIES, amplitude, phase)
+
+
+def _sines(
+    duration: float,
+    period: float,
+    frequencies: Sequence[float],
+    amplitude: FloatArray,
+    phase: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Sum of sines on each axis that fades in and out; amplitude [m] and phase are (2, k)."""
     time = period * np.arange(int(np.ceil(duration / period)) + 1)
     edge = np.clip(np.minimum(time, time[-1] - time) / FADE, 0.0, 1.0)
     # Quintic smooth step and its derivatives: no step in velocity or acceleration.
@@ -126,19 +164,13 @@ def _multisine(
     fade = edge**3 * (10.0 - 15.0 * edge + 6.0 * edge**2)
     fade_1 = sign * 30.0 * edge**2 * (1.0 - edge) ** 2
     fade_2 = 60.0 * edge * (1.0 - edge) * (1.0 - 2.0 * edge) / FADE**2 * (edge < 1.0)
-    omega = 2.0 * np.pi * np.array(FREQUENCIES)
+    omega = 2.0 * np.pi * np.array(frequencies)
     columns = []
     for axis in range(2):
-        share = 0.5 / len(omega)
-        amplitude = share * np.minimum(
-            np.minimum(reach[axis], limits.speed[axis] / omega),
-            np.minimum(limits.acceleration[axis] / omega**2, limits.jerk[axis] / omega**3),
-        )
-        phase = generator.uniform(0.0, 2.0 * np.pi, len(omega))
-        angle = omega * time[:, None] + phase
-        wave = np.sin(angle) @ amplitude
-        wave_1 = np.cos(angle) @ (amplitude * omega)
-        wave_2 = -np.sin(angle) @ (amplitude * omega**2)
+        angle = omega * time[:, None] + phase[axis]
+        wave = np.sin(angle) @ amplitude[axis]
+        wave_1 = np.cos(angle) @ (amplitude[axis] * omega)
+        wave_2 = -np.sin(angle) @ (amplitude[axis] * omega**2)
         columns.append(
             (
                 fade * wave,

@@ -23,6 +23,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter('centre_y', 0.0, 'centre of the excitation', 'm'),
     Parameter('speeds', [0.002, 0.01, 0.04, 0.1], 'speeds of the reversals', 'm/s', 1e-6),
     Parameter('multisine_time', 10.0, 'duration of the multi-sine', 's', 0.0),
+    Parameter('micro_range', 6e-5, 'half range of the micro-motion', 'm', 0.0),
+    Parameter('micro_time', 15.0, 'duration of the micro-motion', 's', 0.0),
     Parameter('seed', 0, 'of the phases of the multi-sine', '', 0),
     Parameter('control_rate', 1000.0, 'ticks per second', 'Hz', 1.0, 2000.0),
     Parameter('max_velocity', 0.2, 'limit of each axis', 'm/s', 1e-6),
@@ -52,6 +54,8 @@ class Excite(StreamingNode):
             1.0 / value('control_rate'),
             AxisLimits(*((number, number) for number in limit)),
             seed=value('seed'),
+            micro_range=value('micro_range'),
+            micro_time=value('micro_time'),
         )
         gains = Gains(
             (value('x.position_gain'), value('y.position_gain')),

@@ -3,7 +3,8 @@
 Force balance: effort = m a + sigma_2 v + F_c f(v) + offset, with f the bristle force of
 eqs. 6 and 7 over F_c. For given F_s/F_c, v_s and presliding distance F_c/sigma_0 it is linear in
 the rest, so a search over few numbers remains (variable projection; Golub and Pereyra,
-Inverse Problems 19, 2003). sigma_1 stays zero: a millisecond of encoder counts does not show it.
+Inverse Problems 19, 2003). The presliding distance comes from slow reversals, see
+`_presliding`. sigma_1 stays zero: a millisecond of encoder counts does not show it.
 """
 
 from __future__ import annotations
@@ -33,6 +34,12 @@ STARTS = ((0.3, 2e-3), (0.3, 2e-2), (1.0, 5e-3))
 TYPICAL_PRESLIDING = 3e-6
 #: Slower than this the axis counts as standing [m/s].
 STANDING = 3e-4
+#: A reversal is read between these shares of the static force: a larger share needs that force
+#: more exactly.
+REVERSAL = 0.6
+#: A reversal counts as slow where it takes this many lengths of the smoothing, and where it stays
+#: below this share of v_s; so many are needed.
+SLOW_LENGTHS, SLOW_SPEED, SLOW_COUNT = 10.0, 0.1, 4
 
 
 @dataclass(frozen=True)
@@ -49,7 +56,8 @@ class FrictionEstimate:
         Coefficients of the extra regressors.
     std
         Standard deviation of coulomb, viscous, mass and offset, from the residual with its
-        correlation time taken into account.
+        correlation time taken into account; of stiffness from the scatter of the slow reversals,
+        infinite where the record holds too few of them.
     residual, residual_without
         RMS of the force that is left with this model, and with mass and viscous part alone.
     """
@@ -67,7 +75,8 @@ class FrictionEstimate:
         model = self.model
         return (
             f'F_c {model.coulomb:.4g} (std {self.std["coulomb"]:.2g}), F_s {model.static:.4g}, '
-            f'v_s {model.stribeck_velocity:.3g} m/s, sigma_0 {model.stiffness:.3g}, '
+            f'v_s {model.stribeck_velocity:.3g} m/s, sigma_0 {model.stiffness:.3g} '
+            f'(std {self.std["stiffness"]:.2g}), '
             f'viscous {model.viscous:.4g}, mass {self.mass:.4g}, offset {self.offset:.3g}; '
             f'force left {self.residual:.3g} RMS, {self.residual_without:.3g} without friction'
         )
@@ -83,7 +92,8 @@ def identify(
     """Fit the force balance to one axis.
 
     First everything that acts while sliding, from ticks whose neighbourhood neither stands nor
-    reverses; then the presliding distance alone, from all ticks.
+    reverses; then the presliding distance alone, from slow reversals, or roughly from all ticks
+    where the record has too few.
 
     Parameters
     ----------
@@ -113,7 +123,8 @@ def identify(
     def smooth(values: FloatArray) -> FloatArray:
         return np.asarray(gaussian_filter1d(values, width))
 
-    velocity = np.gradient(smooth(position), period)
+    place = smooth(position)
+    velocity = np.gradient(place, period)
     span = float(np.ptp(velocity))
     if not np.min(velocity) < -0.02 * span < 0.02 * span < np.max(velocity):
         raise StageError(
@@ -166,16 +177,24 @@ def identify(
         rest = target[inside] - design(best.x, np.exp(log_presliding), inside) @ solution
         return float(np.sqrt(np.mean(rest**2)))
 
-    found = minimize_scalar(
-        left_over, bounds=np.log(PRESLIDING), method='bounded', options={'xatol': 0.02}
-    )
-    without = target[inside] - base[inside] @ _solve(base[sliding], target[sliding])
     excess, stribeck = np.exp(best.x)
+    static = coulomb * (1.0 + float(excess))
+    friction = target - base @ solution[:-1]
+    ways = _presliding(place, friction, static, SLOW_SPEED * float(stribeck) * period, width)
+    if len(ways) >= SLOW_COUNT and np.mean(ways) > 0.0:
+        stiffness = static / float(np.mean(ways))
+        share = float(np.std(ways, ddof=1) / np.mean(ways)) / np.sqrt(len(ways))
+    else:
+        found = minimize_scalar(
+            left_over, bounds=np.log(PRESLIDING), method='bounded', options={'xatol': 0.02}
+        )
+        stiffness, share = coulomb / float(np.exp(found.x)), float('inf')
+    without = target[inside] - base[inside] @ _solve(base[sliding], target[sliding])
     model = LuGre(
         coulomb,
-        coulomb * (1.0 + float(excess)),
+        static,
         float(stribeck),
-        coulomb / float(np.exp(found.x)),
+        stiffness,
         0.0,
         max(float(solution[1]), 0.0),
     )
@@ -187,10 +206,31 @@ def identify(
         float(solution[0]),
         float(solution[2]),
         tuple(solution[3:-1].tolist()),
-        {name: float(spread[index]) for name, index in names.items()},
-        float(found.fun),
+        {name: float(spread[index]) for name, index in names.items()}
+        | {'stiffness': share * stiffness},
+        left_over(np.log(coulomb / stiffness)),
         float(np.sqrt(np.mean(without**2))),
     )
+
+
+def _presliding(
+    place: FloatArray, friction: FloatArray, static: float, speed: float, width: float
+) -> FloatArray:
+    """Presliding distances F_s / sigma_0 (k,) [m] of the slow reversals of a record.
+
+    While the friction goes from -a F_s to a F_s, eq. 6 with v << v_s gives the way
+    (F_s / sigma_0) ln((1 + a) / (1 - a)). Only the encoder's difference enters, never its
+    rate: a presliding distance of a few counts shows as long as the reversals differ.
+    `speed` [m per tick] bounds the mean speed, `width` [ticks] is the smoothing.
+    """
+    zone = np.sign(friction) * (np.abs(friction) > REVERSAL * static)
+    outside = np.flatnonzero(zone)
+    turn = np.flatnonzero(np.diff(zone[outside]))
+    start, stop = outside[turn], outside[turn + 1]
+    way = (place[stop] - place[start]) * zone[stop]
+    time = stop - start
+    slow = (time >= SLOW_LENGTHS * width) & (np.abs(way) < speed * time)
+    return np.asarray(way[slow] / np.log((1.0 + REVERSAL) / (1.0 - REVERSAL)))
 
 
 def identify_session(session: Session) -> dict[str, FrictionEstimate]:

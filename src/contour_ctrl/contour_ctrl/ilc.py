@@ -12,6 +12,7 @@ from stage_core.errors import StageError
 from stage_core.twin_file import ServoAxis
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 FILTER_ORDER = 2
 
@@ -50,7 +51,7 @@ def p_type_update(
     cutoff
         Of the zero-phase filter Q [Hz].
     lead
-        Ticks by which the error is read ahead; the paper has none.
+        Ticks by which the error is read ahead (see `design`); eqs. 26 and 30 have none.
     """
     ahead = error if lead == 0 else np.vstack([error[lead:], np.repeat(error[-1:], lead, axis=0)])
     return zero_phase_lowpass(learned + gain * ahead, cutoff, period)
@@ -64,11 +65,40 @@ def convergence_factor(
     `impulse` (n,) is the response [m] of the closed loop to a learned velocity of 1 m/s
     during one tick.
     """
-    size = next_fast_len(4 * len(impulse))
-    frequency = np.fft.rfftfreq(size, period)
-    plant = rfft(impulse, size) * np.exp(2j * np.pi * frequency * period * lead)
-    _, once = sosfreqz(_filter(cutoff, period), frequency, fs=1.0 / period)
-    return float(np.max(np.abs(once) ** 2 * np.abs(1.0 - gain * plant)))
+    frequency, plant = _response(impulse, period)
+    ahead = plant * np.exp(2j * np.pi * frequency * period * lead)
+    return float(np.max(_response_of_q(frequency, cutoff, period) * np.abs(1.0 - gain * ahead)))
+
+
+def design(
+    impulse: FloatArray, gain: float, period: float, factor: float = 0.5
+) -> tuple[int, float]:
+    """Return the lead [ticks] and the cutoff [Hz] that this closed loop can learn with.
+
+    The highest cutoff, in steps of 5 Hz, at which some lead makes every frequency's error
+    shrink to `factor` or less in one iteration with L = `gain`, and the best lead there.
+    `gain` = K_p takes a constant error away at once. P-type learning whose error is read
+    ahead by the delay of the loop, with a zero-phase low pass: Longman, "Iterative learning
+    control and repetitive control for engineering practice", Int. J. Control 73 (2000).
+
+    Raises
+    ------
+    StageError
+        No cutoff of 5 Hz or more is low enough.
+    """
+    frequency, plant = _response(impulse, period)
+    leads = np.arange(int(np.ceil(2.0 / (gain * period))) + 1)
+    shifts = np.exp(2j * np.pi * period * leads[:, None] * frequency)
+    left = np.abs(1.0 - gain * plant * shifts)
+    found: tuple[int, float] | None = None
+    for cutoff in np.arange(5.0, 0.5 / period, 5.0):
+        worst = np.max(left * _response_of_q(frequency, float(cutoff), period), axis=1)
+        if worst.min() > factor:
+            break
+        found = int(leads[np.argmin(worst)]), float(cutoff)
+    if found is None:
+        raise StageError('no learning filter of 5 Hz or more converges: raise position_gain')
+    return found
 
 
 def norm_optimal_update(
@@ -138,6 +168,18 @@ def closed_loop_impulse(
         position += coast * velocity + push_p * force
         velocity = decay * velocity + push_v * force
     return result
+
+
+def _response(impulse: FloatArray, period: float) -> tuple[FloatArray, ComplexArray]:
+    """Frequencies (m,) [Hz] and the closed loop's response (m,) at them."""
+    size = next_fast_len(4 * len(impulse))
+    return np.asarray(np.fft.rfftfreq(size, period), dtype=float), np.asarray(rfft(impulse, size))
+
+
+def _response_of_q(frequency: FloatArray, cutoff: float, period: float) -> FloatArray:
+    """Q at frequencies (m,) [Hz]: the filter's power response, since it runs twice."""
+    _, once = sosfreqz(_filter(cutoff, period), frequency, fs=1.0 / period)
+    return np.asarray(np.abs(once) ** 2)
 
 
 def _filter(cutoff: float, period: float) -> FloatArray:

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,10 +214,59 @@ class Monomial(Basis):
 
 
 @dataclass(frozen=True)
-class Trigonometric(Basis):
+class _HalfArguments(Basis):
+    """f = S((D + t)/2), g = S((D - t)/2) on [-D, D] with S'' = `sign` S and S(0) = 0.
+
+    A subclass names S, its derivative and the sign; everything else is the same.
+    """
+
+    half_width: float
+    sign: ClassVar[float]
+    name: ClassVar[str]
+    function: ClassVar[Callable[..., Any]]
+    slope: ClassVar[Callable[..., Any]]
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """Closed interval [-D, D]."""
+        return -self.half_width, self.half_width
+
+    def contains_constants(self, degree: int) -> bool:
+        """Only an even degree does: an odd one spans half-integer frequencies or exponents."""
+        return degree % 2 == 0
+
+    def pair(self, t: Any, functions: Any = np) -> tuple[Any, Any]:
+        """Values f(t) and g(t)."""
+        function = getattr(functions, self.name)
+        return function((self.half_width + t) / 2), function((self.half_width - t) / 2)
+
+    def differences(self, upper: Array, lower: Array) -> Array:
+        """S(D) S((t_i - t_k)/2)."""
+        return np.asarray(
+            getattr(math, self.name)(self.half_width) * self.function((upper - lower) / 2.0)
+        )
+
+    def taylor(self, t: Array, order: int) -> tuple[Array, Array]:
+        """Taylor coefficients of f and g about each t."""
+        rising, falling = (self.half_width + t) / 2.0, (self.half_width - t) / 2.0
+        f, g = np.empty((t.size, order + 1)), np.empty((t.size, order + 1))
+        for k in range(order + 1):
+            derivative = self.slope if k % 2 else self.function
+            scale = self.sign ** (k // 2) * 0.5**k / math.factorial(k)
+            f[:, k] = scale * derivative(rising)
+            g[:, k] = scale * (-1.0) ** k * derivative(falling)
+        return f, g
+
+
+@dataclass(frozen=True)
+class Trigonometric(_HalfArguments):
     """f = sin((D + t)/2), g = sin((D - t)/2) on [-D, D], 0 < D < pi (IB2 and LSB2)."""
 
     half_width: float = 1.57
+    sign: ClassVar[float] = -1.0
+    name: ClassVar[str] = 'sin'
+    function: ClassVar[Callable[..., Any]] = np.sin
+    slope: ClassVar[Callable[..., Any]] = np.cos
 
     def __post_init__(self) -> None:
         if not 0.0 < self.half_width < math.pi:
@@ -225,41 +275,16 @@ class Trigonometric(Basis):
                 'between 0 and pi: the paper takes 1.57'
             )
 
-    @property
-    def domain(self) -> tuple[float, float]:
-        """Closed interval [-D, D]."""
-        return -self.half_width, self.half_width
-
-    def contains_constants(self, degree: int) -> bool:
-        """Only an even degree does: an odd one spans the half-integer frequencies."""
-        return degree % 2 == 0
-
-    def pair(self, t: Any, functions: Any = np) -> tuple[Any, Any]:
-        """Values f(t) and g(t)."""
-        return functions.sin((self.half_width + t) / 2), functions.sin((self.half_width - t) / 2)
-
-    def differences(self, upper: Array, lower: Array) -> Array:
-        """sin(D) sin((t_i - t_k)/2)."""
-        return math.sin(self.half_width) * np.sin((upper - lower) / 2.0)
-
-    def taylor(self, t: Array, order: int) -> tuple[Array, Array]:
-        """Taylor coefficients of f and g about each t."""
-        rising, falling = (self.half_width + t) / 2.0, (self.half_width - t) / 2.0
-        f, g = np.empty((t.size, order + 1)), np.empty((t.size, order + 1))
-        for k in range(order + 1):
-            # The k-th derivative of sine is a sine or cosine with a sign of period four.
-            function = np.cos if k % 2 else np.sin
-            scale = (-1.0 if k % 4 > 1 else 1.0) * 0.5**k / math.factorial(k)
-            f[:, k] = scale * function(rising)
-            g[:, k] = scale * (-1.0) ** k * function(falling)
-        return f, g
-
 
 @dataclass(frozen=True)
-class Hyperbolic(Basis):
+class Hyperbolic(_HalfArguments):
     """f = sinh((D + t)/2), g = sinh((D - t)/2) on [-D, D], D > 0."""
 
     half_width: float = 1.0
+    sign: ClassVar[float] = 1.0
+    name: ClassVar[str] = 'sinh'
+    function: ClassVar[Callable[..., Any]] = np.sinh
+    slope: ClassVar[Callable[..., Any]] = np.cosh
 
     def __post_init__(self) -> None:
         if not 0.0 < self.half_width < 300.0:
@@ -267,35 +292,6 @@ class Hyperbolic(Basis):
                 f'the half width {self.half_width} of a hyperbolic basis must lie between '
                 '0 and 300: scale the parameter'
             )
-
-    @property
-    def domain(self) -> tuple[float, float]:
-        """Closed interval [-D, D]."""
-        return -self.half_width, self.half_width
-
-    def contains_constants(self, degree: int) -> bool:
-        """Only an even degree does: an odd one spans the half-integer exponents."""
-        return degree % 2 == 0
-
-    def pair(self, t: Any, functions: Any = np) -> tuple[Any, Any]:
-        """Values f(t) and g(t)."""
-        rising, falling = (self.half_width + t) / 2, (self.half_width - t) / 2
-        return functions.sinh(rising), functions.sinh(falling)
-
-    def differences(self, upper: Array, lower: Array) -> Array:
-        """sinh(D) sinh((t_i - t_k)/2)."""
-        return math.sinh(self.half_width) * np.sinh((upper - lower) / 2.0)
-
-    def taylor(self, t: Array, order: int) -> tuple[Array, Array]:
-        """Taylor coefficients of f and g about each t."""
-        rising, falling = (self.half_width + t) / 2.0, (self.half_width - t) / 2.0
-        f, g = np.empty((t.size, order + 1)), np.empty((t.size, order + 1))
-        for k in range(order + 1):
-            function = np.cosh if k % 2 else np.sinh
-            scale = 0.5**k / math.factorial(k)
-            f[:, k] = scale * function(rising)
-            g[:, k] = scale * (-1.0) ** k * function(falling)
-        return f, g
 
 
 BASES: dict[str, type[Basis]] = {
