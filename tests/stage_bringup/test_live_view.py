@@ -1,11 +1,16 @@
-"""The live view passes the graph's messages on; the server is a stand-in or the real SDK."""
+"""The live view passes the graph's messages on to a browser, over the real server."""
 
 from __future__ import annotations
 
-import importlib.util
+import asyncio
+import contextlib
+import json
 import os
+import socket
+import struct
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,24 +20,6 @@ import pytest
 from session_bags.definitions import definition
 from stage_bringup.live_view_node import Thinner, channel
 from stage_core import topics
-
-STAND_IN = """
-import pathlib, os
-class Schema:
-    def __init__(self, *, name, encoding, data):
-        self.name, self.encoding, self.data = name, encoding, data
-class Channel:
-    def __init__(self, topic, *, message_encoding, schema):
-        self.topic = topic
-    def log(self, data):
-        with open(os.environ['LIVE_VIEW_LOG'], 'a') as out:
-            out.write(f'{self.topic} {bytes(data).hex()}\\n')
-def start_server(*, name, host, port):
-    class Server:
-        def stop(self):
-            pathlib.Path(os.environ['LIVE_VIEW_LOG'] + '.stopped').touch()
-    return Server()
-"""
 
 
 def test_thinner_keeps_the_rate() -> None:
@@ -64,15 +51,17 @@ def test_channel_carries_the_message_definition() -> None:
     assert values['schema']['data'].decode() == definition('sensor_msgs/msg/JointState')[0]
 
 
-def test_node_without_the_sdk_says_what_to_install(ros_env: dict[str, str]) -> None:
-    if importlib.util.find_spec('foxglove') is not None:
-        pytest.skip('foxglove-sdk is installed')
+def test_node_without_the_sdk_says_what_to_install(
+    ros_env: dict[str, str], tmp_path: Path
+) -> None:
+    (tmp_path / 'foxglove.py').write_text('raise ImportError')
+    path = os.pathsep.join([str(tmp_path), ros_env.get('PYTHONPATH', '')])
     run = subprocess.run(
         [sys.executable, '-m', 'stage_bringup.live_view_node'],
-        env=ros_env,
+        env={**ros_env, 'PYTHONPATH': path},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=140,
         check=False,
     )
     assert run.returncode == 2
@@ -80,30 +69,106 @@ def test_node_without_the_sdk_says_what_to_install(ros_env: dict[str, str]) -> N
     assert len(run.stderr.strip().splitlines()) == 1
 
 
-def test_node_passes_messages_on(ros_env: dict[str, str], tmp_path: Path) -> None:
-    """What is published reaches the channel of its topic; SIGTERM stops the server."""
+async def first_messages(port: int, wanted: set[str]) -> dict[str, tuple[dict[str, str], bytes]]:
+    """Advertised channel and first message of each wanted topic, as a browser gets them."""
+    from tornado.websocket import websocket_connect
+
+    browser = await websocket_connect(
+        f'ws://127.0.0.1:{port}', subprotocols=['foxglove.sdk.v1'], connect_timeout=60.0
+    )
+    channels: dict[int, dict[str, str]] = {}
+    found: dict[str, tuple[dict[str, str], bytes]] = {}
+    while set(found) != wanted:
+        frame = await browser.read_message()
+        if isinstance(frame, bytes):
+            # Message data: opcode 1, id of the subscription, log time, payload.
+            opcode, identity, _ = struct.unpack_from('<BIQ', frame)
+            if opcode == 1:
+                found[channels[identity]['topic']] = (channels[identity], frame[13:])
+            continue
+        message = json.loads(frame)
+        if message['op'] == 'advertise':
+            new = {c['id']: c for c in message['channels'] if c['topic'] in wanted}
+            channels |= new
+            asked = [{'id': identity, 'channelId': identity} for identity in new]
+            await browser.write_message(json.dumps({'op': 'subscribe', 'subscriptions': asked}))
+    browser.close()
+    return found
+
+
+@pytest.mark.timeout(300)
+def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> None:
+    """Over the real server: channels with their definitions, and bytes that decode."""
+    pytest.importorskip('foxglove', reason='foxglove-sdk is an optional extra')
+    pytest.importorskip('tornado', reason='comes with Dask, an optional extra')
+    from mcap.records import Schema
+    from mcap_ros2.decoder import DecoderFactory
+    from sensor_msgs.msg import JointState
     from std_msgs.msg import String
 
     from stage_node.client_node import GraphClient
-    from stage_node.node import LATCHED_QOS
+    from stage_node.node import LATCHED_QOS, STATE_QOS
 
-    (tmp_path / 'foxglove.py').write_text(STAND_IN)
-    log = tmp_path / 'log'
-    path = os.pathsep.join([str(tmp_path), ros_env.get('PYTHONPATH', '')])
-    env = {**ros_env, 'PYTHONPATH': path, 'LIVE_VIEW_LOG': str(log)}
-    node = subprocess.Popen([sys.executable, '-m', 'stage_bringup.live_view_node'], env=env)
+    with socket.socket() as free:
+        free.bind(('127.0.0.1', 0))
+        port = free.getsockname()[1]
+    node = subprocess.Popen(
+        [
+            sys.executable,
+            '-m',
+            'stage_bringup.live_view_node',
+            '--ros-args',
+            '-p',
+            f'port:={port}',
+        ],
+        env=ros_env,
+    )
+    ended = threading.Event()
     try:
         with GraphClient('live_view_test') as client:
-            publisher = client.node.create_publisher(String, topics.MODEL, LATCHED_QOS)
-            publisher.publish(String(data='{"active": false}'))
-            deadline = time.monotonic() + 60.0
-            while time.monotonic() < deadline and not (
-                log.exists() and 'model' in log.read_text()
-            ):
-                time.sleep(0.1)
-        line = next(text for text in log.read_text().splitlines() if topics.MODEL in text)
-        assert b'{"active": false}' in bytes.fromhex(line.split()[1])
+            model = client.node.create_publisher(String, topics.MODEL, LATCHED_QOS)
+            model.publish(String(data='{"active": false}'))
+            states = client.node.create_publisher(JointState, topics.JOINT_STATES, STATE_QOS)
+
+            def publish() -> None:
+                while not ended.wait(0.05):
+                    states.publish(JointState(name=['x', 'y'], position=[0.25, -0.5]))
+
+            thread = threading.Thread(target=publish)
+            thread.start()
+            try:
+                wait_for_server(port, node)
+                wanted = {topics.MODEL, topics.JOINT_STATES, topics.DIAGNOSTICS}
+                got = asyncio.run(asyncio.wait_for(first_messages(port, wanted), 120.0))
+            finally:
+                ended.set()
+                thread.join()
+        for topic, (advertised, _) in got.items():
+            assert advertised['encoding'] == 'cdr'
+            assert advertised['schemaEncoding'] == 'ros2msg'
+            assert advertised['schemaName'] == topics.TOPIC_TYPES[topic]
+
+        def decoded(topic: str):
+            advertised, data = got[topic]
+            text = advertised['schema'].encode()
+            schema = Schema(1, text, 'ros2msg', advertised['schemaName'])
+            decode = DecoderFactory().decoder_for('cdr', schema)
+            assert decode is not None
+            return decode(data)
+
+        assert list(decoded(topics.JOINT_STATES).position) == [0.25, -0.5]
+        assert decoded(topics.MODEL).data == '{"active": false}'
+        assert decoded(topics.DIAGNOSTICS).status[0].name.startswith('live_view')
     finally:
         node.terminate()
-        node.wait(timeout=60)
-    assert (tmp_path / 'log.stopped').exists()
+        assert node.wait(timeout=60) == 0
+
+
+def wait_for_server(port: int, node: subprocess.Popen) -> None:
+    deadline = time.monotonic() + 120.0
+    while time.monotonic() < deadline:
+        assert node.poll() is None
+        with contextlib.suppress(OSError), socket.create_connection(('127.0.0.1', port), 1.0):
+            return
+        time.sleep(0.1)
+    pytest.fail(f'nothing listens on port {port}')
