@@ -142,7 +142,7 @@ def main() -> int:
         watch = Watch(lockstep=False)
         ended = threading.Event()
         try:
-            watch.wait(lambda: len(watch.encoder) > 0, 'the stage')
+            watch.wait(lambda: len(watch.encoder) > 0, 'the stage', 180.0)
             client = watch.client
             for service in ('/session_recorder/start', *counts):
                 client.wait_for_service(service, 90.0)
