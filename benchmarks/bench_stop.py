@@ -88,7 +88,7 @@ def main() -> None:
         with GraphClient('bench_stop') as client:
             client.watch(JointState, topics.JOINT_STATES)
             client.watch(DiagnosticArray, topics.DIAGNOSTICS)
-            client.wait_for(lambda: client.latest(topics.JOINT_STATES) is not None, 60, 'states')
+            client.wait_for(lambda: client.latest(topics.JOINT_STATES) is not None, 180, 'states')
             streaming = threading.Thread(target=stream, args=(client, ended))
             streaming.start()
             durations = 1e3 * answer_times(client)
@@ -105,7 +105,13 @@ def main() -> None:
         ended.set()
         for node in reversed(nodes):
             node.terminate()
-            node.wait(15)
+        for node in nodes:
+            # One that does not end on a loaded machine must not keep the other alive.
+            try:
+                node.wait(30)
+            except subprocess.TimeoutExpired:
+                node.kill()
+                node.wait()
 
 
 if __name__ == '__main__':
