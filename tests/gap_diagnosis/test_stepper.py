@@ -10,6 +10,7 @@ import pytest
 
 from gap_diagnosis.__main__ import main
 from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.stepper import _repeats
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
@@ -107,3 +108,38 @@ def test_what_a_stepper_session_may_lack() -> None:
         diagnose([replace(session, series=without)], [], nominal())
     with pytest.raises(StageError, match='rests'):
         diagnose([stepper_session({}, moves=10)], [], nominal())
+
+
+MANY = {
+    **EFFECTS,
+    'scale_error.y': {'error': -80e-6},
+    'backlash.x': {'width': 8e-6},
+    'nonorthogonality': {'angle': -190e-6},
+}
+
+
+def known_scatter() -> TwinFile:
+    return replace(nominal(), extra={'repeatability': 4.0 * SCATTER})
+
+
+def test_many_effects_are_named_from_few_rests() -> None:
+    found = diagnose([stepper_session(MANY, moves=32)], [], known_scatter())
+    assert set(found.verdict) == set(MANY)
+    assert found.after < 1.5 * found.noise_floor
+
+
+def test_what_too_few_rests_leave_is_unknown_and_no_noise() -> None:
+    found = diagnose([stepper_session(MANY, moves=20)], [], known_scatter())
+    assert 'unknown' in found.verdict
+    assert found.after > 1.5 * found.noise_floor
+
+
+def test_repeatability_is_that_of_repeated_rests() -> None:
+    generator = np.random.default_rng(3)
+    stops = np.array([[0.0, 0.0], [0.02, 0.01], [0.04, 0.03], [0.01, 0.005]])
+    where = np.tile(stops, (30, 1))
+    point = where + 2e-6 * generator.standard_normal(where.shape)
+    found = _repeats(point, where, np.full(2, 5e-8))
+    assert found == pytest.approx(2e-6, rel=0.15)
+    # The side from which a place is reached counts: play is no scatter.
+    assert _repeats(point[:4], where[:4], np.full(2, 5e-8)) is None

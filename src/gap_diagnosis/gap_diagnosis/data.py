@@ -47,6 +47,7 @@ class Record:
     moving: tuple[bool, ...] = ()
     warnings: tuple[str, ...] = field(default=())
     points_per_row: float = 1.0  # tracker points whose mean is a row: more than 1 for rests
+    rest_scatter: float | None = None  # standard deviation of repeated rests [m]
     clock: Clock | None = None  # from stamps to `time`; None where they are the same
     tracker_stamp: Array | None = None  # of the points, where `clock` makes another time of it
 

@@ -22,6 +22,7 @@ from gap_diagnosis.parts import (
     Part,
     fit_part,
     fit_servo,
+    rest_scatter,
     with_mean_points,
     with_steps,
 )
@@ -133,7 +134,8 @@ def diagnose(
         progress('encoder -> table -> tracker: residual of the measurement')
         kinematics = Kinematics(records, seen)
         rules, least = (REST_RULES, LEAST_RESTS) if stepper else (KINEMATIC_RULES, LEAST_ROWS)
-        part = fit_part('tracker', kinematics.problem(), rules, seed, without, least)
+        known = stepper and rest_scatter(twin, records) is not None
+        part = fit_part('tracker', kinematics.problem(), rules, seed, without, least, known)
         part.row_axis = kinematics.row_axis()
         parts.append(part)
     parameters: dict[str, dict[str, tuple[float, float]]] = dict(quantisation)

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis import evidence as judge
+from gap_diagnosis.backward import select_backwards
 from gap_diagnosis.data import Record, held_out_windows, inside
+from gap_diagnosis.evidence import Structure
 from gap_diagnosis.regression import Problem
 from gap_diagnosis.replay import replay
 from gap_diagnosis.selection import Rules, Selection, Selector, describe
@@ -25,7 +27,9 @@ SERVO_RULES = Rules(of_noise=0.05, of_gap=6e-4)
 KINEMATIC_RULES = Rules(of_gap=1e-5)
 #: The alignment of a session took what is rigid out of the errors: scale and
 #: squareness show only beside the rotation and the offset that it should have had.
-REST_RULES = Rules(of_gap=1e-5, given=('tracker_misalignment',), prefer_plain=True)
+REST_RULES = Rules(
+    of_gap=1e-5, of_noise=0.2, level=0.995, given=('tracker_misalignment',), prefer_plain=True
+)
 
 #: Least share of an effect's own contribution that a general curve over its condition may still
 #: find in the remainder, before the effect is held for an imitation of something unknown. Models
@@ -69,10 +73,23 @@ def with_mean_points(twin: TwinFile, records: list[Record]) -> TwinFile:
     points = min(r.points_per_row for r in records)
     if points <= 1.0 or twin.tracker is None:
         return twin
-    scatter = twin.extra.get('repeatability', 0.0)
-    scatter = 0.25 * float(scatter) if isinstance(scatter, (int, float)) else 0.0
-    noise = math.hypot(twin.tracker.noise / math.sqrt(points), scatter)
+    noise = twin.tracker.noise / math.sqrt(points)
+    scatter = rest_scatter(twin, records)
+    if scatter is not None:
+        noise = math.hypot(noise, scatter)
     return replace(twin, tracker=replace(twin.tracker, noise=noise))
+
+
+def rest_scatter(twin: TwinFile, records: list[Record]) -> float | None:
+    """Standard deviation of where a rest is [m]: of repeated rests, else what the twin states.
+
+    None where neither is known.
+    """
+    measured = [r.rest_scatter for r in records if r.rest_scatter is not None]
+    if measured:
+        return float(np.sqrt(np.mean(np.square(measured))))
+    stated = twin.extra.get('repeatability')
+    return 0.25 * float(stated) if isinstance(stated, (int, float)) else None
 
 
 def fit_part(
@@ -82,6 +99,7 @@ def fit_part(
     seed: int,
     without: Sequence[str],
     least_rows: tuple[int, int] = LEAST_ROWS,
+    known_noise: bool = False,
 ) -> Part:
     """Select the effects of one problem and judge what remains.
 
@@ -142,8 +160,12 @@ def _fit_whole(name: str, problem: Problem, rules: Rules, seed: int) -> Part:
     """Selection on the rows as they are, or beside a slow remainder on whitened ones."""
     selector = Selector(problem, rules, seed)
     selection = selector.select()
+    if rules is REST_RULES:
+        selection = select_backwards(selector, selection)
     residual = selection.fit.residual
     found = judge.structure(problem, residual, _modelled(problem, selection, residual), name)
+    if known_noise and not found.structured:
+        found = _beyond_noise(problem, selection, found)
     rho = judge.slow_remainder(residual, problem.judged) if name == 'tracker' else 0.0
     if found.structured and rho > 0.0:
         # A slow drift hides what is fast and imitates what is slow: judge beside it. Effects
@@ -155,6 +177,17 @@ def _fit_whole(name: str, problem: Problem, rules: Rules, seed: int) -> Part:
         residual = _residual(problem, selection)
         found = judge.structure(problem, residual, _modelled(problem, selection, residual), name)
     return Part(name, problem, selector, selection, residual, np.zeros(0, np.int64), found)
+
+
+def _beyond_noise(problem: Problem, selection: Selection, found: Structure) -> Structure:
+    """Rests whose scatter is known: what they leave beyond twice of it is structure.
+
+    Few rests follow one another in no order that an autocovariance could show.
+    """
+    remaining = selection.fit.mean_square(problem) - problem.floor**2
+    gap = max(problem.mean_square(problem.judged) - problem.floor**2, 1e-300)
+    share = min(max(remaining, 0.0) / gap, 1.0)
+    return Structure(remaining, share, True) if remaining > 3.0 * problem.floor**2 else found
 
 
 def _modelled(problem: Problem, selection: Selection, residual: Array) -> Array:

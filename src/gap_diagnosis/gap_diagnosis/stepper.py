@@ -36,16 +36,18 @@ LEAST_REST = 0.2  # s
 EDGE = 0.06  # s at both ends of a rest: age of a count, and what rings after a move
 LEAST_POINTS = 5  # of a rest
 LEAST_RESTS = 12
+LEAST_REPEATS = 6  # rests beyond the first of their place, to know a scatter from
 HINT = 'record one with at least 18 rests of 0.5 s (`ros2 run stage_bringup session`)'
 
 
 @dataclass(frozen=True)
 class _Rests:
-    """Middle [s], mean tracker point [m] and number of points of each rest."""
+    """Middle [s], mean tracker point [m], number of points and counted place [m] of each rest."""
 
     time: Array
     point: Array
     count: Array
+    where: Array
 
 
 def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False) -> Record:
@@ -104,10 +106,36 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
             'between them is not, nor are the servo link and the tracker clock',
         ),
         points_per_row=float(np.median(rests.count)),
+        rest_scatter=_repeats(rests.point, rests.where, np.array([_step(twin, a) for a in axes])),
     )
     check_excitation(record)
     check_tracker_moves(record)
     return record
+
+
+def _step(twin: TwinFile, axis: str) -> float:
+    own = twin.axes[axis]
+    return own.microstep if isinstance(own, StepperAxis) else STILL
+
+
+def _repeats(point: Array, where: Array, step: Array) -> float | None:
+    """Pooled standard deviation [m] of rests at the same place reached from the same side.
+
+    Repeatability as ISO 230-2 has it, per coordinate; None where fewer than six rests repeat.
+    """
+    side = np.sign(np.diff(where, axis=0, prepend=where[:1]))
+    place = np.hstack([np.rint(where / np.maximum(4.0 * step, STILL)), side])[1:]
+    _, group = np.unique(place, axis=0, return_inverse=True)
+    group = group.ravel()
+    size = np.bincount(group)
+    freedom = int(np.sum(size - 1))
+    if freedom < LEAST_REPEATS:
+        return None
+    own = point[1:]
+    sums = np.zeros((len(size), own.shape[1]))
+    np.add.at(sums, group, own)
+    rest = own - (sums / size[:, None])[group]
+    return float(np.sqrt(np.sum(rest**2) / (freedom * own.shape[1])))
 
 
 def _refuse_forces(session: Session) -> None:
@@ -151,7 +179,7 @@ def _rests(
     noise = twin.tracker.noise if twin.tracker is not None else 1.0e-6
     still = np.all(np.abs(np.diff(motion, axis=0)) < STILL, axis=1)
     edges = np.diff(np.concatenate([[0], still.astype(np.int64), [0]]))
-    time, mean, count = [], [], []
+    time, mean, count, where = [], [], [], []
     for start, stop in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
         if counted[stop] - counted[start] < LEAST_REST:
             continue
@@ -167,9 +195,10 @@ def _rests(
         time.append(0.5 * (counted[start] + counted[stop]))
         mean.append(own[use].mean(axis=0))
         count.append(float(np.count_nonzero(use)))
+        where.append(motion[stop])
     if len(time) < LEAST_RESTS:
         raise StageError(
             f'{session.path} holds {len(time)} rests of the stage that the tracker sees, a '
             f'diagnosis of a stepper stage needs {LEAST_RESTS}: {HINT}'
         )
-    return _Rests(np.array(time), np.array(mean), np.array(count))
+    return _Rests(np.array(time), np.array(mean), np.array(count), np.array(where))

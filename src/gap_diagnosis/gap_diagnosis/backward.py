@@ -1,0 +1,51 @@
+"""Selection backwards: from all effects at once, for few rows with a small known noise.
+
+Of tens of rests each effect alone explains little beside all the others, and none would be the
+first of a forward selection. Fitted together they leave little more than the noise, and each
+shows by what is lost without it.
+"""
+
+from __future__ import annotations
+
+from gap_diagnosis.regression import Fit
+from gap_diagnosis.selection import HOLDS, Selection, Selector
+
+#: Rows for each free coefficient, below which all effects at once explain anything.
+ROWS_PER_COEFFICIENT = 2.5
+
+
+def select_backwards(selector: Selector, forward: Selection) -> Selection:
+    """The better of a forward selection and of one that starts from all effects.
+
+    Better is the one that predicts rows better that did not fit it (`Fit.crossed`).
+    """
+    fit = _everything(selector)
+    if fit is None:
+        return forward
+    accepted, fit, evidence = selector._prune(list(fit.thetas), fit)
+    problem = selector.problem
+    if not accepted or fit.mean_square(problem) >= forward.fit.mean_square(problem):
+        return forward
+    selector._rivals(accepted, fit, evidence)
+    rejected = {n: e for n, e in forward.rejected.items() if n not in accepted}
+    return Selection(accepted, fit, evidence, rejected)
+
+
+def _everything(selector: Selector) -> Fit | None:
+    """All effects that hold no other as a special case; None where the rows are too few."""
+    problem, regression = selector.problem, selector.regression
+    names = [n for n in problem.terms if n.partition('.')[0] not in HOLDS]
+    linear = {n: problem.terms[n].grid[0] for n in names if not problem.terms[n].lower}
+    coefficients = sum(regression.columns(n, t).shape[1] for n, t in linear.items())
+    others = [n for n in names if n not in linear]
+    rows = int(problem.fit.sum())
+    if rows < ROWS_PER_COEFFICIENT * (coefficients + len(others)):
+        return None
+    fit = regression.linear(linear)
+    for name in others:
+        fit = selector._with(fit, name)
+    fit = regression.refine(fit.thetas, others)
+    # What takes an impossible value beside all the others is none of them.
+    while not_physical := [n for n in fit.thetas if not selector._admissible(fit, n)]:
+        fit = selector._without(fit, not_physical[0])
+    return fit
