@@ -224,6 +224,7 @@ def test_excite_streams_once_and_ends(
         half_range_y=0.004,
         speeds='[0.08]',
         multisine_time=1.5,
+        micro_time=2.0,
     )
     try:
         output = process.communicate(timeout=60)[0]

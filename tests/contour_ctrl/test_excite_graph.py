@@ -1,0 +1,86 @@
+"""Excite, record, identify: the commands of docs/contour.md in a graph of real processes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from stage_bringup.graph import Options, commands
+from stage_bringup.processes import NodeCommand, Processes
+from stage_core.twin_file import TwinFile
+from stage_node.client_node import GraphClient
+
+FRICTION = {
+    'stribeck_friction.x': {'coulomb': 20.0, 'breakaway': 8.0, 'presliding': 4e-6},
+    'stribeck_friction.y': {'coulomb': 8.0, 'breakaway': 2.0, 'presliding': 4e-6},
+}
+EXCITATION: dict[str, object] = {
+    'use_sim_time': True,
+    'half_range_x': 0.012,
+    'half_range_y': 0.012,
+    'speeds': '[0.01, 0.06]',
+    'micro_time': 6.0,
+    'multisine_time': 3.0,
+    'lockstep_timeout': 60.0,
+}
+
+
+@pytest.mark.timeout(900)
+def test_friction_is_identified_from_a_recorded_session(
+    ros_env: dict[str, str], tmp_path: Path
+) -> None:
+    reality = tmp_path / 'reality.yaml'
+    TwinFile.nominal_servo().with_effects(FRICTION).save(reality)
+    options = Options(out=tmp_path / 'out', reality=reality)
+    graph = Processes(tmp_path / 'log')
+    try:
+        for command in commands(options):
+            if command.name in ('stage_twin', 'stage_driver', 'session_recorder'):
+                graph.start(command)
+        with GraphClient('friction_test', use_sim_time=True) as client:
+            for service in ('/stage_driver/home', '/session_recorder/start'):
+                client.wait_for_service(service, 200.0)
+            client.trigger('/stage_driver/home', 120.0)
+            client.trigger('/session_recorder/start', 60.0)
+            excite = NodeCommand('excite', 'contour_ctrl.excite_node', EXCITATION)
+            done = subprocess.run(
+                excite.arguments(),
+                env=os.environ.copy(),
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                timeout=400,
+            )
+            assert done.returncode == 0, done.stdout + done.stderr
+            client.trigger('/session_recorder/stop', 60.0)
+    finally:
+        graph.end()
+    found = subprocess.run(
+        [
+            sys.executable,
+            '-m',
+            'contour_ctrl.identify_friction',
+            '--bag',
+            str(tmp_path / 'out' / 'session'),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert found.returncode == 0, found.stdout + found.stderr
+    values = {
+        name: float(value)
+        for name, value in (
+            line.strip().split(': ') for line in found.stdout.splitlines() if line.startswith(' ')
+        )
+    }
+    assert values['x.coulomb'] == pytest.approx(20.0, rel=0.03)
+    assert values['y.coulomb'] == pytest.approx(8.0, rel=0.03)
+    assert values['x.static'] == pytest.approx(28.0, rel=0.05)
+    assert values['x.stiffness'] == pytest.approx(28.0 / 4e-6, rel=0.3)
