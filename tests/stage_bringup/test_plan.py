@@ -53,7 +53,7 @@ def test_figures_against_definition() -> None:
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (['--backend', 'zaber', '--clock', 'lockstep'], 'lockstep'),
+        (['--iterations', '0'], '--iterations'),
         (['--grid', '1'], '--grid'),
     ],
 )

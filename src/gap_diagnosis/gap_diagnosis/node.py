@@ -152,15 +152,21 @@ class GapDiagnosisNode(StageNode):
         if self.value('holdout'):
             command += ['--holdout', self.value('holdout')]
         command += ['--twin', self.value('twin'), '--out', self.value('out')]
-        command += ['--seed', str(self.value('seed')), '--quiet']
+        command += ['--seed', str(self.value('seed'))]
         with self._lock:
             self._process = subprocess.Popen(
                 command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
             )
-        output, errors = self._process.communicate()
-        response.success = self._process.returncode == 0
-        lines = (output if response.success else errors).strip().splitlines()
-        response.message = lines[-1] if lines else 'the diagnosis ended without a word'
+        assert self._process.stderr is not None and self._process.stdout is not None
+        said = []
+        for line in self._process.stderr:
+            said.append(line)
+            # What it does now is the diagnosis's sentence on /diagnostics.
+            self.verdict = line.strip().removeprefix('[gap_diagnosis] ')
+        output = self._process.stdout.read()
+        response.success = self._process.wait() == 0
+        lines = output.strip().splitlines() if response.success else said
+        response.message = lines[-1].strip() if lines else 'the diagnosis ended without a word'
         self.verdict = response.message
         return response
 

@@ -41,10 +41,14 @@ RESEND = 5.0
 
 
 class SessionClient(GraphClient):
-    """The graph client of a session: follows reference, encoder and tracker by their stamps."""
+    """The graph client of a session: follows reference, encoder and tracker by their stamps.
 
-    def __init__(self, settle_time: float, use_sim_time: bool) -> None:
+    `counted`: the positions are a stepper's counted motion, which stands still at rest.
+    """
+
+    def __init__(self, settle_time: float, use_sim_time: bool, counted: bool = False) -> None:
         super().__init__('session', use_sim_time)
+        self._counted = counted
         self.settle_time = settle_time
         # In lockstep the driver's own dwell is the rule: nothing may depend on what an encoder
         # count does in its last milliseconds.
@@ -62,7 +66,7 @@ class SessionClient(GraphClient):
         self.watch(PointStamped, topics.TRACKER_POINT, STATE_QOS, self._on_point)
         self.watch(TransformStamped, topics.ALIGNMENT, LATCHED_QOS)
         self.watch(String, topics.MODEL, LATCHED_QOS)
-        self.connected = False
+        self._status: dict[str, tuple[str, dict[str, str]]] = {}
         self.watch(DiagnosticArray, topics.DIAGNOSTICS, 10, self._on_diagnostics)
 
     def _on_reference(self, message: JointState) -> None:
@@ -77,7 +81,7 @@ class SessionClient(GraphClient):
         if (
             self._rest_position is None
             or position.shape != self._rest_position.shape
-            or np.abs(position - self._rest_position).max() > REST_BAND
+            or np.abs(position - self._rest_position).max() > (0.0 if self._counted else REST_BAND)
         ):
             self._rest_position = position
             self._rest_since = stamp
@@ -89,8 +93,17 @@ class SessionClient(GraphClient):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name == 'tracker_bridge: connection':
-                self.connected = status.message == 'connected'
+            values = {pair.key: pair.value for pair in status.values}
+            self._status[status.name] = (status.message, values)
+
+    @property
+    def connected(self) -> bool:
+        """Whether the bridge has a tracker."""
+        return self.status('tracker_bridge: connection')[0] == 'connected'
+
+    def status(self, task: str) -> tuple[str, dict[str, str]]:
+        """Newest sentence and values of a task on /diagnostics, named ``node: task``."""
+        return self._status.get(task, ('', {}))
 
     def alignment(self) -> RigidTransform:
         """The transform that the bridge has published last; identity before."""
@@ -116,8 +129,9 @@ class SessionClient(GraphClient):
         def at_rest() -> bool:
             if self._last_stamp <= sent or self._reference is None:
                 return False
-            dwelt = self._last_stamp - max(self._reference_since, sent)
-            if self._lockstep and dwelt < settle + STANDSTILL:
+            moved = self._rest_since if self._counted else 0
+            dwelt = self._last_stamp - max(self._reference_since, moved, sent)
+            if self._lockstep and not self._counted and dwelt < settle + STANDSTILL:
                 # A move of no length ends a tick or two sooner: then only silence tells.
                 silent = self.silence(topics.JOINT_STATES)
                 return dwelt >= settle - STANDSTILL and silent > STANDSTILL_SILENCE

@@ -81,9 +81,9 @@ def commands(options: Options) -> list[NodeCommand]:
     drive_port, tracker_port = free_port(socket.SOCK_DGRAM), free_port()
     pty = zaber_port(options)
     backend = 'zaber' if stepper else 'servo'
-    driver: dict[str, object] = {'backend': backend, 'twin': nominal}
     # The position loop forgets a move's lag within 0.35 s; the rest of the dwell is measured.
-    driver |= {'port': pty} if stepper else {'drive_port': drive_port, 'settle_time': 0.6}
+    driver: dict[str, object] = {'backend': backend, 'twin': nominal, 'settle_time': 0.6}
+    driver |= {'port': pty} if stepper else {'drive_port': drive_port}
     return [
         NodeCommand(
             'stage_twin',

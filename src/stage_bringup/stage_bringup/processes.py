@@ -93,7 +93,7 @@ class Processes:
         lines = path.read_text(errors='replace').split('\n') if path.exists() else []
         return next((line.strip() for line in reversed(lines) if line.strip()), 'no output')
 
-    def end(self, patience: float = 8.0) -> list[str]:
+    def end(self, patience: float = 20.0) -> list[str]:
         """End every node, the newest first: SIGTERM, then SIGKILL after `patience` [s].
 
         Returns the names of those that had to be killed.

@@ -38,7 +38,8 @@ def parse(arguments: Sequence[str] | None) -> Options:
     parser.add_argument(
         '--clock',
         choices=('lockstep', 'realtime'),
-        help='lockstep: deterministic, as fast as the machine allows (default for servo)',
+        default='lockstep',
+        help='lockstep: deterministic, as fast as the machine allows (default)',
     )
     parser.add_argument('--seed', type=int, default=1, help='seed of noise and held-out points')
     parser.add_argument('--out', type=Path, help='folder of the session (default bags/<time>)')
@@ -50,9 +51,6 @@ def parse(arguments: Sequence[str] | None) -> Options:
     parser.add_argument('--reality', type=Path, help='twin file of the machine that is emulated')
     parser.add_argument('--nominal', type=Path, help='twin file of the nominal machine')
     given = parser.parse_args(arguments)
-    clock = given.clock or ('lockstep' if given.backend == 'servo' else 'realtime')
-    if given.backend == 'zaber' and clock == 'lockstep':
-        raise StageError('the Zaber wire has no lockstep: use --clock realtime')
     if given.grid < 3 or given.heldout < 3 or given.iterations < 1:
         raise StageError('a session needs --grid >= 3, --heldout >= 3 and --iterations >= 1')
     out = given.out or Path('bags') / time.strftime('%Y%m%d-%H%M%S')
@@ -60,7 +58,7 @@ def parse(arguments: Sequence[str] | None) -> Options:
         raise StageError(f'{out} is not empty: name another folder with --out')
     return Options(
         backend=given.backend,
-        clock=clock,
+        clock=given.clock,
         seed=given.seed,
         out=out.resolve(),
         grid=given.grid,

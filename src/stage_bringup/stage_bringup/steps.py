@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from calibrator import model_file
 from stage_bringup.client_node import SessionClient
 from stage_bringup.graph import Options
 from stage_bringup.plan import alignment_points, calibration_grid, heldout_points
 from stage_bringup.processes import Processes
+from stage_bringup.progress import Progress, State
 from stage_bringup.table import Row, as_dict, heldout_rows, render
 from stage_core import topics
 from stage_core.errors import StageError
@@ -29,6 +31,8 @@ Array = NDArray[np.float64]
 
 #: Wall time that one move may take [s]; lockstep on a busy machine is slow, not stuck.
 MOVE_TIMEOUT = 120.0
+#: Wall time until every node is there and has compiled its kernels, on a busy machine [s].
+START_TIMEOUT = 240.0
 #: Silence of the tracker that says that lockstep stands still and all is recorded [s].
 QUIET = 0.5
 
@@ -62,19 +66,25 @@ class Session:
         self.half_range = 0.04
         self.result = SessionResult()
         self._step = 0
+        self._progress = Progress()
 
-    def say(self, text: str) -> None:
-        """Announce a step."""
+    @contextmanager
+    def step(self, text: str, watch: Callable[[], State] | None = None) -> Iterator[None]:
+        """Announce a step and show its progress until it ends."""
         self._step += 1
         print(f'[{self._step:2d}] {text}', flush=True)
+        with Progress(watch) as self._progress:
+            yield
 
-    def visit(self, points: Iterable[Array], label: str, measure: bool) -> Array:
+    def show(self, fraction: float | None, text: str) -> None:
+        """Say how far the step is."""
+        self._progress.show(fraction, text)
+
+    def visit(self, points: Iterable[Array], measure: bool) -> Array:
         """Rest at each point (n, 2) [m]; the measured table points (n, 2) [m] if asked."""
-        measured = []
-        # The bar goes to a terminal only: a log file would fill with it.
-        for point in tqdm(
-            list(points), desc=f'     {label}', unit='point', disable=not sys.stderr.isatty()
-        ):
+        wanted, measured = list(points), []
+        for number, point in enumerate(wanted):
+            self.show(number / len(wanted), f'{number} of {len(wanted)} positions')
             at = self.client.go_to(self.centre + point, MOVE_TIMEOUT, self.processes.check)
             if measure:
                 raw = self.client.measure(at, 0.4 * self.client.settle_time, MOVE_TIMEOUT)
@@ -107,7 +117,7 @@ def run_steps(options: Options, processes: Processes) -> SessionResult:
     StageError
         Of the step that failed, with its reason.
     """
-    client = SessionClient(0.6, options.clock == 'lockstep')
+    client = SessionClient(0.6, options.clock == 'lockstep', options.backend == 'zaber')
     try:
         session = Session(options, processes, client)
         _start(session)
@@ -126,20 +136,24 @@ def run_steps(options: Options, processes: Processes) -> SessionResult:
 
 def _start(session: Session) -> None:
     client, check = session.client, session.processes.check
-    session.say('starting the graph; homing')
-    for service in (
-        '/stage_driver/home',
-        '/tracker_bridge/align',
-        '/session_recorder/start',
-        '/calibrator/retrain',
-        '/contour_ctrl/run',
-    ):
-        client.wait_for_service(service, 90.0, check)
-    client.set_bool('/stage_driver/enable', True, 60.0)
-    # A tracker that is met later would miss the first positions.
-    client.wait_for(lambda: client.connected, 60.0, 'a tracker connected to the bridge')
-    _home(session)
-    client.wait_for_subscribers(topics.TARGET, 1, 30.0)
+    with session.step('starting the graph; homing'):
+        for service in (
+            '/stage_driver/home',
+            '/tracker_bridge/align',
+            '/session_recorder/start',
+            '/calibrator/retrain',
+            '/contour_ctrl/run',
+        ):
+            session.show(None, f'waiting for {service}')
+            client.wait_for_service(service, START_TIMEOUT, check)
+        client.set_bool('/stage_driver/enable', True, 60.0)
+        # A tracker that is met later would miss the first positions. The plant compiles its
+        # kernels before it opens a port: the first time that takes a while.
+        session.show(None, 'waiting for the plant and its tracker (the first run compiles)')
+        client.wait_for(lambda: client.connected, START_TIMEOUT, 'a tracker at the bridge')
+        session.show(None, 'homing')
+        _home(session)
+        client.wait_for_subscribers(topics.TARGET, 1, 30.0)
     low = [client.parameter('/stage_driver', f'{axis}.limit_lower') for axis in 'xy']
     high = [client.parameter('/stage_driver', f'{axis}.limit_upper') for axis in 'xy']
     session.centre = 0.5 * (np.array(low) + np.array(high))
@@ -162,31 +176,41 @@ def _home(session: Session) -> None:
 
 
 def _align(session: Session) -> None:
-    session.say('aligning the tracker with the stage (eq. 24 of paper 1)')
-    session.client.trigger('/tracker_bridge/reset')
-    session.visit(alignment_points(session.half_range), 'align', measure=False)
-    session.quiet()
-    message = session.client.trigger('/tracker_bridge/align', 60.0)
+    with session.step('aligning the tracker with the stage (eq. 24 of paper 1)'):
+        session.client.trigger('/tracker_bridge/reset')
+        session.visit(alignment_points(session.half_range), measure=False)
+        session.quiet()
+        message = session.client.trigger('/tracker_bridge/align', 60.0)
+        # Latched, but on its way: without it every position would be off by the tracker's frame.
+        session.client.wait_for(
+            lambda: session.client.latest(topics.ALIGNMENT) is not None, 60.0, topics.ALIGNMENT
+        )
     session.result.lines.append(f'alignment: {message}')
 
 
 def _calibrate(session: Session) -> None:
     options, client, result = session.options, session.client, session.result
     grid = calibration_grid(session.half_range, options.grid)
-    session.say(f'recording the calibration session: {len(grid)} positions')
-    bag = session.record('calibration')
-    session.visit(grid, 'calibrate', measure=False)
-    session.stop_recording()
+    with session.step(f'recording the calibration session: {len(grid)} positions'):
+        bag = session.record('calibration')
+        session.visit(grid, measure=False)
+        session.stop_recording()
     heldout = heldout_points(session.half_range, options.heldout, options.seed)
-    session.say(f'measuring {len(heldout)} held-out points before the correction')
-    before = session.visit(heldout, 'before', measure=True)
-    session.say(f'retraining the calibrator ({options.method}) from {bag.name}')
-    client.set_parameters('/calibrator', bag=str(bag))
-    message = client.trigger('/calibrator/retrain', 600.0)
+    with session.step(f'measuring {len(heldout)} held-out points before the correction'):
+        before = session.visit(heldout, measure=True)
+
+    def training() -> State:
+        # An iteration and its error while a method iterates, 'no' or 'None' else.
+        told = client.status('calibrator: model')[1].get('training', '')
+        return None, f'iteration, error: {told}' if told.startswith('(') else 'training'
+
+    with session.step(f'retraining the calibrator ({options.method}) from {bag.name}', training):
+        client.set_parameters('/calibrator', bag=str(bag))
+        message = client.trigger('/calibrator/retrain', 600.0)
+        client.set_bool('/calibrator/activate', True)
     result.lines.append(f'calibrator: {message}')
-    client.set_bool('/calibrator/activate', True)
-    session.say(f'measuring {len(heldout)} held-out points after the correction')
-    after = session.visit(heldout, 'after', measure=True)
+    with session.step(f'measuring {len(heldout)} held-out points after the correction'):
+        after = session.visit(heldout, measure=True)
     result.targets = heldout + session.centre
     result.before, result.after = before - result.targets, after - result.targets
     result.rows += heldout_rows(result.before, result.after)
@@ -198,25 +222,39 @@ def _calibrate(session: Session) -> None:
 
 
 def _circle(session: Session) -> None:
-    session.say(f'following the circle {session.options.iterations} times')
-    session.record('circle')
-    message = session.client.trigger('/contour_ctrl/run', 900.0)
-    session.stop_recording()
+    client, count = session.client, session.options.iterations
+    with session.step(f'following the circle {count} times', lambda: contour_state(client)):
+        session.record('circle')
+        message = client.trigger('/contour_ctrl/run', 900.0)
+        session.stop_recording()
     session.result.lines.append(f'circle: {message}')
+
+
+def contour_state(client: SessionClient) -> State:
+    """How far the contour controller is, from what it says on /diagnostics."""
+    sentence, values = client.status('contour_ctrl: contour')
+    counted = re.match(r'iteration (\d+) of (\d+)', sentence)
+    ticks = re.match(r'(\d+) of (\d+)', values.get('tick', ''))
+    if not counted or not ticks:
+        return None, sentence
+    iteration, iterations = (int(word) for word in counted.groups())
+    tick, length = (int(word) for word in ticks.groups())
+    return (iteration - 1 + min(tick / length, 1.0)) / iterations, sentence
 
 
 def _retrain_offline(session: Session) -> None:
     # The command that a user would run, with nothing but the bag.
-    session.say('retraining offline from the bag alone')
     client, options = session.client, session.options
     offline_file = options.out / 'models' / 'offline.json'
-    done = subprocess.run(
-        [sys.executable, '-m', 'calibrator.retrain_offline']
-        + ['--bag', str(session.result.bags['calibration'])]
-        + ['--method', options.method, '--out', str(offline_file)],
-        capture_output=True,
-        text=True,
-    )
+    with session.step('retraining offline from the bag alone'):
+        session.show(None, 'ros2 run calibrator retrain_offline')
+        done = subprocess.run(
+            [sys.executable, '-m', 'calibrator.retrain_offline']
+            + ['--bag', str(session.result.bags['calibration'])]
+            + ['--method', options.method, '--out', str(offline_file)],
+            capture_output=True,
+            text=True,
+        )
     if done.returncode != 0:
         raise StageError(f'offline retraining failed: {done.stderr.strip()}')
     client.wait_for(lambda: client.latest(topics.MODEL) is not None, 30.0, topics.MODEL)
@@ -236,14 +274,17 @@ def _retrain_offline(session: Session) -> None:
 
 
 def _diagnose(session: Session) -> None:
-    session.say('diagnosing the gap between the nominal twin and this session')
     client, bags = session.client, session.result.bags
-    client.set_parameters('/gap_diagnosis', bag=str(bags['calibration']))
-    verdict = client.trigger('/gap_diagnosis/diagnose', 600.0)
+    with session.step(
+        'diagnosing the gap between the nominal twin and this session',
+        lambda: (None, client.status('gap_diagnosis: diagnosis')[0]),
+    ):
+        client.set_parameters('/gap_diagnosis', bag=str(bags['calibration']))
+        verdict = client.trigger('/gap_diagnosis/diagnose', 600.0)
     session.result.lines.append(f'diagnosis: {verdict}')
 
 
 def _stop(session: Session) -> None:
-    session.say('shutting down')
-    session.client.trigger('/stage_driver/stop', 30.0)
-    session.client.set_bool('/stage_driver/enable', False)
+    with session.step('shutting down'):
+        session.client.trigger('/stage_driver/stop', 30.0)
+        session.client.set_bool('/stage_driver/enable', False)

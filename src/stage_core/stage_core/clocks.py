@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 NANOSECONDS = 1_000_000_000
+#: Lockstep on a Zaber line: every command line lets so much virtual time pass [ns]. About its wire
+#: time at 115200 baud; a poll and a streamed move of two axes make a tick of 20 ms.
+LOCKSTEP_EXCHANGE = 5_000_000
 
 
 def to_seconds(stamps: NDArray[np.int64], start: int) -> NDArray[np.float64]:

@@ -88,7 +88,14 @@ PARAMETERS: tuple[Parameter, ...] = (
         maximum=65535,
     ),
     _fixed('max_jerk', 100.0, 'servo: jerk of moves', 'm/s^3', minimum=0.01),
-    _fixed('settle_time', 0.6, 'servo: dwell that ends a move', 's', minimum=0.0, maximum=60.0),
+    _fixed(
+        'settle_time',
+        0.6,
+        'dwell that ends a move (zaber: in lockstep)',
+        's',
+        minimum=0.0,
+        maximum=60.0,
+    ),
     _fixed(
         'following_error_limit',
         0.002,
@@ -106,7 +113,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     _fixed(
         'lockstep_timeout',
         5.0,
-        'servo, lockstep: wall time that a tick waits for its set-point',
+        'lockstep: wall time that a tick waits for its set-point',
         's',
         minimum=0.1,
     ),
@@ -216,6 +223,8 @@ def zaber_config(value: Values) -> ZaberConfig:
         setpoint_timeout=value('setpoint_timeout'),
         homing_timeout=value('homing_timeout'),
         link_timeout=value('link_timeout'),
+        settle_time=value('settle_time'),
+        lockstep_timeout=value('lockstep_timeout'),
         home_required=value('home_required'),
         enable_on_start=value('enable_on_start'),
     )

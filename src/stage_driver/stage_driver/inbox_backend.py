@@ -26,6 +26,7 @@ class InboxBackend(ABC):
         self._homed = False
         self._counts = {'refused': 0, 'watchdog_stops': 0}
         self._last_refusal = ''
+        self._last_setpoint: Setpoint | None = None
         self._ending = threading.Event()
 
     # -- calls from other threads -------------------------------------------------------------
@@ -132,6 +133,16 @@ class InboxBackend(ABC):
         if refused is None and self._homing is not None:
             refused = 'homing is under way: wait for it or call ~/stop'
         return refused
+
+    def _repeats(self, setpoint: Setpoint) -> bool:
+        """Whether this is the last set-point again, sent for the case that it got lost."""
+        previous = self._last_setpoint
+        return (
+            previous is not None
+            and setpoint.stamp == previous.stamp != 0
+            and setpoint.kind is previous.kind
+            and (setpoint.streams or setpoint == previous)
+        )
 
     def _stop(self, reason: str) -> None:
         """Controlled stop; homing fails with the reason."""

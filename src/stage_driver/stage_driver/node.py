@@ -17,6 +17,7 @@ from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config, za
 from stage_driver.servo import ServoBackend
 from stage_driver.states import State
 from stage_driver.zaber import ZaberBackend
+from stage_driver.zaber_lockstep import LockstepZaberBackend
 from stage_driver.zaber_words import describe_flag
 from stage_node.deferred_service import create_deferred_service
 from stage_node.node import (
@@ -26,6 +27,7 @@ from stage_node.node import (
     STATE_QOS,
     WARN,
     StageNode,
+    first_time,
     joint_state,
     run,
     set_stamp,
@@ -79,7 +81,10 @@ class StageDriver(StageNode):
 
     def _make_backend(self) -> Backend:
         if self.value('backend') == 'zaber':
-            return ZaberBackend(zaber_config(self.value), self)
+            config = zaber_config(self.value)
+            if self.value('use_sim_time'):
+                return LockstepZaberBackend(config, self, first_time(self))
+            return ZaberBackend(config, self)
         return ServoBackend(servo_config(self.value), self)
 
     # -- requests -----------------------------------------------------------------------------

@@ -47,7 +47,6 @@ class ServoBackend(InboxBackend):
         self._stamp = 0
         self._answered = -1
         self._stream_stamp = -1
-        self._last_setpoint: Setpoint | None = None
         self._stream_age = 0
         self._last_second = -1
         self._last_packet = b''
@@ -252,13 +251,7 @@ class ServoBackend(InboxBackend):
     # -- requests, in the thread --------------------------------------------------------------
 
     def _take(self, setpoint: Setpoint) -> None:
-        previous = self._last_setpoint
-        if (
-            previous is not None
-            and setpoint.stamp == previous.stamp != 0
-            and setpoint.kind is previous.kind
-            and (setpoint.streams or setpoint == previous)
-        ):
+        if self._repeats(setpoint):
             return
         refused = self._move_refusal(self._contact_refusal())
         if refused is None and not self._homed:

@@ -12,25 +12,30 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import Future
 
+from stage_core.clocks import NANOSECONDS
 from stage_core.errors import StageError
 from stage_driver.backend import INFO, WARNING, Listener, Status
 from stage_driver.inbox_backend import InboxBackend
 from stage_driver.limits import AxisLimits, Setpoint, SetpointKind
 from stage_driver.states import Event, State
+from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_link import LinkLost, NoAnswer
 from stage_driver.zaber_setup import ZaberConfig
 from stage_driver.zaber_stage import Poll, ZaberStage, first_fault, reopen
 
 RECONNECT_PERIOD = 1.0
-NANOSECOND = 1e-9
+NANOSECOND = 1.0 / NANOSECONDS
 
 
 class ZaberBackend(InboxBackend):
     """Owns the port's thread; everything else talks to it through the inbox."""
 
-    def __init__(self, config: ZaberConfig, listener: Listener) -> None:
+    def __init__(
+        self, config: ZaberConfig, listener: Listener, clock: WallClock | None = None
+    ) -> None:
         super().__init__(config.axes, listener)
         self.config = config
+        self._clock = clock or WallClock()
         self._stage: ZaberStage | None = None
         self._travel: Sequence[AxisLimits] = config.limits
         self._ended = threading.Event()
@@ -52,7 +57,7 @@ class ZaberBackend(InboxBackend):
     def start(self) -> None:
         """Open the port, speak to every device, start the thread; StageError where that fails."""
         try:
-            self._found(ZaberStage(self.config))
+            self._found(ZaberStage(self.config, self._clock))
         except (NoAnswer, LinkLost) as error:
             raise StageError(f'{error}: check power and cable') from error
         if self.config.enable_on_start:
@@ -104,7 +109,7 @@ class ZaberBackend(InboxBackend):
                 if self._stage is None:
                     self._reconnect()
                 else:
-                    self._cycle(self._stage)
+                    self._step(self._stage)
             except (LinkLost, NoAnswer) as error:
                 self._lose(f'{error}: put the cable back, then call ~/reset_fault')
             except StageError as error:
@@ -113,18 +118,26 @@ class ZaberBackend(InboxBackend):
                 # Whatever it is, the stage must come to rest and somebody must hear of it.
                 self._fail(f'internal error: {error!r}')
             due = max(due + period, time.monotonic())
-            self._ended.wait(due - time.monotonic())
+            self._pause(due - time.monotonic())
 
-    def _cycle(self, stage: ZaberStage) -> None:
+    def _pause(self, seconds: float) -> None:
+        """Wait for the next cycle."""
+        self._ended.wait(seconds)
+
+    def _step(self, stage: ZaberStage) -> None:
         """Poll every axis, then do what its state asks for."""
-        poll = stage.poll()
+        poll = self._poll(stage)
         if poll is None:
-            self._counts['missed_polls'] += 1
             return
         self._watch_flags(stage, poll)
         self._progress(poll)
         self._follow_stream(stage, poll)
         self._publish(stage, poll)
+
+    def _poll(self, stage: ZaberStage) -> Poll | None:
+        poll = stage.poll()
+        self._counts['missed_polls'] += poll is None
+        return poll
 
     def _watch_flags(self, stage: ZaberStage, poll: Poll) -> None:
         """Read the list of warnings when a flag changes; faults latch, WR asks for homing."""
@@ -148,8 +161,8 @@ class ZaberBackend(InboxBackend):
         """Find the end of homing and of position moves."""
         if self._states.state is not State.MOVING or self._stream is not None:
             return
-        if any(poll.busy):
-            if self._homing is not None and time.monotonic() > self._homing_deadline:
+        if not self._at_rest(poll):
+            if self._homing is not None and self._clock.elapsed() > self._homing_deadline:
                 self._fail(f'homing took longer than {self.config.homing_timeout} s')
             return
         if self._homing is not None:
@@ -159,6 +172,10 @@ class ZaberBackend(InboxBackend):
             self._listener.on_event(WARNING, f'a move ended before its target ({shown})')
         self._targets = None
         self._states.handle(Event.DONE)
+
+    def _at_rest(self, poll: Poll) -> bool:
+        """Whether a motion has come to its end."""
+        return not any(poll.busy)
 
     def _finish_homing(self) -> None:
         homing, self._homing = self._homing, None
@@ -177,6 +194,11 @@ class ZaberBackend(InboxBackend):
             return
         if time.monotonic() - self._stream_since > self.config.setpoint_timeout:
             self._watchdog(f'no set-point for {self.config.setpoint_timeout} s')
+            return
+        self._send_stream(stage, poll)
+
+    def _send_stream(self, stage: ZaberStage, poll: Poll) -> None:
+        if self._stream is None:
             return
         velocities = [value or 0.0 for value in self._stream.velocities]
         refused = stage.stream(velocities, poll.steps)
@@ -202,15 +224,21 @@ class ZaberBackend(InboxBackend):
                 self._references = positions
         self._listener.on_state(poll.stamp, positions, velocities)
         self._listener.on_control(poll.stamp, self._references or positions, rates, rates, ())
-        second = poll.stamp // 1_000_000_000
+        self._read_temperatures(stage, poll.stamp)
+
+    def _read_temperatures(self, stage: ZaberStage, stamp: int) -> None:
+        """Ask for the temperatures once a second."""
+        second = stamp // NANOSECONDS
         if second != self._second:
             self._second = second
             found = stage.temperatures()
-            self._listener.on_temperatures(poll.stamp, list(found), list(found.values()))
+            self._listener.on_temperatures(stamp, list(found), list(found.values()))
 
     # -- requests, in the thread --------------------------------------------------------------
 
     def _take(self, setpoint: Setpoint) -> None:
+        if self._repeats(setpoint):
+            return
         refused = self._move_refusal(self._contact_refusal())
         if refused is None and not self._homed and self.config.home_required:
             refused = 'the stage is not homed: call ~/home first'
@@ -218,6 +246,7 @@ class ZaberBackend(InboxBackend):
         if refused is not None or stage is None or self._last is None:
             self._refuse(f'set-point refused: {refused or "no position is known yet"}')
             return
+        self._last_setpoint = setpoint
         before = self._references or stage.metres(self._last.steps)
         if setpoint.kind is not SetpointKind.VELOCITY:
             self._references = [
@@ -246,7 +275,7 @@ class ZaberBackend(InboxBackend):
             return
         self._stream = self._targets = None
         self._homing = done
-        self._homing_deadline = time.monotonic() + self.config.homing_timeout
+        self._homing_deadline = self._clock.elapsed() + self.config.homing_timeout
         self._states.handle(Event.MOVE)
         failed = stage.home()
         if failed is not None:
@@ -318,7 +347,7 @@ class ZaberBackend(InboxBackend):
     def _found(self, stage: ZaberStage) -> None:
         self._warnings = stage.warnings()
         self._homed = 'WR' not in self._warnings
-        self._flags = self._last = None
+        self._flags = self._last = self._last_setpoint = None
         self._references = []
         self._travel = stage.limits
         self._stage = stage
@@ -333,7 +362,7 @@ class ZaberBackend(InboxBackend):
         """Look for the devices; found ones are stopped and asked whether they know their place."""
         if time.monotonic() < self._retry_at:
             return
-        stage = reopen(self.config)
+        stage = reopen(self.config, self._clock)
         self._retry_at = time.monotonic() + RECONNECT_PERIOD
         if stage is None:
             return

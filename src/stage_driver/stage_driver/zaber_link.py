@@ -12,7 +12,7 @@ import termios
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
 from dataclasses import dataclass
@@ -63,11 +63,20 @@ class ZaberLink:
         Baud rate of a serial device.
     timeout
         Longest wait for a reply [s].
+    line_sent
+        Called after each command line.
     """
 
-    def __init__(self, url: str, baud: int = 115200, timeout: float = 0.2) -> None:
+    def __init__(
+        self,
+        url: str,
+        baud: int = 115200,
+        timeout: float = 0.2,
+        line_sent: Callable[[], None] = lambda: None,
+    ) -> None:
         self.url = url
         self.timeout = timeout
+        self._line_sent = line_sent
         self.counts: Counter[str] = Counter()
         self.garbage_sample = b''
         try:
@@ -170,6 +179,7 @@ class ZaberLink:
         try:
             with self._write_lock:
                 self._port.write(data)
+                self._line_sent()
         except (serial.SerialException, OSError, termios.error) as error:
             self._lost.set()
             raise LinkLost(f'port {self.url} is gone: {_reason(error)}') from error

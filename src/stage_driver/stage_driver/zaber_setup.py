@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from stage_core.errors import StageError
 from stage_driver.limits import AxisLimits
 from stage_driver.protocol import Reply
+from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_link import NoAnswer, ZaberLink
 from stage_driver.zaber_units import ZaberUnits
 from stage_driver.zaber_words import describe_rejection
@@ -28,6 +29,8 @@ class ZaberConfig:
     setpoint_timeout: float = 0.1
     homing_timeout: float = 120.0
     link_timeout: float = 1.0
+    settle_time: float = 0.6
+    lockstep_timeout: float = 5.0
     home_required: bool = True
     enable_on_start: bool = True
 
@@ -52,7 +55,9 @@ class ZaberAxisHandle:
         )
 
 
-def connect(config: ZaberConfig) -> tuple[ZaberLink, list[ZaberAxisHandle]]:
+def connect(
+    config: ZaberConfig, clock: WallClock | None = None
+) -> tuple[ZaberLink, list[ZaberAxisHandle]]:
     """Open the port and prepare every device; nothing moves.
 
     Replies get checksums, manual control by the knob is switched off.
@@ -62,7 +67,8 @@ def connect(config: ZaberConfig) -> tuple[ZaberLink, list[ZaberAxisHandle]]:
     StageError
         If the port cannot be opened, nobody answers, or what answers is no Zaber ASCII device.
     """
-    link = ZaberLink(config.port, config.baud, config.reply_timeout)
+    clock = clock or WallClock()
+    link = ZaberLink(config.port, config.baud, config.reply_timeout, clock.line_sent)
     try:
         for device in sorted(set(config.devices)):
             _greet(link, config, device)

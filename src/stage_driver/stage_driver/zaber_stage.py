@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from stage_core.errors import StageError
 from stage_driver.limits import AxisLimits
 from stage_driver.protocol import ProtocolError, Reply, warning_list
+from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_link import LinkLost, NoAnswer, Query, ZaberLink
 from stage_driver.zaber_setup import ZaberAxisHandle, ZaberConfig, connect, integer
 from stage_driver.zaber_words import FLAGS, describe_flag, describe_rejection
@@ -31,11 +32,12 @@ class Poll:
 class ZaberStage:
     """Talks to the devices behind one open port. All calls may raise LinkLost."""
 
-    def __init__(self, config: ZaberConfig) -> None:
+    def __init__(self, config: ZaberConfig, clock: WallClock | None = None) -> None:
         self.config = config
+        self._clock = clock or WallClock()
         self.link: ZaberLink
         self.handles: list[ZaberAxisHandle]
-        self.link, self.handles = connect(config)
+        self.link, self.handles = connect(config, self._clock)
         self.limits: list[AxisLimits] = [
             handle.narrowed(limits)
             for handle, limits in zip(self.handles, config.limits, strict=True)
@@ -62,10 +64,10 @@ class ZaberStage:
         LinkLost
             If it has not for `link_timeout`.
         """
-        sent = time.time_ns()
+        sent = self._clock.now()
         replies = self.link.ask_all([Query('get pos', h.device, h.axis) for h in self.handles])
         # The devices answer at once: half the round trip is the best guess of "when".
-        stamp = (sent + time.time_ns()) // 2
+        stamp = (sent + self._clock.now()) // 2
         now = time.monotonic()
         silent = now - self._answered_at
         answered = [reply for reply in replies if reply is not None]
@@ -186,9 +188,9 @@ def first_fault(flags: Sequence[str], ignored: Sequence[str] = ()) -> str | None
     return None
 
 
-def reopen(config: ZaberConfig) -> ZaberStage | None:
+def reopen(config: ZaberConfig, clock: WallClock) -> ZaberStage | None:
     """Open the stage again after the cable was pulled; None while it is not there."""
     try:
-        return ZaberStage(config)
+        return ZaberStage(config, clock)
     except (StageError, LinkLost, NoAnswer):
         return None

@@ -102,7 +102,7 @@ class GraphClient:
             while not condition():
                 left = deadline - time.monotonic()
                 if left <= 0.0:
-                    raise StageError(f'{what} did not happen within {timeout:.0f} s')
+                    raise StageError(f'waited {timeout:.0f} s in vain for {what}')
                 self._changed.wait(min(left, poll))
 
     def wait_until_quiet(self, topic: str, quiet: float, timeout: float) -> None:

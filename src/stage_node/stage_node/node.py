@@ -254,6 +254,30 @@ def spin(executor: Executor, ended: threading.Event) -> None:
         executor.spin_once(timeout_sec=0.1)
 
 
+def first_time(node: Node, timeout: float = 30.0) -> int:
+    """Simulated time [ns] as soon as it is known; for a node that nobody spins yet.
+
+    Raises
+    ------
+    StageError
+        If nobody publishes /clock.
+    """
+    executor = make_executor()
+    executor.add_node(node)
+    deadline = time.monotonic() + timeout
+    try:
+        while (now := node.get_clock().now().nanoseconds) == 0:
+            if time.monotonic() > deadline:
+                raise StageError(
+                    f'nobody published {topics.CLOCK} for {timeout:.0f} s: start stage_twin with '
+                    'clock:=lockstep, or set use_sim_time to false'
+                )
+            executor.spin_once(timeout_sec=0.1)
+        return now
+    finally:
+        executor.remove_node(node)
+
+
 def run(factory: Callable[[], StageNode], arguments: Sequence[str] | None = None) -> int:
     """Run one node until SIGINT or SIGTERM; the exit status of the process.
 

@@ -6,15 +6,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from stage_core.clocks import NANOSECONDS
+from stage_core.clocks import LOCKSTEP_EXCHANGE, NANOSECONDS
 from stage_core.twin_file import TwinFile
 from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
 from stage_twin.loops import LOCKSTEP_START_NS, RESEND_AFTER, TrackerOutput
 from stage_twin.stepper import StepperPlant
-
-# Virtual time that each exchange on the line takes: two samples of the tracker at 100 Hz.
-EXCHANGE_TIME = 0.005
 
 
 class StepperLoop:
@@ -59,7 +56,7 @@ class StepperLoop:
         self._server = ZaberPty(
             ZaberChain(self._plant, layout=(1,) * len(self.axes)),
             link=link or None,
-            exchange_time=EXCHANGE_TIME if publish_clock else None,
+            exchange_time=LOCKSTEP_EXCHANGE / NANOSECONDS if publish_clock else None,
             advanced=self._advanced,
         )
 
@@ -93,7 +90,6 @@ class StepperLoop:
 
     def _advanced(self, seconds: float) -> None:
         """Measure what is due; called in the terminal's thread, before its answer is written."""
-        # The terminal adds up its exchanges: its time is off by roundings.
         now_due = self._interval and seconds + 1e-9 >= self._due * self._interval
         if self._tracker is not None and now_due:
             while self._due * self._interval <= seconds + 1e-9:

@@ -12,15 +12,20 @@ PRESLIDING = EffectParameter(
     'slides or breaks away); 0 is dry friction',
 )
 
+
+def _force(name: str, value: float, description: str) -> EffectParameter:
+    return EffectParameter(name, 'N', 0.0, 500.0, value, description)
+
+
+def _viscous(name: str, value: float, description: str) -> EffectParameter:
+    return EffectParameter(name, 'N·s/m', -500.0, 2000.0, value, description)
+
+
 VISCOUS_FRICTION = Effect(
     'viscous_friction',
     'servo',
     True,
-    (
-        EffectParameter(
-            'viscous', 'N·s/m', -500.0, 2000.0, 20.0, "coefficient added to the file's `viscous`"
-        ),
-    ),
+    (_viscous('viscous', 20.0, "coefficient added to the file's `viscous`"),),
     'Force -viscous * v on the moving mass. Armstrong-Helouvry, Dupont, Canudas de Wit, '
     '"A survey of models, analysis tools and compensation methods for the control of machines '
     'with friction", Automatica 30 (1994).',
@@ -30,10 +35,7 @@ COULOMB_FRICTION = Effect(
     'coulomb_friction',
     'servo',
     True,
-    (
-        EffectParameter('coulomb', 'N', 0.0, 500.0, 10.0, 'sliding force'),
-        PRESLIDING,
-    ),
+    (_force('coulomb', 10.0, 'sliding force'), PRESLIDING),
     'Sliding force against the motion with elastic pre-sliding, '
     'dz/dt = v - |v| z / g, force = coulomb * z / g, g = presliding. '
     'Dahl, "A solid friction model", Aerospace Corporation TOR-158 (1968).',
@@ -44,14 +46,10 @@ ASYMMETRIC_FRICTION = Effect(
     'servo',
     True,
     (
-        EffectParameter('coulomb_positive', 'N', 0.0, 500.0, 12.0, 'sliding force for v > 0'),
-        EffectParameter('coulomb_negative', 'N', 0.0, 500.0, 8.0, 'sliding force for v < 0'),
-        EffectParameter(
-            'viscous_positive', 'N·s/m', -500.0, 2000.0, 0.0, 'added viscous coefficient, v > 0'
-        ),
-        EffectParameter(
-            'viscous_negative', 'N·s/m', -500.0, 2000.0, 0.0, 'added viscous coefficient, v < 0'
-        ),
+        _force('coulomb_positive', 12.0, 'sliding force for v > 0'),
+        _force('coulomb_negative', 8.0, 'sliding force for v < 0'),
+        _viscous('viscous_positive', 0.0, 'added viscous coefficient, v > 0'),
+        _viscous('viscous_negative', 0.0, 'added viscous coefficient, v < 0'),
         PRESLIDING,
     ),
     'Friction with a level and a slope of its own in each direction; it holds its Coulomb part '
@@ -64,8 +62,8 @@ STRIBECK_FRICTION = Effect(
     'servo',
     True,
     (
-        EffectParameter('coulomb', 'N', 0.0, 500.0, 10.0, 'sliding force at high speed'),
-        EffectParameter('breakaway', 'N', 0.0, 500.0, 6.0, 'excess of the force near standstill'),
+        _force('coulomb', 10.0, 'sliding force at high speed'),
+        _force('breakaway', 6.0, 'excess of the force near standstill'),
         EffectParameter(
             'stribeck_velocity', 'm/s', 1e-4, 0.2, 5e-3, 'speed at which the excess has decayed'
         ),

@@ -58,18 +58,22 @@ class ZaberChain:
 
     def feed(self, data: bytes, time: float) -> bytes:
         """Answer what the host has sent, at `time` [s] of the plant."""
-        lines = self._pass_time(time)
-        for line in self._buffer.feed(data):
-            request = parse_request(line)
-            if request is None:
-                self.dropped_lines += 1
-                continue
-            lines += self._dispatch(request)
-        return self.faults.pass_on(lines, time)
+        lines: list[bytes | None] = [*self.lines(data)]
+        return b''.join(self.poll(time, line) for line in lines or [None])
 
-    def poll(self, time: float) -> bytes:
-        """Bytes that come unasked by `time` [s]: alerts of ended moves, late replies."""
-        return self.faults.pass_on(self._pass_time(time), time)
+    def lines(self, data: bytes) -> list[bytes]:
+        """Command lines that are complete with `data`."""
+        return self._buffer.feed(data)
+
+    def poll(self, time: float, line: bytes | None = None) -> bytes:
+        """Answer a line at `time` [s]; alerts of ended moves and late replies come unasked."""
+        answers = self._pass_time(time)
+        request = None if line is None else parse_request(line)
+        if request is not None:
+            answers += self._dispatch(request)
+        elif line is not None:
+            self.dropped_lines += 1
+        return self.faults.pass_on(answers, time)
 
     def power_cycle(self) -> None:
         """Switch the power of the whole chain off and on: every position is lost."""

@@ -29,8 +29,8 @@ class ZaberPty:
     link
         Symbolic link that keeps pointing to the terminal, also after the cable was pulled.
     exchange_time
-        None: the plant follows the wall clock. Else every exchange lets this much time pass [s],
-        which makes a session independent of the machine's speed.
+        None: the plant follows the wall clock. Else every line from the host lets this much time
+        pass [s], whatever the pieces in which it comes: nothing depends on the machine's speed.
     advanced
         Called with the plant's time [s] after each step, in the server's thread.
     """
@@ -49,6 +49,7 @@ class ZaberPty:
         self._advanced = advanced
         self._start = time.monotonic()
         self._time = 0.0
+        self._exchanges = 0
         self._lock = threading.Lock()
         self._master = self._slave = -1
         self._ended = threading.Event()
@@ -136,13 +137,17 @@ class ZaberPty:
         if readable and self._master >= 0:
             with contextlib.suppress(OSError):
                 data = os.read(self._master, 4096)
-        if self._exchange_time is None:
-            self._time = time.monotonic() - self._start
-        elif data:
-            self._time += self._exchange_time
-        answer = self.chain.feed(data, self._time) if data else self.chain.poll(self._time)
-        if self._advanced is not None:
-            self._advanced(self._time)
+        answer = b''
+        lines: list[bytes | None] = [*self.chain.lines(data)]
+        for line in lines or [None]:
+            if self._exchange_time is None:
+                self._time = time.monotonic() - self._start
+            elif line is not None:
+                self._exchanges += 1
+                self._time = self._exchanges * self._exchange_time
+            answer += self.chain.poll(self._time, line)
+            if self._advanced is not None:
+                self._advanced(self._time)
         if answer and self._master >= 0:
             # A host that does not read loses bytes, as with a real adapter's full buffer.
             with contextlib.suppress(OSError):

@@ -1,0 +1,117 @@
+"""The Zaber backend in lockstep with the emulated chain: the same requests, the same session."""
+
+import random
+import time
+
+import pytest
+from driver_rig import Recorder
+
+from stage_core.clocks import LOCKSTEP_EXCHANGE, NANOSECONDS
+from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
+from stage_driver.limits import AxisLimits
+from stage_driver.states import State
+from stage_driver.zaber_lockstep import LockstepZaberBackend
+from stage_driver.zaber_setup import ZaberConfig
+from stage_twin.loops import LOCKSTEP_START_NS
+from stage_twin.stepper_loop import StepperLoop
+
+TWIN = TwinFile(
+    kind='stepper',
+    axes={'x': StepperAxis(), 'y': StepperAxis()},
+    tracker=TrackerSpec(rate=100.0, noise=1e-6),
+    extra={'repeatability': 3e-6},
+)
+LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
+SETTLE = 0.2
+TICK = 20_000_000
+AXES = ['x', 'y']
+
+
+class Points:
+    def __init__(self):
+        self.points = []
+
+    def push(self, time_ns, point):
+        self.points.append((time_ns, point))
+
+    def flush(self):
+        pass
+
+
+def wait(condition, timeout=120.0):
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
+def run(folder, pauses):
+    """Home, a move, the same place again, and a stream of 30 ticks with pauses in between."""
+    points, clock, recorder = Points(), [], Recorder()
+    link = str(folder / 'zaber')
+    loop = StepperLoop(TWIN, points, 4, True, link, clock.append)
+    loop.start()
+    config = ZaberConfig(
+        ('x', 'y'), (LIMITS, LIMITS), link, settle_time=SETTLE, lockstep_timeout=60.0
+    )
+    backend = LockstepZaberBackend(config, recorder, LOCKSTEP_START_NS)
+    backend.start()
+
+    def idle():
+        return backend.status().state is State.READY and not backend._due()
+
+    def submit(stamp, positions, velocities):
+        taken = backend._last_setpoint
+        backend.submit(stamp, AXES, positions, velocities)
+        wait(lambda: backend._last_setpoint is not taken)
+
+    try:
+        wait(lambda: recorder.states)
+        backend.home().result(timeout=120)
+        ends = []
+        for number, target in enumerate(([0.01, 0.004], [0.01, 0.004]), 1):
+            time.sleep(pauses.random() * 0.02)
+            submit(number, target, [])
+            # A set-point that is sent again for safety changes nothing.
+            backend.submit(number, AXES, target, [])
+            wait(idle)
+            ends.append(backend._last.stamp)
+        for tick in range(30):
+            seen = backend._last.stamp
+            time.sleep(pauses.random() * 0.005)
+            submit(seen, [0.01 + 1e-4 * tick, 0.004], [0.005, 0.0])
+            wait(lambda seen=seen: backend._last.stamp > seen)
+        stamps = [stamp for stamp, *_ in recorder.states]
+        submit(99, [0.013, 0.004], [])
+        wait(idle)
+        assert backend._clock.now() == clock[-1]
+    finally:
+        backend.close()
+        loop.stop()
+    assert not [text for level, text in recorder.events if level], recorder.events
+    return recorder, points.points, stamps, ends
+
+
+@pytest.mark.timeout(300)
+def test_two_runs_are_identical(tmp_path):
+    results = []
+    for number in range(2):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        results.append(run(folder, random.Random(number)))
+    (first, points, stamps, ends), (second, others, *_) = results
+    # Closing stops the axes, when the last answers are no longer waited for.
+    length = min(len(points), len(others))
+    assert length > 100 and points[:length] == others[:length]
+    assert first.states == second.states and first.controls == second.controls
+    assert first.temperatures == second.temperatures
+    # The ticks of a stream are whole ones.
+    ticks = [late - early for early, late in zip(stamps[-30:], stamps[-29:], strict=False)]
+    assert {gap % TICK for gap in ticks} == {0} and ticks.count(TICK) >= 25
+    # The move ends SETTLE after the last change that was published; so does one of no length.
+    states = {stamp: position for stamp, position, _ in first.states}
+    end = ends[0]
+    moved = max(s for s in states if s <= end and states[s] != states[end])
+    settle = round(SETTLE * NANOSECONDS)
+    assert settle <= end - moved <= settle + 4 * LOCKSTEP_EXCHANGE
+    assert settle <= ends[1] - end <= settle + 8 * LOCKSTEP_EXCHANGE
