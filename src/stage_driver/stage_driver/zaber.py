@@ -246,7 +246,6 @@ class ZaberBackend(InboxBackend):
         if refused is not None or stage is None or self._last is None:
             self._refuse(f'set-point refused: {refused or "no position is known yet"}')
             return
-        self._last_setpoint = setpoint
         before = self._references or stage.metres(self._last.steps)
         if setpoint.kind is not SetpointKind.VELOCITY:
             self._references = [
@@ -254,6 +253,7 @@ class ZaberBackend(InboxBackend):
                 for index, value in enumerate(setpoint.positions)
             ]
         self._states.handle(Event.MOVE)
+        self._last_setpoint = setpoint
         if setpoint.streams:
             self._stream, self._stream_since = setpoint, time.monotonic()
             self._targets = None

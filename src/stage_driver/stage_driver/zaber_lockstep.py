@@ -107,6 +107,8 @@ class LockstepZaberBackend(ZaberBackend):
 
     def _take(self, setpoint: Setpoint) -> None:
         last = self._last
+        if self._repeats(setpoint):
+            return
         if setpoint.streams and last is not None and setpoint.stamp != last.stamp:
             self._counts['late_setpoints'] += 1
             self._refuse(
@@ -114,8 +116,11 @@ class LockstepZaberBackend(ZaberBackend):
                 'ns waits: stamp it as the newest /stage/joint_states'
             )
             return
+        before = self._last_setpoint
         super()._take(setpoint)
-        self._begin_dwell()
+        # One that was refused, or sent again for safety, must not lengthen the dwell.
+        if self._last_setpoint is not before:
+            self._begin_dwell()
 
     def _start_homing(self, done: Future[str]) -> None:
         super()._start_homing(done)
