@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import threading
 import time
@@ -12,11 +13,13 @@ from typing import Any
 from stage_core.errors import StageError
 from stage_node.node import local_graph
 
-#: Participants repeat their announcement every three seconds: one that was missed comes by then.
-_ANNOUNCEMENTS = 3.2
-#: Discovery has settled when nothing new was seen for this long [s].
-_QUIET = 0.3
-_LONGEST = 6.0
+#: Discovery has settled when nothing new was seen for this long [s] ...
+_QUIET = 0.5
+#: ... or, where nobody was seen at all, after this time [s].
+_LONGEST = 3.0
+_PERIOD = 0.05
+#: Longest wait for something that is named [s].
+_NAMED = 6.0
 
 
 @contextmanager
@@ -55,24 +58,27 @@ def settle(looker: Any, spin_time: float | None = None) -> None:
     if spin_time is not None:
         time.sleep(spin_time)
         return
-    begin = changed = time.monotonic()
     last: Any = None
-    while time.monotonic() - begin < _LONGEST:
+    changed = time.monotonic()
+
+    def quiet() -> bool:
+        nonlocal last, changed
         seen = (
             sorted(looker.get_node_names_and_namespaces()),
             sorted(looker.get_topic_names_and_types()),
             sorted(looker.get_service_names_and_types()),
         )
-        now = time.monotonic()
         if seen != last:
-            last, changed = seen, now
-        elif now - begin >= _ANNOUNCEMENTS and now - changed >= _QUIET:
-            return
-        time.sleep(0.05)
+            last, changed = seen, time.monotonic()
+        others = len(seen[0]) > 1
+        return others and time.monotonic() - changed >= _QUIET
+
+    with suppress(StageError):
+        wait_until(quiet, 'the graph changes all the time', _LONGEST)
 
 
-def wait_until(found: Callable[[], Any], timeout: float, absent: str) -> Any:
-    """The first true value of ``found()``.
+def wait_until(found: Callable[[], Any], absent: str, timeout: float = _NAMED) -> Any:
+    """The first true value of ``found()``: the one loop that looks at the graph.
 
     Raises
     ------
@@ -86,7 +92,33 @@ def wait_until(found: Callable[[], Any], timeout: float, absent: str) -> Any:
             return value
         if time.monotonic() > deadline:
             raise StageError(absent)
-        time.sleep(0.05)
+        time.sleep(_PERIOD)
+
+
+def wait_for_type(names_and_types: Callable[[], Any], name: str, absent: str) -> str:
+    """Type of a topic or service as soon as it is on the graph; else StageError as above."""
+    return str(wait_until(lambda: dict(names_and_types()).get(name), absent)[0])
+
+
+def add_list_options(verb: argparse.ArgumentParser, what: str) -> None:
+    """Declare the options of ``topic list`` and ``service list``."""
+    verb.add_argument('-t', '--show-types', action='store_true')
+    verb.add_argument('-c', f'--count-{what}', action='store_true', dest='count')
+    verb.add_argument(f'--include-hidden-{what}', action='store_true', dest='include_hidden')
+    verb.add_argument('--spin-time', type=float)
+
+
+def print_names(arguments: argparse.Namespace, names_and_types: Callable[[Any], Any]) -> None:
+    """Print what a settled graph holds, as `add_list_options` has asked."""
+    with node() as looker:
+        settle(looker, arguments.spin_time)
+        found = sorted(names_and_types(looker))
+    shown = [(n, types) for n, types in found if arguments.include_hidden or not hidden(n)]
+    if arguments.count:
+        print(len(shown))
+        return
+    for name, types in shown:
+        print(f'{name} [{", ".join(types)}]' if arguments.show_types else name)
 
 
 def hidden(name: str) -> bool:
@@ -114,7 +146,7 @@ def split_name(name: str) -> tuple[str, str]:
     return base, namespace or '/'
 
 
-def require_node(looker: Any, name: str, timeout: float = 6.0) -> str:
+def require_node(looker: Any, name: str) -> str:
     """Full name of a node that is on the graph.
 
     Raises
@@ -123,7 +155,7 @@ def require_node(looker: Any, name: str, timeout: float = 6.0) -> str:
         If it does not appear.
     """
     wanted = full_name(name)
-    wait_until(lambda: wanted in node_names(looker, True), timeout, 'Node not found')
+    wait_until(lambda: wanted in node_names(looker, True), 'Node not found')
     return wanted
 
 

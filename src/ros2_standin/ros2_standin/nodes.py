@@ -5,15 +5,17 @@ from __future__ import annotations
 import argparse
 
 from ros2_standin.graph_node import (
+    add_list_options,
     answer,
     full_name,
     hidden,
     node,
     node_names,
+    print_names,
     require_node,
     settle,
     split_name,
-    wait_until,
+    wait_for_type,
 )
 from ros2_standin.messages import fill, interface
 from stage_core.errors import StageError
@@ -36,10 +38,7 @@ def add_service_verbs(parser: argparse.ArgumentParser) -> None:
     """Declare the verbs of ``ros2 service``."""
     verbs = parser.add_subparsers(dest='verb', required=True, metavar='verb')
     verb = verbs.add_parser('list', help='Output a list of available services')
-    verb.add_argument('-t', '--show-types', action='store_true')
-    verb.add_argument('-c', '--count-services', action='store_true')
-    verb.add_argument('--include-hidden-services', action='store_true')
-    verb.add_argument('--spin-time', type=float)
+    add_list_options(verb, 'services')
     verb.set_defaults(run=list_services)
     verb = verbs.add_parser('type', help="Output a service's type")
     verb.add_argument('service_name')
@@ -85,31 +84,19 @@ def node_info(arguments: argparse.Namespace) -> None:
 
 def list_services(arguments: argparse.Namespace) -> None:
     """Print the services' names."""
-    with node() as looker:
-        settle(looker, arguments.spin_time)
-        found = sorted(looker.get_service_names_and_types())
-    shown = [
-        (name, types)
-        for name, types in found
-        if arguments.include_hidden_services or not hidden(name)
-    ]
-    if arguments.count_services:
-        print(len(shown))
-        return
-    for name, types in shown:
-        print(f'{name} [{", ".join(types)}]' if arguments.show_types else name)
+    print_names(arguments, lambda looker: looker.get_service_names_and_types())
 
 
 def service_type(arguments: argparse.Namespace) -> None:
     """Print a service's type."""
     name = full_name(arguments.service_name)
     with node() as looker:
-        types = wait_until(
-            lambda: dict(looker.get_service_names_and_types()).get(name),
-            6.0,
+        found = wait_for_type(
+            looker.get_service_names_and_types,
+            name,
             f'{name} is not available: is its node running?',
         )
-    print(types[0])
+    print(found)
 
 
 def call_service(arguments: argparse.Namespace) -> None:

@@ -9,7 +9,16 @@ import time
 from collections import deque
 from typing import Any
 
-from ros2_standin.graph_node import full_name, hidden, listening_qos, node, settle, wait_until
+from ros2_standin.graph_node import (
+    add_list_options,
+    full_name,
+    listening_qos,
+    node,
+    print_names,
+    settle,
+    wait_for_type,
+    wait_until,
+)
 from ros2_standin.messages import fill, from_plain_field, interface, to_plain, to_yaml
 from stage_core.errors import StageError
 
@@ -18,10 +27,7 @@ def add_verbs(parser: argparse.ArgumentParser) -> None:
     """Declare the verbs."""
     verbs = parser.add_subparsers(dest='verb', required=True, metavar='verb')
     verb = verbs.add_parser('list', help='Output a list of available topics')
-    verb.add_argument('-t', '--show-types', action='store_true')
-    verb.add_argument('-c', '--count-topics', action='store_true')
-    verb.add_argument('--include-hidden-topics', action='store_true')
-    verb.add_argument('--spin-time', type=float)
+    add_list_options(verb, 'topics')
     verb.set_defaults(run=list_topics)
     verb = verbs.add_parser('info', help='Print information about a topic')
     verb.add_argument('topic')
@@ -55,28 +61,15 @@ def add_verbs(parser: argparse.ArgumentParser) -> None:
 
 def list_topics(arguments: argparse.Namespace) -> None:
     """Print the topics' names."""
-    with node() as looker:
-        settle(looker, arguments.spin_time)
-        found = sorted(looker.get_topic_names_and_types())
-    shown = [
-        (name, types)
-        for name, types in found
-        if arguments.include_hidden_topics or not hidden(name)
-    ]
-    if arguments.count_topics:
-        print(len(shown))
-        return
-    for name, types in shown:
-        print(f'{name} [{", ".join(types)}]' if arguments.show_types else name)
+    print_names(arguments, lambda looker: looker.get_topic_names_and_types())
 
 
-def _type_name(looker: Any, topic: str, timeout: float = 6.0) -> str:
-    types = wait_until(
-        lambda: dict(looker.get_topic_names_and_types()).get(topic),
-        timeout,
+def _type_name(looker: Any, topic: str) -> str:
+    return wait_for_type(
+        looker.get_topic_names_and_types,
+        topic,
         f'Could not determine the type for the passed topic: {topic} is not published',
     )
-    return str(types[0])
 
 
 def info(arguments: argparse.Namespace) -> None:
@@ -126,7 +119,7 @@ def echo(arguments: argparse.Namespace) -> None:
         type_name = arguments.type or _type_name(looker, topic)
         if not arguments.type:
             wait_until(
-                lambda: looker.get_publishers_info_by_topic(topic), 6.0, f'no publisher of {topic}'
+                lambda: looker.get_publishers_info_by_topic(topic), f'no publisher of {topic}'
             )
         looker.create_subscription(
             interface(type_name, 'msg'), topic, arrived, listening_qos(looker, topic)
@@ -205,8 +198,8 @@ def publish(arguments: argparse.Namespace) -> None:
             print(f'Waiting for at least {wanted} matching subscription(s)...')
             wait_until(
                 lambda: publisher.get_subscription_count() >= wanted,
-                30.0,
                 f'nobody subscribes to {topic}',
+                30.0,
             )
         print('publisher: beginning loop')
         number = 0
