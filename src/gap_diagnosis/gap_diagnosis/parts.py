@@ -27,9 +27,9 @@ SERVO_RULES = Rules(of_noise=0.05, of_gap=6e-4)
 KINEMATIC_RULES = Rules(of_gap=1e-5)
 #: The alignment of a session took what is rigid out of the errors: scale and
 #: squareness show only beside the rotation and the offset that it should have had.
-REST_RULES = Rules(
-    of_gap=1e-5, of_noise=0.2, level=0.995, given=('tracker_misalignment',), prefer_plain=True
-)
+REST_RULES = Rules(of_gap=1e-5, given=('tracker_misalignment',), prefer_plain=True)
+#: Rests whose scatter is known: all effects at once are judged beside it.
+KNOWN_REST_RULES = replace(REST_RULES, of_noise=0.2, level=0.995)
 
 #: Least share of an effect's own contribution that a general curve over its condition may still
 #: find in the remainder, before the effect is held for an imitation of something unknown. Models
@@ -122,7 +122,7 @@ def fit_part(
             if axis is None or term == effect:
                 del problem.terms[term]
     while True:
-        part = _fit_whole(name, problem, rules, seed)
+        part = _fit_whole(name, problem, rules, seed, known_noise)
         imitations = _imitations(part) if part.structure.structured else []
         if not imitations:
             return part
@@ -156,11 +156,11 @@ def _imitations(part: Part) -> list[str]:
     return found
 
 
-def _fit_whole(name: str, problem: Problem, rules: Rules, seed: int) -> Part:
+def _fit_whole(name: str, problem: Problem, rules: Rules, seed: int, known_noise: bool) -> Part:
     """Selection on the rows as they are, or beside a slow remainder on whitened ones."""
-    selector = Selector(problem, rules, seed)
+    selector = Selector(problem, KNOWN_REST_RULES if known_noise else rules, seed)
     selection = selector.select()
-    if rules is REST_RULES:
+    if known_noise:
         selection = select_backwards(selector, selection)
     residual = selection.fit.residual
     found = judge.structure(problem, residual, _modelled(problem, selection, residual), name)
