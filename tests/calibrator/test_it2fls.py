@@ -1,14 +1,16 @@
 """Interval type-2 system: type reduction, compiled fitness, consequents and swarm vs oracles."""
 
 import itertools
+import warnings
 
+import array_api_strict
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyit2fls import BMM_algorithm, EIASC_algorithm, KM_algorithm
 
-from calibrator import consequents, pso
+from calibrator import consequents, pso, swarm_array
 from calibrator.it2_sets import AntecedentSets, vector_bounds
 from calibrator.models import make_model
 from calibrator.swarm_fitness import SwarmFitness
@@ -146,6 +148,44 @@ def test_compiled_fitness_equals_numpy(reduction, shape):
     expected = [ridge_reference(v, inputs, targets, rules, reduction) for v in swarm]
     np.testing.assert_allclose(one, expected, rtol=1e-6)
     np.testing.assert_array_equal(SwarmFitness(inputs, targets, reduction, 3)(swarm), one)
+
+
+@pytest.mark.parametrize('reduction', ['maclaurin', 'nie_tan', 'biglarbegian'])
+def test_array_api_fitness_equals_the_compiled_one(reduction, monkeypatch):
+    """The path of a graphics processor, in the standard's strict reference namespace."""
+    generator = np.random.default_rng(12)
+    inputs = generator.uniform(-1, 1, (700, 2))
+    targets = np.column_stack([np.sin(3 * inputs[:, 0]), inputs.sum(axis=1) ** 2])
+    low, high = vector_bounds(4, 2)
+    # As above: where the data determine the signs.
+    low[8:16], high[8:16], low[16:] = np.log(0.5), np.log(0.9), np.log(0.7)
+    swarm = generator.uniform(low, high, (12, len(low)))
+    compiled = SwarmFitness(inputs, targets, reduction)(swarm)
+    monkeypatch.setattr(swarm_array, 'LARGEST', 5 * 700 * 12)
+    batched = swarm_array.ArrayFitness(array_api_strict, inputs, targets, reduction)(swarm)
+    np.testing.assert_allclose(batched, compiled, rtol=1e-6)
+
+
+def test_swarm_falls_back_to_the_processor_without_a_word(monkeypatch):
+    inputs, targets = np.random.default_rng(13).uniform(-1, 1, (2, 60, 2))
+
+    class Broken:
+        float64 = float
+
+        @staticmethod
+        def asarray(*_, **__):
+            raise RuntimeError('the driver is too old')
+
+    monkeypatch.setattr(swarm_array.importlib, 'import_module', lambda name: Broken)
+    monkeypatch.setattr(swarm_array, '_torch_device', lambda: None)
+    monkeypatch.setattr(swarm_array, '_cupy_device', lambda: None)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        for device in ('auto', 'cpu'):
+            chosen = swarm_array.swarm_fitness(inputs, targets, 'maclaurin', 1, device)
+            assert isinstance(chosen, SwarmFitness)
+    with pytest.raises(StageError, match='no device tpu'):
+        swarm_array.swarm_fitness(inputs, targets, 'maclaurin', 1, 'tpu')
 
 
 def test_consequents_recover_a_planted_system():

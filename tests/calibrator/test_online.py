@@ -86,6 +86,21 @@ def test_bad_measurements_are_rolled_back():
     assert np.abs(adapter.kept.predict(points) - model.predict(points)).max() < 2e-5
 
 
+def test_grossly_bad_measurements_are_rolled_back_at_once():
+    model = base('affine')
+    adapter = OnlineAdapter(model, deviation=5e-6, noise=1e-6, forgetting=0.97)
+    generator = np.random.default_rng(5)
+    points = generator.uniform(0, 0.05, (50, 2))
+    for k in range(1, 16):
+        command = generator.uniform(0, 0.05, (1, 2))
+        bad = k % 5 != 0
+        adapter.update(command, model.predict(command) + (3e-4 if bad else 0.0))
+        if adapter.rollbacks:
+            break
+    assert k == 10
+    np.testing.assert_array_equal(adapter.model.predict(points), model.predict(points))
+
+
 def test_methods_without_linear_weights_are_refused():
     with pytest.raises(StageError, match='no linear weights'):
         OnlineAdapter(base('lolimot'))

@@ -1,5 +1,7 @@
 """Preparing samples and training on them, against sessions whose truth is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,6 +17,7 @@ from calibrator.prepare import (
     prepare,
     split,
 )
+from calibrator.thermal import derivatives_at
 from calibrator.training import Metrics, find_bags, stored, train, twin_leads
 from stage_core import topics
 from stage_core.errors import StageError
@@ -135,6 +138,99 @@ def test_temperature_is_used_where_it_moves(grid_session):
     assert result.sensors == () and result.model.sensors == 0
     with pytest.raises(StageError, match='sensor screw_x dropped out'):
         prepare(grid_session(20, sensor=[np.nan]))
+
+
+def warming_session(grid_session, seed, span=2400.0, dropout=False):
+    """A session stretched to `span` seconds in which the error follows the warming's rate."""
+    session = grid_session(150, seed=seed)
+    generator = np.random.default_rng(seed)
+    start = session.start_ns
+    clock = np.arange(0.0, span, 2.0)
+    beat = 2 * np.pi / 2400.0
+    heat = 22.0 + 2.0 * np.sin(beat * clock)
+    series = {}
+    for topic, old in session.series.items():
+        stretch = span / ((old.stamps[-1] - start) * 1e-9)
+        series[topic] = Series(
+            topic, start + ((old.stamps - start) * stretch).astype(np.int64), old.values
+        )
+    points = series[topics.TRACKER_POINT]
+    t = (points.stamps - start) * 1e-9
+    grown = {axis: values.copy() for axis, values in points.values.items()}
+    # 40 um at the largest rate; what a lag between sensor and screw looks like.
+    grown['x'] += 4e-5 * np.cos(beat * t)
+    series[points.topic] = Series(points.topic, points.stamps, grown)
+    key = topics.temperature_key('screw_x')
+    readings = heat + generator.normal(0.0, 1e-3, len(clock))
+    if dropout:
+        readings[len(clock) // 2 :] = np.nan
+    stamps = start + (clock * 1e9).astype(np.int64)
+    series[key] = Series(key, stamps, {'temperature': readings})
+    return Session('warming', series)
+
+
+def test_derivatives_of_irregular_readings_are_those_of_a_parabola():
+    generator = np.random.default_rng(0)
+    times = np.sort(generator.uniform(0.0, 900.0, 300))
+    values = 20.0 + 2e-3 * times + 3e-6 * times**2
+    at = np.array([0.0, 350.0, 899.0])
+    first, second = derivatives_at(times, values, at)
+    ends = np.maximum(at, times[0] + 300.0)
+    np.testing.assert_allclose(first, 2e-3 + 6e-6 * ends, rtol=1e-9)
+    np.testing.assert_allclose(second, 6e-6, rtol=1e-6)
+    # Causal: what comes later does not matter.
+    later = np.where(times > 600.0, 99.0, values)
+    np.testing.assert_array_equal(derivatives_at(times, later, at[:2])[0], first[:2])
+    with pytest.raises(StageError, match='record longer'):
+        derivatives_at(times[:50], values[:50], at)
+
+
+def test_thermal_training_uses_the_derivatives_of_a_bag(grid_session, tmp_path):
+    from calibrator.correction import Correction
+    from calibrator.live_buffer import LiveBuffer, save_session
+    from calibrator.training_job import Job, run_job
+
+    session = warming_session(grid_session, 1)
+    save_session(session, tmp_path / 'live.npz')
+    job = Job(out='', live=str(tmp_path / 'live.npz'), method='thermal')
+    result, with_rates = run_job(job)
+    assert with_rates.model.uses_derivatives and with_rates.sensors == ('screw_x',)
+    assert with_rates.model.sensors == 3
+    without = run_job(replace(job, options={'derivatives': False}))[0]
+    assert result.after.rms < 0.5 * without.after.rms
+
+    # The live inverse: the same temperature, warming or cooling, asks for another command.
+    commands = []
+    for at in (0.0, 1200.0):  # sin = 0, rising and falling
+        buffer, beat = LiveBuffer(1000), 2 * np.pi / 2400.0
+        clock = at + np.arange(-400.0, 1.0)
+        heat = 22.0 + 2.0 * np.sin(beat * clock)
+        for k, value in zip(clock, heat, strict=True):
+            buffer.add_temperature(10**12 + int(k * 1e9), 'screw_x', value)
+        correction = Correction(1e-3)
+        correction.stored = with_rates
+        correction.activate(True)
+        rates = {'screw_x': buffer.temperature_rates('screw_x')}
+        goal = np.array([0.02, 0.03])
+        commands.append(correction.apply(goal, {'screw_x': float(heat[-1])}, rates))
+        unknown = correction.apply(goal, {'screw_x': float(heat[-1])})
+        assert abs(unknown[0] - commands[-1][0]) > 2e-6
+    difference = commands[1][0] - commands[0][0]
+    assert abs(difference - 8e-5) < 1.2e-5
+    assert LiveBuffer(10).empty
+
+
+def test_thermal_training_names_what_is_missing(grid_session):
+    dropped = warming_session(grid_session, 2, dropout=True)
+    with pytest.raises(StageError, match='sensor screw_x dropped out'):
+        prepare(dropped)
+    short = prepare(warming_session(grid_session, 2, span=200.0))
+    assert short.rates is None
+    assert not train(short, 'thermal').model.uses_derivatives
+    with pytest.raises(StageError, match='too short for derivatives'):
+        train(short, 'thermal', {'derivatives': True})
+    with pytest.raises(StageError, match='no temperature sensor air'):
+        short.only(('air',))
 
 
 def test_missing_topics_and_unknown_quantities_are_named(grid_session):

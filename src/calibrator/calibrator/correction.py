@@ -35,8 +35,15 @@ class Correction:
             raise StageError('there is no model to activate: call ~/retrain or ~/load first')
         self.active = active
 
-    def apply(self, target: Array, temperatures: dict[str, float] | None = None) -> Array:
+    def apply(
+        self,
+        target: Array,
+        temperatures: dict[str, float] | None = None,
+        rates: dict[str, tuple[float, float]] | None = None,
+    ) -> Array:
         """Set-point (axes,) [m] for a wanted table point (axes,) [m].
+
+        `temperatures` [degC] and their derivatives `rates` [K/s] and [K/s2] by sensor.
 
         Raises
         ------
@@ -50,7 +57,7 @@ class Correction:
         self._follow(wanted)
         if not self.active or self.stored is None:
             return wanted
-        heat = self._heat(self.stored, temperatures or {})
+        heat = self._heat(self.stored, temperatures or {}, rates or {})
         command = self.stored.invert(wanted[None], self._direction, heat)[0]
         correction = float(np.max(np.abs(command - wanted)))
         if correction > self.max_correction:
@@ -73,8 +80,21 @@ class Correction:
         self._last = wanted.copy()
 
     @staticmethod
-    def _heat(stored: StoredModel, temperatures: dict[str, float]) -> Array | None:
+    def _heat(
+        stored: StoredModel,
+        temperatures: dict[str, float],
+        rates: dict[str, tuple[float, float]],
+    ) -> Array | None:
         if not stored.sensors or any(s not in temperatures for s in stored.sensors):
             # The means of the training stand in for a sensor that is silent.
             return None
-        return np.array([[temperatures[sensor] for sensor in stored.sensors]])
+        row = [temperatures[sensor] for sensor in stored.sensors]
+        if stored.model.uses_derivatives:
+            # The same until enough readings were heard for a derivative.
+            usual = stored.model.mean_temperatures[len(row) :].reshape(2, -1)
+            for order in (0, 1):
+                row += [
+                    rates[sensor][order] if sensor in rates else usual[order, k]
+                    for k, sensor in enumerate(stored.sensors)
+                ]
+        return np.array([row])

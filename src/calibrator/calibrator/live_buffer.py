@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrator.thermal import DERIVATIVE_SPAN, derivatives_at
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
@@ -68,6 +69,18 @@ class LiveBuffer:
         if sensor not in self._sensors:
             self._sensors[sensor] = Ring(min(self._capacity, 20_000), 1)
         self._sensors[sensor].add(stamp, (value,))
+
+    def temperature_rates(self, sensor: str) -> tuple[float, float] | None:
+        """Derivatives [K/s] and [K/s2] at the newest reading; None while too few were heard."""
+        stamps, rows = self._sensors[sensor].content()
+        known = np.isfinite(rows[:, 0])
+        times = 1e-9 * (stamps[known] - stamps[-1])
+        recent = times >= -2.0 * DERIVATIVE_SPAN
+        try:
+            first, second = derivatives_at(times[recent], rows[known, 0][recent], np.zeros(1))
+        except StageError:
+            return None
+        return float(first[0]), float(second[0])
 
     @property
     def empty(self) -> bool:

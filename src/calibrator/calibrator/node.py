@@ -75,6 +75,7 @@ class Calibrator(StageNode):
         self._buffer = LiveBuffer(self.value('buffer_size'))
         self._trainer = Trainer()
         self._temperatures: dict[str, float] = {}
+        self._rates: dict[str, tuple[float, float]] = {}
         self._file = ''
         self._failure = ''
         self._refused = 0
@@ -126,7 +127,7 @@ class Calibrator(StageNode):
             return
         target = np.array([message.position[axes.index(axis)] for axis in known])
         try:
-            command = self._correction.apply(target, self._temperatures)
+            command = self._correction.apply(target, self._temperatures, self._rates)
         except StageError as error:
             self._refuse(str(error))
             return
@@ -160,6 +161,11 @@ class Calibrator(StageNode):
         name = message.header.frame_id
         self._temperatures[name] = message.temperature
         self._buffer.add_temperature(stamp_of(message.header), name, message.temperature)
+        stored = self._correction.stored
+        if stored is not None and stored.model.uses_derivatives and name in stored.sensors:
+            rates = self._buffer.temperature_rates(name)
+            if rates is not None:
+                self._rates[name] = rates
 
     def _retrain(self) -> Future[str]:
         answer: Future[str] = Future()

@@ -19,6 +19,8 @@ WINDOW = 8
 """Held-out samples that decide about keeping or rolling back."""
 WORSE = 1.1
 """The adapted model is rolled back when its held-out error exceeds the kept one's by this."""
+FAR_WORSE = 5.0
+"""So much worse, two held-out samples are enough to roll back: a tracker that lost its target."""
 WINDUP = 1e4
 """Growth of the covariance over its start at which forgetting pauses: nothing new was seen."""
 
@@ -125,8 +127,7 @@ class OnlineAdapter:
                 for m in (self.model, self.kept)
             ]
             self._judged.append((errors[0], errors[1]))
-            if len(self._judged) == WINDOW:
-                self._decide()
+            self._decide()
             return
         designs = self.model.linear_design(command, direction, temperatures)
         if not self._estimators:
@@ -147,6 +148,9 @@ class OnlineAdapter:
 
     def _decide(self) -> None:
         adapted, kept = np.sqrt(np.mean(np.square(self._judged), axis=0))
+        lost = len(self._judged) > 1 and adapted > FAR_WORSE * kept
+        if len(self._judged) < WINDOW and not lost:
+            return
         self._judged.clear()
         if adapted > WORSE * kept:
             self.model = copy.deepcopy(self.kept)
@@ -154,7 +158,3 @@ class OnlineAdapter:
             self.rollbacks += 1
         elif adapted <= kept:
             self.kept = copy.deepcopy(self.model)
-
-
-def _rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(error**2)))

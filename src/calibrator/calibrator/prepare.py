@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrator.clock_shift import estimate_shift, interpolate, jumps
+from calibrator.models.base import CalibrationModel
+from calibrator.temperatures import rates_at, readings_at
+from calibrator.thermal import DERIVATIVE_SPAN
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
@@ -31,8 +34,6 @@ TRAVEL_LEAST = 5e-6
 ENOUGH_RESTS = 8
 """With fewer rests than this a session is used as a stream of moving points."""
 MOST_STREAM_SAMPLES = 4000
-STALE = 60.0
-"""A temperature older than this [s] is a sensor that dropped out."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,9 @@ class Samples:
         By how much the measured stamps were late [s], estimated.
     at_rest
         Whether the samples are means over rests, or points of a moving stage.
+    rates
+        First [K/s] and second [K/s2] derivative of the temperatures, (n, 2, sensors); None where
+        the session has no sensor or is too short for them.
     """
 
     command: Array
@@ -64,6 +68,7 @@ class Samples:
     axes: tuple[str, ...]
     shift: float
     at_rest: bool
+    rates: Array | None = None
 
     def __len__(self) -> int:
         return len(self.command)
@@ -77,12 +82,52 @@ class Samples:
             direction=self.direction[chosen],
             temperatures=self.temperatures[chosen],
             times=self.times[chosen],
+            rates=None if self.rates is None else self.rates[chosen],
+        )
+
+    def only(self, sensors: tuple[str, ...]) -> Samples:
+        """The samples with these temperature sensors.
+
+        Raises
+        ------
+        StageError
+            If one is missing.
+        """
+        for sensor in sensors:
+            if sensor not in self.sensors:
+                raise StageError(
+                    f'the session has no temperature sensor {sensor}, which the model was trained '
+                    'with: record it, or train without temperatures'
+                )
+        chosen = [self.sensors.index(sensor) for sensor in sensors]
+        return replace(
+            self,
+            temperatures=self.temperatures[:, chosen],
+            sensors=tuple(sensors),
+            rates=None if self.rates is None else self.rates[:, :, chosen],
         )
 
     @property
     def heat(self) -> Array | None:
         """Temperatures, or None without sensors."""
         return self.temperatures if self.temperatures.shape[1] else None
+
+    def heat_for(self, model: CalibrationModel) -> Array | None:
+        """Temperature columns as a model takes them: with the derivatives where it uses them.
+
+        Raises
+        ------
+        StageError
+            If the model uses derivatives and the samples have none.
+        """
+        if not model.uses_derivatives or self.heat is None:
+            return self.heat
+        if self.rates is None:
+            raise StageError(
+                f'the session is shorter than {DERIVATIVE_SPAN:.0f} s, too short for derivatives '
+                'of temperatures: record longer or set the option derivatives to false'
+            )
+        return np.hstack([self.temperatures, self.rates[:, 0], self.rates[:, 1]])
 
 
 def prepare(session: Session, source: str = 'reference', target: str = 'tracker') -> Samples:
@@ -129,7 +174,8 @@ def prepare(session: Session, source: str = 'reference', target: str = 'tracker'
             f'{session.path}: no measured point falls into the commanded time: check the clocks '
             'of the tracker and the stage'
         )
-    sensors, temperatures = _temperatures(session, sample_times)
+    sensors, temperatures = readings_at(session, sample_times)
+    rates = rates_at(session, sample_times) if sensors else None
     return Samples(
         sample_command,
         sample_measured,
@@ -140,6 +186,7 @@ def prepare(session: Session, source: str = 'reference', target: str = 'tracker'
         axes,
         shift,
         at_rest,
+        rates,
     )
 
 
@@ -152,7 +199,7 @@ def rest_samples(session: Session) -> Samples:
     measured_times, measured = _target_series(session, 'tracker', session.axes)
     rests = [rest for rest in find_rests(times, command) if rest[1] < len(times)]
     t, c, m, d = _rest_samples(times, command, measured_times, measured, rests)
-    sensors, heat = _temperatures(session, t) if len(t) else ((), np.empty((0, 0)))
+    sensors, heat = readings_at(session, t) if len(t) else ((), np.empty((0, 0)))
     return Samples(c, m, d, heat, t, sensors, session.axes, 0.0, True)
 
 
@@ -169,17 +216,20 @@ def concatenate(parts: list[Samples]) -> Samples:
     if len({part.axes for part in parts}) > 1:
         raise StageError('the sessions have different axes: train them apart')
     sensors = tuple(s for s in parts[0].sensors if all(s in part.sensors for part in parts))
+    parts = [part.only(sensors) for part in parts]
+    rates = [part.rates for part in parts if part.rates is not None]
     offsets = np.cumsum([0.0] + [float(p.times[-1]) + 1.0 for p in parts[:-1]])
     return Samples(
         np.vstack([p.command for p in parts]),
         np.vstack([p.measured for p in parts]),
         np.vstack([p.direction for p in parts]),
-        np.vstack([p.temperatures[:, [p.sensors.index(s) for s in sensors]] for p in parts]),
+        np.vstack([p.temperatures for p in parts]),
         np.concatenate([p.times + o for p, o in zip(parts, offsets, strict=True)]),
         sensors,
         parts[0].axes,
         float(np.mean([p.shift for p in parts])),
         all(p.at_rest for p in parts),
+        np.concatenate(rates) if len(rates) == len(parts) else None,
     )
 
 
@@ -329,21 +379,3 @@ def _target_series(session: Session, target: str, axes: tuple[str, ...]) -> tupl
         return _stage_series(session, target, axes)
     points = session.table_points()[:, : len(axes)]
     return session.seconds(topics.TRACKER_POINT), points
-
-
-def _temperatures(session: Session, at: Array) -> tuple[tuple[str, ...], Array]:
-    series = session.temperatures()
-    columns = []
-    for name, sensor in series.items():
-        values = sensor.values['temperature']
-        times = to_seconds(sensor.stamps, session.start_ns)
-        times, values = times[np.isfinite(values)], values[np.isfinite(values)]
-        after = np.searchsorted(times, at)
-        near = [np.clip(after + side, 0, len(times) - 1) for side in (-1, 0)]
-        if not len(times) or np.min([np.abs(at - times[i]) for i in near], axis=0).max() > STALE:
-            raise StageError(
-                f'{session.path}: temperature sensor {name} dropped out for more than '
-                f'{STALE:.0f} s: repair the sensor or leave its topic out'
-            )
-        columns.append(np.interp(at, times, values))
-    return tuple(series), np.column_stack(columns) if columns else np.empty((len(at), 0))

@@ -14,13 +14,14 @@ import numpy as np
 from calibrator import model_file
 from calibrator.compare import compare, table
 from calibrator.models import METHODS
-from calibrator.models.base import CalibrationModel
 from calibrator.phase_table import PhaseTable
 from calibrator.prepare import INPUTS, TARGETS, Samples, prepare
 from calibrator.training import (
     Metrics,
+    Training,
     default_options,
     find_bags,
+    predict,
     samples_of,
     stored,
     train,
@@ -50,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(result.model.describe())
     print(before_and_after(result.before, result.after, result.held_out))
     if options.holdout:
-        print(_held_out_table(options, samples, result.model))
+        print(_held_out_table(options, samples, result))
     if options.out:
         model_file.save(stored(result, bags, options.machine, 1, options.seed), options.out)
         print(f'model written to {options.out}')
@@ -86,19 +87,19 @@ def before_and_after(before: Metrics, after: Metrics, count: int) -> str:
     return '\n'.join(lines)
 
 
-def _held_out_table(options: argparse.Namespace, samples: Samples, model: CalibrationModel) -> str:
+def _held_out_table(options: argparse.Namespace, samples: Samples, result: Training) -> str:
     """RMS per held-out bag and axis: uncalibrated, phase table where asked for, model."""
-    bags = find_bags(options.holdout)
+    bags, model = find_bags(options.holdout), result.model
     predictors: dict[str, Callable[[Samples], Any]] = {'before': lambda s: s.command}
     if options.phase_table:
         baseline = PhaseTable().fit(samples.command, samples.measured)
         predictors['phase table'] = lambda s: baseline.predict(s.command)
-    predictors[model.method] = lambda s: model.predict(s.command, s.direction)
+    predictors[model.method] = lambda s: predict(model, s)
     lines = [f'{"held-out RMS [um]":22s} ' + ' '.join(f'{name:>12s}' for name in predictors)]
     for bag, session in zip(
         bags, read_training_sessions(bags, options.input, options.target), strict=True
     ):
-        held = prepare(session, options.input, options.target)
+        held = prepare(session, options.input, options.target).only(result.sensors)
         errors = [
             np.sqrt(np.mean((held.measured - predict(held)) ** 2, axis=0))
             for predict in predictors.values()

@@ -10,141 +10,99 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from calibrator.vector_loops import (
-    add_moments,
-    add_product,
-    add_scaled,
-    add_to,
-    dot,
+from calibrator.swarm_loops import (
+    BLOCK,
+    Tag,
+    exponent,
     exponentials,
-    invert_pair,
-    mix,
-    multiply,
-    shift_floor,
-    subtract_squares,
-    switch,
+    one_sum,
+    plain_error,
+    plain_weights,
+    signed_error,
+    signed_weights,
+    strongest_exponent,
+    three_sums,
 )
 
 Array = NDArray[np.float64]
 
 RIDGE = 1e-10
-BLOCK = 512
 REDUCTION_CODES = {'nie_tan': 0, 'maclaurin': 1, 'biglarbegian': 2, 'karnik_mendel': 1}
 """Training with `karnik_mendel` ranks particles by the first step; the refit is exact."""
 
-
-@njit(cache=True, nogil=True)
-def _firing(particle: Array, x: Array, lower: Array, upper: Array, work: Array, size: int) -> None:
-    """Firing strengths (M, size) of one block of samples; see `it2_sets`."""
-    rules, count = len(upper), len(x)
-    step = rules * count
-    strongest = work[0]
-    for j in range(rules):
-        upper[j, :] = 0.0
-        lower[j, :] = 0.0
-        for k in range(count):
-            at = j * count + k
-            wide = np.exp(-2.0 * particle[step + at])
-            narrow = wide * np.exp(-2.0 * min(particle[2 * step + at], 0.0))
-            subtract_squares(x[k], particle[at], wide, narrow, upper[j], lower[j], size)
-        if j == 0:
-            strongest[:] = upper[0]
-        else:
-            np.maximum(strongest, upper[j], strongest)
-    for j in range(rules):
-        shift_floor(upper[j], strongest, size)
-        shift_floor(lower[j], strongest, size)
-        exponentials(upper[j], work[1], size)
-        exponentials(lower[j], work[1], size)
+_ROW = np.uint64(BLOCK)
 
 
 @njit(cache=True, nogil=True)
-def _plain_weights(
-    code: int, lower: Array, upper: Array, weights: Array, work: Array, size: int
+def _firing(
+    rules: Tag,
+    axes: Tag,
+    particle: Array,
+    pairs: Array,
+    lower: Array,
+    upper: Array,
+    work: Array,
+    size: Any,
 ) -> None:
-    """Nie-Tan (0) or Biglarbegian-Melek-Mendel (2) weights, (M, size)."""
-    rules = len(upper)
-    low, high = work[0], work[1]
-    low[:] = 0.0
-    high[:] = 0.0
-    for j in range(rules):
-        add_to(lower[j], low, size)
-        add_to(upper[j], high, size)
-    if code == 0:
-        add_to(low, high, size)
-        low[:] = high
-    invert_pair(low, high, size)
-    factor = 1.0 if code == 0 else 0.5
-    for j in range(rules):
-        mix(lower[j], low, upper[j], high, factor, weights[j], size)
+    """Firing strengths of one block of samples, rows of BLOCK; see `it2_sets`."""
+    inputs = len(axes)
+    step = len(rules) * inputs
+    wide = np.exp(-2.0 * particle[step : 2 * step])
+    narrow = wide * np.exp(-2.0 * np.minimum(particle[2 * step :], 0.0))
+    strongest_exponent(rules, axes, particle, wide, pairs, work[0], size)
+    for j in range(len(rules)):
+        at = slice(j * inputs, (j + 1) * inputs)
+        row = slice(j * BLOCK, (j + 1) * BLOCK)
+        exponent(axes, particle[at], wide[at], pairs, work[0], upper[row], size)
+        exponent(axes, particle[at], narrow[at], pairs, work[0], lower[row], size)
+        exponentials(upper[row], work[1], size)
+        exponentials(lower[row], work[1], size)
 
 
 @njit(cache=True, nogil=True)
-def _signed_output(
-    lower: Array, upper: Array, outputs: Array, output: Array, work: Array, size: int
+def _add_rows(
+    a: Array, at: Any, b: Array, bt: Any, pairs: Array, moments: Array, size: Any
 ) -> None:
-    """Output (size,) by eqs. 6-10: one Karnik-Mendel step at each end.
-
-    Leaves the strengths of both ends in rows 8.. of `work` and the inverses of their sums in
-    rows 0 and 2, for `_signed_weights`.
-    """
-    rules = len(upper)
-    left, left_f, right, right_f = work[0], work[1], work[2], work[3]
-    low, low_f, high, high_f = work[4], work[5], work[6], work[7]
-    work[:8] = 0.0
-    for j in range(rules):
-        add_moments(lower[j], outputs[j], low, low_f, size)
-        add_moments(upper[j], outputs[j], high, high_f, size)
-    invert_pair(low, high, size)
-    multiply(low_f, low, low_f, size)
-    multiply(high_f, high, high_f, size)
-    for j in range(rules):
-        switch(outputs[j], low_f, upper[j], lower[j], work[8 + j], size)
-        add_moments(work[8 + j], outputs[j], left, left_f, size)
-        switch(outputs[j], high_f, lower[j], upper[j], work[8 + rules + j], size)
-        add_moments(work[8 + rules + j], outputs[j], right, right_f, size)
-    invert_pair(left, right, size)
-    mix(left_f, left, right_f, right, 0.5, output, size)
+    """Add the sums of a b x over one block to the moments, one for each row x of pairs."""
+    count = len(moments)
+    for q in range(0, count - 2, 3):
+        first, second, third = three_sums(a, at, b, bt, pairs, np.uint64(q) * _ROW, size)
+        moments[q] += first
+        moments[q + 1] += second
+        moments[q + 2] += third
+    for q in range(count - count % 3, count):
+        moments[q] += one_sum(a, at, b, bt, pairs, np.uint64(q) * _ROW, size)
 
 
 @njit(cache=True, nogil=True)
-def _signed_weights(weights: Array, work: Array, size: int) -> None:
-    """Weights (M, size) of the output that `_signed_output` has just found."""
-    rules = len(weights)
-    for j in range(rules):
-        mix(work[8 + j], work[0], work[8 + rules + j], work[2], 0.5, weights[j], size)
-
-
-@njit(cache=True, nogil=True)
-def _add_normal(weights: Array, pairs: Array, gram: Array, product: Array, size: int) -> None:
+def _add_normal(rules: Tag, weights: Array, pairs: Array, gram: Array, size: Any) -> None:
     """Add a block to the moments gram[j, k, pair] = sum nu_j nu_k x_a x_b, k <= j."""
-    for j in range(len(weights)):
+    for j in range(len(rules)):
         for k in range(j + 1):
-            multiply(weights[j], weights[k], product, size)
-            for q in range(len(pairs)):
-                gram[j, k, q] += dot(product, pairs[q], size)
+            at, bt = np.uint64(j) * _ROW, np.uint64(k) * _ROW
+            _add_rows(weights, at, weights, bt, pairs, gram[j, k], size)
 
 
 @njit(cache=True, nogil=True)
 def _add_right(
-    weights: Array, pairs: Array, target: Array, right: Array, product: Array, size: int
+    rules: Tag, weights: Array, pairs: Array, target: Array, right: Array, size: Any
 ) -> None:
-    """Add a block to right[a, j] = sum nu_j x_a t; the first rows of pairs are x_0 = 1 .. x_n."""
-    for j in range(len(weights)):
-        multiply(weights[j], target, product, size)
-        for a in range(len(right)):
-            right[a, j] += dot(product, pairs[a], size)
+    """Add a block to right[j, a] = sum nu_j x_a t; the first rows of pairs are x_0 = 1 .. x_n."""
+    for j in range(len(rules)):
+        at = np.uint64(j) * _ROW
+        _add_rows(weights, at, target, np.uint64(0), pairs, right[j], size)
 
 
 @njit(cache=True, nogil=True)
 def _solve(moments: Array, right: Array, matrix: Array, theta: Array) -> None:
-    """Cholesky solution theta (n+1, M) of the ridge normal equations."""
-    blocks, rules = right.shape
+    """Cholesky solution theta ((n+1)·M,), row by row (n+1, M), of the ridge normal equations."""
+    rules, blocks = right.shape
     size = blocks * rules
     diagonal = 0.0
     for a in range(blocks):
@@ -170,8 +128,10 @@ def _solve(moments: Array, right: Array, matrix: Array, theta: Array) -> None:
                 matrix[i, i] = np.sqrt(max(total, ridge * 1e-3))
             else:
                 matrix[i, j] = total / matrix[j, j]
-    flat = theta.reshape(size)
-    flat[:] = right.reshape(size)
+    flat = theta
+    for a in range(blocks):
+        for j in range(rules):
+            flat[a * rules + j] = right[j, a]
     for i in range(size):
         for k in range(i):
             flat[i] -= matrix[i, k] * flat[k]
@@ -183,25 +143,10 @@ def _solve(moments: Array, right: Array, matrix: Array, theta: Array) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _outputs(theta: Array, pairs: Array, outputs: Array, size: int) -> None:
-    """Rule outputs F_j of one block, (M, size)."""
-    for j in range(len(outputs)):
-        outputs[j, :] = theta[0, j]
-        for a in range(1, len(theta)):
-            add_scaled(theta[a, j], pairs[a], outputs[j], size)
-
-
-@njit(cache=True, nogil=True)
-def _plain_output(weights: Array, outputs: Array, output: Array, size: int) -> None:
-    output[:] = 0.0
-    for j in range(len(weights)):
-        add_product(weights[j], outputs[j], output, size)
-
-
-@njit(cache=True, nogil=True)
 def swarm_errors(
+    rules: Tag,
+    axes: Tag,
     particles: Array,
-    inputs: Array,
     pairs: Array,
     targets: Array,
     samples: int,
@@ -212,11 +157,13 @@ def swarm_errors(
 
     Parameters
     ----------
+    rules, axes
+        Any tuples as long as there are rules and inputs, see `swarm_loops`.
     particles
         (K, 3·M·n), as `AntecedentSets.from_vector` decodes them.
-    inputs, pairs, targets
-        Scaled inputs (blocks, n, BLOCK), their products x_a x_b with x_0 = 1 in the order
-        (0,0)..(0,n), (1,1).. (blocks, Q, BLOCK), and scaled targets (blocks, outputs, BLOCK).
+    pairs, targets
+        Products x_a x_b of scaled inputs with x_0 = 1 in the order (0,0)..(0,n), (1,1)..
+        (blocks, Q·BLOCK), and scaled targets (blocks, outputs, BLOCK).
     samples
         Number of samples; the rest of the last block is not read.
     code
@@ -224,35 +171,31 @@ def swarm_errors(
     errors
         (K,), written.
     """
-    count = inputs.shape[1]
-    rules = particles.shape[1] // (3 * count)
-    terms = count + 1
-    outputs_count = targets.shape[1]
-    block_count = len(inputs)
-    lower = np.empty((block_count, rules, BLOCK))
-    upper = np.empty((block_count, rules, BLOCK))
-    weights = np.empty((rules, BLOCK))
-    outputs = np.empty((rules, BLOCK))
-    work = np.empty((8 + 2 * rules, BLOCK))
-    product = np.empty(BLOCK)
-    moments = np.empty((rules, rules, pairs.shape[1]))
-    right = np.empty((outputs_count, terms, rules))
+    rule_count, terms = len(rules), len(axes) + 1
+    outputs = targets.shape[1]
+    block_count = len(pairs)
+    lower = np.empty((block_count, rule_count * BLOCK))
+    upper = np.empty((block_count, rule_count * BLOCK))
+    weights = np.empty(rule_count * BLOCK)
+    work = np.empty((2, BLOCK))
+    moments = np.empty((rule_count, rule_count, terms * (terms + 1) // 2))
+    right = np.empty((outputs, rule_count, terms))
     signed_moments = np.empty_like(moments)
-    signed_right = np.empty((terms, rules))
-    matrix = np.empty((terms * rules, terms * rules))
-    theta = np.empty((terms, rules))
+    signed_right = np.empty((rule_count, terms))
+    matrix = np.empty((terms * rule_count, terms * rule_count))
+    theta = np.empty(terms * rule_count)
     for p in range(len(particles)):
         errors[p] = 0.0
         moments[:] = 0.0
         right[:] = 0.0
         for b in range(block_count):
-            size = min(BLOCK, samples - b * BLOCK)
-            _firing(particles[p], inputs[b], lower[b], upper[b], work, size)
-            _plain_weights(2 if code == 2 else 0, lower[b], upper[b], weights, work, size)
-            _add_normal(weights, pairs[b], moments, product, size)
-            for o in range(outputs_count):
-                _add_right(weights, pairs[b], targets[b, o], right[o], product, size)
-        for o in range(outputs_count):
+            size = np.uint64(min(BLOCK, samples - b * BLOCK))
+            _firing(rules, axes, particles[p], pairs[b], lower[b], upper[b], work, size)
+            plain_weights(rules, 2 if code == 2 else 0, lower[b], upper[b], weights, size)
+            _add_normal(rules, weights, pairs[b], moments, size)
+            for o in range(outputs):
+                _add_right(rules, weights, pairs[b], targets[b, o], right[o], size)
+        for o in range(outputs):
             _solve(moments, right[o], matrix, theta)
             best = np.inf
             for attempt in range(2 if code == 1 else 1):
@@ -262,19 +205,19 @@ def swarm_errors(
                 signed_right[:] = 0.0
                 total = 0.0
                 for b in range(block_count):
-                    size = min(BLOCK, samples - b * BLOCK)
-                    _outputs(theta, pairs[b], outputs, size)
-                    if code == 1:
-                        _signed_output(lower[b], upper[b], outputs, product, work, size)
-                    else:
-                        _plain_weights(code, lower[b], upper[b], weights, work, size)
-                        _plain_output(weights, outputs, product, size)
-                    add_scaled(-1.0, targets[b, o], product, size)
-                    total += dot(product, product, size)
+                    size = np.uint64(min(BLOCK, samples - b * BLOCK))
+                    low, up, x, target = lower[b], upper[b], pairs[b], targets[b, o]
                     if code == 1 and attempt == 0:
-                        _signed_weights(weights, work, size)
-                        _add_normal(weights, pairs[b], signed_moments, product, size)
-                        _add_right(weights, pairs[b], targets[b, o], signed_right, product, size)
+                        total += signed_weights(
+                            rules, axes, low, up, x, target, theta, weights, size
+                        )
+                        _add_normal(rules, weights, x, signed_moments, size)
+                        _add_right(rules, weights, x, target, signed_right, size)
+                    elif code == 1:
+                        total += signed_error(rules, axes, low, up, x, target, theta, size)
+                    else:
+                        plain_weights(rules, code, low, up, weights, size)
+                        total += plain_error(rules, axes, weights, x, target, theta, size)
                 best = min(best, total / samples)
             errors[p] += best
 
@@ -311,8 +254,9 @@ class SwarmFitness:
 
     def __init__(self, inputs: Array, targets: Array, reduction: str, threads: int = 0) -> None:
         self._samples = len(inputs)
-        self._inputs = _blocked(inputs.T)
-        self._pairs = _blocked(input_pairs(inputs.T))
+        self._axes = (0,) * inputs.shape[1]
+        pairs = _blocked(input_pairs(inputs.T))
+        self._pairs = pairs.reshape(len(pairs), -1)
         self._targets = _blocked(targets.T)
         self._code = REDUCTION_CODES[reduction]
         self._threads = threads or os.cpu_count() or 1
@@ -332,8 +276,9 @@ class SwarmFitness:
 
     def _part(self, particles: Array, errors: Array, part: slice) -> None:
         swarm_errors(
+            (0,) * (particles.shape[1] // (3 * len(self._axes))),
+            self._axes,
             np.ascontiguousarray(particles[part]),
-            self._inputs,
             self._pairs,
             self._targets,
             self._samples,

@@ -94,6 +94,48 @@ def thermal_terms(
     return TermTable(np.column_stack(columns), tuple(names), tuple(groups))
 
 
+DERIVATIVE_SPAN = 300.0
+"""Seconds of readings that a derivative is taken from: a millikelvin of noise at every second
+then leaves 1e-6 K/s, where a room drifts by 5e-5 K/s."""
+FEWEST_READINGS = 8
+
+
+def derivatives_at(
+    times: Array, values: Array, at: Array, span: float = DERIVATIVE_SPAN
+) -> tuple[Array, Array]:
+    """First [K/s] and second [K/s2] derivative of one sensor at the times `at` [s], (n,) each.
+
+    As `temperature_derivatives`, for readings at any times: a parabola by least squares through
+    the readings of the last `span` seconds, which is also what a running controller knows. Times
+    before the first full span take the parabola of that one.
+
+    Raises
+    ------
+    StageError
+        If the readings do not cover the span, or are too few in one.
+    """
+    if len(times) < FEWEST_READINGS or times[-1] - times[0] < span:
+        raise StageError(
+            f'temperatures over {float(np.ptp(times)) if len(times) else 0.0:.0f} s are too few '
+            f'for derivatives over {span:.0f} s: record longer or set the option derivatives to '
+            'false'
+        )
+    ends = np.maximum(at, times[0] + span)
+    result = np.empty((2, len(ends)))
+    for k, end in enumerate(ends):
+        first, last = np.searchsorted(times, [end - span, end], side='right')
+        first = max(first - 1, 0)
+        if last - first < FEWEST_READINGS:
+            raise StageError(
+                f'only {last - first} temperatures in {span:.0f} s are too few for derivatives: '
+                'repair the sensor or set the option derivatives to false'
+            )
+        u = (times[first:last] - end) / span
+        c = np.linalg.lstsq(np.vander(u, 3), values[first:last], rcond=None)[0]
+        result[:, k] = c[1] / span, 2.0 * c[0] / span**2
+    return result[0], result[1]
+
+
 def temperature_derivatives(
     temperatures: Array, period: float, window: int = 31
 ) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +101,9 @@ def train(
     progress, abort
         For methods that iterate.
 
+    The thermal method gets the derivatives of the temperatures where the session is long enough
+    for them, unless `options` say otherwise.
+
     Raises
     ------
     StageError
@@ -108,10 +111,13 @@ def train(
     """
     samples = with_useful_sensors(samples)
     training, held = split(samples, seed=seed, by=by)
-    model = make_model(method, **_with_seed(method, options or {}, seed))
+    settings = _with_seed(method, options or {}, seed)
+    if 'derivatives' in METHODS[method].defaults and samples.heat is not None:
+        settings = {'derivatives': samples.rates is not None, **settings}
+    model = make_model(method, **settings)
     model.progress, model.abort = progress, abort
     started = time.perf_counter()
-    model.fit(training.command, training.measured, training.direction, training.heat)
+    model.fit(training.command, training.measured, training.direction, training.heat_for(model))
     seconds = time.perf_counter() - started
     return Training(
         model,
@@ -133,17 +139,18 @@ def with_useful_sensors(samples: Samples) -> Samples:
     constant that the model already has.
     """
     kept = np.flatnonzero(np.ptp(samples.temperatures, axis=0) >= LEAST_WARMING)
-    return replace(
-        samples,
-        temperatures=samples.temperatures[:, kept],
-        sensors=tuple(samples.sensors[i] for i in kept),
-    )
+    return samples.only(tuple(samples.sensors[i] for i in kept))
 
 
 def evaluate(model: CalibrationModel, samples: Samples) -> Metrics:
     """Errors of a model's prediction of the measured points."""
-    heat = samples.heat if model.sensors == samples.temperatures.shape[1] else None
-    return Metrics.of(samples.measured - model.predict(samples.command, samples.direction, heat))
+    return Metrics.of(samples.measured - predict(model, samples))
+
+
+def predict(model: CalibrationModel, samples: Samples) -> Array:
+    """Table points (n, axes) [m] that a model predicts for samples with its sensors."""
+    heat = samples.heat_for(model) if model.sensors else None
+    return model.predict(samples.command, samples.direction, heat)
 
 
 def find_bags(paths: list[str]) -> list[Path]:

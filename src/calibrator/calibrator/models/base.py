@@ -58,6 +58,11 @@ class CalibrationModel(ABC):
         """Whether the model has been fitted or loaded."""
         return self.axes > 0
 
+    @property
+    def uses_derivatives(self) -> bool:
+        """Whether the temperature columns are readings, then first, then second derivatives."""
+        return bool(self.options.get('derivatives', False))
+
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Number of parameters fitted per output axis; fewer samples are refused."""
         del axes, sensors
@@ -164,14 +169,11 @@ class CalibrationModel(ABC):
         StageError
             If the method has none; it cannot be adapted while the stage runs.
         """
-        raise StageError(
-            f'method {self.method} has no linear weights to adapt: use structured, it2fls or '
-            'affine'
-        )
+        raise _not_linear(self.method)
 
     def set_linear_weights(self, weights: list[Array]) -> None:
         """Replace the weights of `linear_weights`."""
-        raise NotImplementedError
+        raise _not_linear(self.method)
 
     def linear_design(
         self,
@@ -186,7 +188,7 @@ class CalibrationModel(ABC):
         return self._linear_design(c, d, t)
 
     def _linear_design(self, command: Array, d: Array, t: Array) -> list[tuple[Array, Array]]:
-        raise NotImplementedError
+        raise _not_linear(self.method)
 
     def to_dict(self) -> dict[str, Any]:
         """Everything needed to rebuild the model, JSON types only."""
@@ -312,6 +314,12 @@ class CalibrationModel(ABC):
                 f'the model was trained with {self.sensors} temperature columns, got '
                 f'{temperatures.shape[1]}: give the same sensors'
             )
+
+
+def _not_linear(method: str) -> StageError:
+    return StageError(
+        f'method {method} has no linear weights to adapt: use structured, it2fls or affine'
+    )
 
 
 def scaling_of(values: Array) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ release of the library works with every other and cannot run code when it is ope
 from __future__ import annotations
 
 import warnings
+from abc import abstractmethod
 
 import numpy as np
 
@@ -38,11 +39,13 @@ class BlackBox(CalibrationModel):
             parts.append(temperatures)
         return np.hstack(parts)
 
+    @abstractmethod
     def _fit_scaled(self, inputs: Array, targets: Array) -> None:
-        raise NotImplementedError
+        """Learn scaled targets (n, axes) of scaled inputs (n, columns) into `state`."""
 
+    @abstractmethod
     def _predict_scaled(self, inputs: Array) -> Array:
-        raise NotImplementedError
+        """Scaled targets (n, axes)."""
 
 
 class Perceptron(BlackBox):

@@ -20,7 +20,8 @@ class FuzzySystem(CalibrationModel):
 
     Options: `rules` M (`auto`: five, or fewer so that each holds ten samples per consequent),
     `particles` and `iterations` of the swarm (the paper's: 1000 and 200),
-    `reduction` of `type_reduction.REDUCTIONS`, `patience`, `threads`, `seed`. The attributes
+    `reduction` of `type_reduction.REDUCTIONS`, `patience`, `threads`, `seed`, and `device`:
+    `auto` (a graphics processor where the extra `gpu` finds one) or `cpu`. The attributes
     `progress` and `abort` are passed on to the swarm; an aborted training raises.
     """
 
@@ -33,6 +34,7 @@ class FuzzySystem(CalibrationModel):
         'reduction': 'maclaurin',
         'patience': 0,
         'threads': 0,
+        'device': 'auto',
         'seed': 0,
     }
 
@@ -51,7 +53,7 @@ class FuzzySystem(CalibrationModel):
 
     def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
         # Only here: importing the compiled loops costs a second that prediction need not pay.
-        from calibrator.swarm_fitness import SwarmFitness
+        from calibrator.swarm_array import swarm_fitness
 
         centre, half = scaling_of(command)
         mean, deviation = error.mean(axis=0), error.std(axis=0)
@@ -67,7 +69,13 @@ class FuzzySystem(CalibrationModel):
             patience=int(self.options['patience']),
             seed=int(self.options['seed']),
         )
-        fitness = SwarmFitness(inputs, targets, reduction, int(self.options['threads']))
+        fitness = swarm_fitness(
+            inputs,
+            targets,
+            reduction,
+            int(self.options['threads']),
+            str(self.options['device']),
+        )
         self.swarm = minimise(fitness, low, high, options, self.progress, self.abort)
         if self.swarm.reason == 'aborted':
             raise StageError('the training was aborted: the model in use before stays')

@@ -14,9 +14,9 @@ from calibrator.thermal import monomials, thermal_terms
 class Thermal(CalibrationModel):
     """Eq. 4 of paper 2 per axis, terms selected by p-value; inverted by Newton-Raphson.
 
-    The temperature columns are as the caller gives them: readings, and where wanted their first
-    and second derivatives as further columns of `temperatures` (option `derivatives`: the last
-    two thirds of the columns are derivatives).
+    The temperature columns are as the caller gives them: readings, and with the option
+    `derivatives` their first and then their second derivatives as two further thirds of the
+    columns of `temperatures`. `training.train` sets it where a session is long enough for them.
     """
 
     method = 'thermal'
