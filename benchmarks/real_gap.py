@@ -17,6 +17,7 @@ from scipy.io import loadmat
 
 from gap_diagnosis import report
 from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.replay import replay
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import TwinFile
@@ -54,9 +55,9 @@ def session(
 def emps(file: str) -> tuple[Session, dict[str, float]]:
     """One EMPS file and its controller; the force is gtau · vir [N].
 
-    `vir` holds the pulses already, so that they belong to the velocity command [m/s] too. (They
-    are 178 N and not the 176 N of `pulses_N`: the replay takes what the recorded force holds
-    beyond the law as an input.)
+    `vir` holds the pulses already, so that they belong to the velocity command [m/s] too. (The
+    recorded ones are larger than `pulses_N`: the replay takes what the force holds beyond the law
+    as an input.)
     """
     data = loadmat(DATA / 'emps' / f'{file}.mat')
     gain, kp, kv = (float(data[k][0, 0]) for k in ('gtau', 'kp', 'kv'))
@@ -127,6 +128,13 @@ def show(title: str, found: Diagnosis) -> None:
             f'  {name:10s} {factor * channel.rms("before"):8.3f} -> '
             f'{factor * channel.rms("after"):8.3f} {unit}'
         )
+    for record in found.records if found.twin.kind == 'servo' else []:
+        whole = {
+            n: float(np.sqrt(np.mean(g**2)))
+            for n, g in replay(record, found.twin, found.effects).items()
+        }
+        gaps = f'{1e6 * whole["encoder.x"]:.3f} µm, {whole["force.x"]:.3f} N'
+        print(f'  the whole of {record.name}: {gaps}')
     for cause in found.causes:
         if cause.status == 'accepted' and cause.parameters:
             values = ', '.join(f'{k} {v:.4g} ± {s:.1g}' for k, (v, s) in cause.parameters.items())
