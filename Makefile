@@ -8,7 +8,7 @@ export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell cat src/*/*/*.py src/*/
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: setup session test faults lint bench clean reference
+.PHONY: setup session test lint bench clean reference
 
 setup:
 	@bash tools/setup.sh
@@ -18,9 +18,6 @@ session: setup
 
 test: setup
 	$(PYTHON_ENV) -m pytest -q --session-timeout=2700 $(PYTEST)
-
-faults: setup
-	$(PYTHON_ENV) -m pytest -q -m faults tests/reliability
 
 lint: setup
 	.venv/bin/ruff check .

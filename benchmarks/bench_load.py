@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import random
 import sys
 import tempfile
 import threading
@@ -21,8 +20,10 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests' / 'reliability'))
 
+from domains import reserve_domain
 from rig import Nodes, Watch
 from std_srvs.srv import Trigger
 
@@ -126,7 +127,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seconds', type=float, default=60.0)
     seconds = parser.parse_args().seconds
-    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 100))
+    reserve_domain()
     counts = {'/calibrator/retrain': [0, 0], '/gap_diagnosis/diagnose': [0, 0]}
     counts['/contour_ctrl/run'] = [0, 0]
     with tempfile.TemporaryDirectory() as folder:

@@ -9,16 +9,20 @@ own counters.
 from __future__ import annotations
 
 import os
-import random
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
+
+from domains import reserve_domain
 
 from stage_core import topics
 from stage_node.client_node import GraphClient
@@ -77,7 +81,7 @@ def driver_counters(client: GraphClient) -> str:
 
 def main() -> None:
     """Run the graph and print the table."""
-    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 100))
+    reserve_domain()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     nodes = [
         start('stage_twin.node', f'drive_port:={PORT}', 'tracker_protocol:=none'),

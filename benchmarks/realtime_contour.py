@@ -18,6 +18,10 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
+
+from domains import reserve_domain
+
 from stage_core import topics
 from stage_node.client_node import GraphClient
 
@@ -26,7 +30,7 @@ CONFIG = Path(__file__).resolve().parents[1] / 'ros_ws' / 'config'
 
 def run(lockstep: bool) -> str:
     """Start twin, driver and controller; run once; return the message."""
-    os.environ['ROS_DOMAIN_ID'] = str(random.randint(1, 100))
+    reserve_domain()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     port = str(random.randint(20000, 30000))
     sim = ['-p', f'use_sim_time:={str(lockstep).lower()}']

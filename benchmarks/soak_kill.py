@@ -3,7 +3,8 @@
     nice -n 10 .venv/bin/python benchmarks/soak_kill.py --minutes 10
 
 Every round starts a move or a contour, kills one node (kill -9) after a random time, and checks
-that the stage comes to rest, that no other node ends, and that after a restart a move arrives.
+that the stage comes to rest, that no other node ends, that another one says who is missing, that a
+plant or a driver that comes back moves nothing by itself, and that after a restart a move arrives.
 Prints a table of rounds and failures per node and motion; exit 1 if anything failed.
 """
 
@@ -11,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import collections
-import os
 import random
 import sys
 import tempfile
@@ -20,9 +20,11 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests' / 'reliability'))
 
-from rig import PATIENCE, Nodes, Watch, spread
+from domains import reserve_domain
+from rig import PATIENCE, Nodes, Watch, last, spread
 
 from stage_bringup.graph import Options, commands
 from stage_core.errors import StageError
@@ -43,7 +45,7 @@ def contour(watch: Watch) -> threading.Thread:
         except StageError:
             return
 
-    thread = threading.Thread(target=run)
+    thread = threading.Thread(target=run, daemon=True)
     thread.start()
     return thread
 
@@ -65,17 +67,25 @@ def one_round(nodes: Nodes, watch: Watch, victim: str, motion: str) -> None:
         thread = contour(watch)
     time.sleep(random.uniform(0.0, 1.5))
     nodes.kill(victim)
-    if thread is not None:
-        thread.join()
-    rows = watch.encoder if victim != 'stage_driver' else watch.tracker
-    watch.silent(rows, 5.0 if victim == 'stage_driver' else 3.0)
-    assert spread(list(rows)[-3:]) < 2e-5, 'the stage is not at rest'
+    if victim == 'stage_twin':
+        watch.wait(watch.says('stage_driver: state', 'no encoder datagram'), 'the plant missed')
+    else:
+        if thread is not None and victim != 'contour_ctrl':
+            thread.join()
+        rows = watch.encoder if victim != 'stage_driver' else watch.tracker
+        watch.silent(rows, 5.0 if victim == 'stage_driver' else 3.0)
+        assert spread(last(rows, 3)) < 2e-5, f'the stage is not at rest: {last(rows, 3)}'
+        watch.wait(watch.missed(victim), f'{victim} missed')
     assert nodes.dead() == [victim], f'ended with it: {nodes.dead()}'
     for name in list(watch.states):
         if name.startswith(f'{victim}:'):
             del watch.states[name]
+    watch.encoder.clear()
     nodes.start(victim)
     watch.wait(lambda: any(s.startswith(f'{victim}:') for s in list(watch.states)), 'the restart')
+    watch.silent(watch.encoder, 1.0)
+    moved = spread(list(watch.encoder)) if watch.encoder else 0.0
+    assert moved < 2e-5, f'{victim} moved the stage by {1e3 * moved:.3f} mm when it came back'
     arrive(watch, 0.01, 0.01)
 
 
@@ -86,7 +96,7 @@ def main() -> int:
     parser.add_argument('--seed', type=int, default=1)
     given = parser.parse_args()
     random.seed(given.seed)
-    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 100))
+    reserve_domain()
     rounds: collections.Counter[tuple[str, str]] = collections.Counter()
     failures: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -105,10 +115,12 @@ def main() -> int:
                 victim = random.choice(list(nodes.commands))
                 motion = random.choice(('move', 'stream'))
                 rounds[victim, motion] += 1
+                print(f'{sum(rounds.values())}: {victim} in a {motion}', flush=True)
                 try:
                     one_round(nodes, watch, victim, motion)
                 except (AssertionError, StageError) as error:
                     failures.append(f'{victim} during a {motion}: {error}')
+                    print(f'  {failures[-1]}', flush=True)
                     nodes.start(*nodes.dead())
                     arrive(watch, 0.01, 0.01)
         finally:

@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import argparse
 import os
-import random
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
+
+from domains import reserve_domain
 
 PUBLISHER = """
 import sys, time, rclpy
@@ -52,12 +56,27 @@ def memory(process: int) -> float:
     return pages * os.sysconf('SC_PAGE_SIZE') / 2**20
 
 
+class Memory(threading.Thread):
+    """Samples the resident memory of a process every second; the largest [MiB]."""
+
+    def __init__(self, process: int) -> None:
+        super().__init__(daemon=True)
+        self.process = process
+        self.largest = memory(process)
+        self.ended = threading.Event()
+
+    def run(self) -> None:
+        """Sample until `ended`."""
+        while not self.ended.wait(1.0):
+            self.largest = max(self.largest, memory(self.process))
+
+
 def main() -> int:
     """Record, count, print; exit 1 if a message was lost."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--minutes', type=float, default=1.0)
     minutes = parser.parse_args().minutes
-    os.environ['ROS_DOMAIN_ID'] = str(random.randint(1, 100))
+    reserve_domain()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     from session_bags.bag import open_bag
     from session_bags.info import contents
@@ -81,11 +100,17 @@ def main() -> int:
                 path = client.trigger('/session_recorder/start')
                 time.sleep(2.0)
                 before = memory(recorder.pid)
+                sampler = Memory(recorder.pid)
+                sampler.start()
                 cpu = os.times()
                 publisher.stdin.write('\n')
                 publisher.stdin.flush()
-                sent = int(publisher.stdout.readline())
+                answer = publisher.stdout.readline()
+                if not answer:
+                    raise SystemExit('error: the publisher was ended before its time')
+                sent = int(answer)
                 time.sleep(2.0)
+                sampler.ended.set()
                 after = memory(recorder.pid)
                 stat = Path(f'/proc/{recorder.pid}/stat').read_text().rsplit(')', 1)[1].split()
                 seconds = (int(stat[11]) + int(stat[12])) / os.sysconf('SC_CLK_TCK')
@@ -100,7 +125,7 @@ def main() -> int:
         print(
             f'{minutes:g} min, 6 topics at 1 kHz: {sent} sent, {found} recorded, '
             f'{sent - found} lost; recorder {100 * share:.0f} % of a core, '
-            f'memory {before:.0f} -> {after:.0f} MiB'
+            f'memory {before:.0f} -> {after:.0f} MiB, largest {sampler.largest:.0f} MiB'
         )
     return int(sent != found)
 

@@ -10,12 +10,15 @@ ros_ws/config/contour_ctrl_zaber.yaml. The error is that of the motor steps.
 from __future__ import annotations
 
 import os
-import random
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
+
+from domains import reserve_domain
 
 from stage_core.errors import StageError
 from stage_node.client_node import GraphClient
@@ -32,7 +35,7 @@ def start(module: str, *arguments: str) -> subprocess.Popen[bytes]:
 
 def main() -> int:
     """Print one line per feed."""
-    os.environ['ROS_DOMAIN_ID'] = str(random.randint(1, 100))
+    reserve_domain()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     processes = []
     with tempfile.TemporaryDirectory() as folder, GraphClient('zaber_feed') as client:

@@ -14,14 +14,14 @@ pytest.importorskip('rclpy')
 
 from stage_bringup.graph import Options, commands
 
-from .rig import Nodes, Watch, new_domain, restore
+from ..domains import own_domain
+from .rig import Nodes, Watch
 
 
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Any]]:
     """Maker of a graph: names of its nodes, clock, parameters per node."""
     folder = tmp_path_factory.mktemp('graph')
-    before = new_domain()
 
     @contextmanager
     def make(
@@ -43,5 +43,6 @@ def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., An
                 watch.close()
             nodes.end()
 
-    yield make
-    restore(before)
+    # Nothing in the environment asks for this machine alone: the nodes choose it themselves.
+    with own_domain(ROS_AUTOMATIC_DISCOVERY_RANGE=None):
+        yield make

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -27,8 +26,7 @@ from stage_node.client_node import GraphClient
 from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
 
 #: Patience for anything that a loaded machine must do [s]; nothing is asserted about it.
-PATIENCE = 40.0
-ROS_NAMES = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE')
+PATIENCE = 90.0
 
 
 def die_with_parent() -> None:
@@ -191,12 +189,16 @@ class Watch:
         """Condition: the encoder has stayed near a point for 50 ticks."""
 
         def there() -> bool:
-            rows = list(self.encoder)[-50:]
+            rows = last(self.encoder, 50)
             return len(rows) == 50 and all(
                 abs(row[1] - x) < within and abs(row[2] - y) < within for row in rows
             )
 
         return there
+
+    def streamed_time(self) -> float:
+        """Stage time covered by the stream since `streamed` was cleared [s]."""
+        return 1e-9 * (self.streamed[-1] - self.streamed[0]) if self.streamed else 0.0
 
     def home(self) -> None:
         """Reset what is latched and home, as often as a restarting node needs."""
@@ -230,24 +232,12 @@ class Watch:
         self.client.close()
 
 
+def last(rows: deque, count: int) -> list:
+    """The newest rows, fewer where there are not so many; cheap however long the record is."""
+    # While they are read one more may come: then the oldest of these are skipped.
+    return [rows[-k] for k in range(min(count, len(rows)), 0, -1)]
+
+
 def spread(rows: Sequence[tuple[int, float, float]]) -> float:
     """Largest extent of rows [m]."""
     return float(np.ptp(np.array(rows)[:, 1:], axis=0).max())
-
-
-def new_domain() -> dict[str, str | None]:
-    """Choose a ROS domain for this process and its children; what was set before."""
-    before = {name: os.environ.get(name) for name in ROS_NAMES}
-    # Below 102: higher domains collide with the ephemeral ports of Linux.
-    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 100))
-    os.environ.pop('ROS_AUTOMATIC_DISCOVERY_RANGE', None)
-    return before
-
-
-def restore(before: dict[str, str | None]) -> None:
-    """Put the environment back."""
-    for name, value in before.items():
-        if value is None:
-            os.environ.pop(name, None)
-        else:
-            os.environ[name] = value

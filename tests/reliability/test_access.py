@@ -230,6 +230,31 @@ def test_policies_name_every_node_and_what_moves_the_stage() -> None:
                 assert not any('stage_driver' in (s.text or '') for s in block)
 
 
+@pytest.mark.parametrize('keys', ['no keystore', 'no keys'])
+def test_a_node_without_its_keys_does_not_start(
+    ros_env: dict[str, str], tmp_path: Path, keys: str
+) -> None:
+    keystore = tmp_path / 'keystore'
+    if keys == 'no keys':
+        (keystore / 'enclaves' / 'stage_driver').mkdir(parents=True)
+    done = subprocess.run(
+        [sys.executable, '-m', 'stage_driver.node', '--ros-args', '--enclave', '/stage_driver'],
+        env={
+            **ros_env,
+            'ROS_SECURITY_ENABLE': 'true',
+            'ROS_SECURITY_STRATEGY': 'Enforce',
+            'ROS_SECURITY_KEYSTORE': str(keystore),
+        },
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 2, done.stderr
+    # ROS may log where it looked; the node adds one line.
+    (line,) = [text for text in done.stderr.splitlines() if text.startswith('error: ')]
+    assert 'security' in line.lower() and 'Traceback' not in done.stderr
+
+
 def test_policies_are_enforced_by_ros(tmp_path: Path) -> None:
     if shutil.which('ros2') is None:
         pytest.skip('no ros2 command: SROS 2 needs a full ROS 2 installation')

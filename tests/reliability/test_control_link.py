@@ -16,11 +16,18 @@ PERIOD = 1e-3
 SPEED = 0.1
 
 
-def follow(skip: int, blocked_at: int | None = None) -> tuple[str | None, float]:
+def follow(
+    skip: int,
+    blocked_at: int | None = None,
+    speed: float = SPEED,
+    gain: float = 40.0,
+    frozen: bool = False,
+) -> tuple[str | None, float]:
     """Follow a stream of positions and velocities of which only every `skip`-th tick arrives.
 
-    The plant is the contract's mass with viscous friction. Returns the fault, if any, and the
-    last position [m].
+    The plant is the contract's mass with viscous friction. From tick 300 on a `frozen` stream
+    repeats its position while its velocity goes on. Returns the fault, if any, and the last
+    position [m].
     """
     twin = TwinFile.nominal_servo()
     axes = ServoAxes(replace(ServoConfig(('x', 'y'), LIMITS, twin)))
@@ -32,8 +39,8 @@ def follow(skip: int, blocked_at: int | None = None) -> tuple[str | None, float]
     for tick in range(600):
         axes.measure((np.round(position / 1e-6) * 1e-6).tolist())
         if tick % skip == 0:
-            wanted = SPEED * PERIOD * tick
-            rate = SPEED + 40.0 * (wanted - position[0] - SPEED / 40.0)
+            wanted = speed * PERIOD * (min(tick, 300) if frozen else tick)
+            rate = speed if frozen else speed + gain * (wanted - position[0] - speed / 40.0)
             axes.motion.take(
                 Setpoint(SetpointKind.BOTH, tick + 1, (wanted, 0.0), (float(rate), 0.0)),
                 axes.encoder,
@@ -53,6 +60,18 @@ def test_a_stream_that_skips_ticks_is_no_following_error(skip: int) -> None:
     fault, reached = follow(skip)
     assert fault is None
     assert reached == pytest.approx(SPEED * 0.6 - SPEED / 40.0, abs=3e-3)
+
+
+@pytest.mark.parametrize('skip', [20, 90])
+def test_a_fast_stream_that_is_late_is_no_following_error(skip: int) -> None:
+    # The gain of a controller that is stable at this rate.
+    fault, _ = follow(skip, speed=0.19, gain=5.0)
+    assert fault is None
+
+
+def test_positions_that_stand_still_while_their_velocity_goes_on_are_one() -> None:
+    fault, reached = follow(5, frozen=True)
+    assert fault is not None and reached > 0.03
 
 
 @pytest.mark.parametrize('skip', [1, 5, 20])

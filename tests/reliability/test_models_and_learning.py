@@ -157,7 +157,6 @@ def noise_bag(folder: Path) -> Path:
     )
 
 
-@pytest.mark.faults
 def test_failed_and_aborted_training_leave_the_old_model(
     calibrator: tuple[Nodes, Watch], tmp_path: Path
 ) -> None:

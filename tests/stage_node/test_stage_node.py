@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -74,6 +76,38 @@ def test_parameters_diagnostics_and_end(tester: subprocess.Popen) -> None:
     output, _ = tester.communicate(timeout=30)
     assert tester.returncode == 0
     assert 'at rest' in output
+
+
+def test_a_condition_may_call_services_while_messages_come(tester: subprocess.Popen) -> None:
+    from std_msgs.msg import String
+
+    from stage_node.client_node import GraphClient
+
+    ended = threading.Event()
+    with GraphClient('judge') as client:
+        client.watch(String, '/busy')
+        publisher = client.node.create_publisher(String, '/busy', 10)
+
+        def flood() -> None:
+            while not ended.is_set():
+                publisher.publish(String(data='x'))
+                time.sleep(0.001)
+
+        flooding = threading.Thread(target=flood)
+        flooding.start()
+        try:
+            client.wait_for(lambda: client.latest('/busy') is not None, 30.0, 'the flood')
+            client.trigger('/tester/feed', 30.0)
+            answers: list[str] = []
+
+            def ten_answers() -> bool:
+                answers.append(client.trigger('/tester/feed', 10.0))
+                return len(answers) == 10
+
+            client.wait_for(ten_answers, 60.0, 'ten answers')
+        finally:
+            ended.set()
+            flooding.join()
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,8 @@ class MotionGenerator:
         jerk_ticks = max(1, round(float(self.max_acceleration.max()) / max_jerk / period))
         self.mode = Mode.HOLD
         self.reference = np.zeros(count)
+        #: Where the stream would be now, had its next set-point come: the reference elsewhere.
+        self.predicted = np.zeros(count)
         self.speed = np.zeros(count)
         self.command = np.zeros(count)
         self.clamped = 0
@@ -77,6 +79,7 @@ class MotionGenerator:
         self._move_speeds = self.max_velocity.copy()
         self._wanted = np.zeros(count)
         self._stream_positions = np.zeros(count)
+        self._stream_age = 0
         self._dwell = 0
 
     @property
@@ -120,6 +123,7 @@ class MotionGenerator:
                     self._stream_positions[axis] = value
                 elif self.mode is not Mode.STREAM:
                     self._stream_positions[axis] = self.reference[axis]
+            self._stream_age = 0
             self.mode = Mode.STREAM
         elif self.mode is not Mode.VELOCITY:
             if self.mode is not Mode.HOLD:
@@ -153,6 +157,15 @@ class MotionGenerator:
 
     def tick(self, encoder: Floats) -> bool:
         """Advance one period, fill `reference`, `speed`, `command`; True when a motion ended."""
+        ended = self._advance(encoder)
+        self.predicted[:] = self.reference
+        if self.mode is Mode.STREAM:
+            self.predicted += self._stream_age * self.period * self._wanted
+            np.clip(self.predicted, self.lower, self.upper, out=self.predicted)
+            self._stream_age += 1
+        return ended
+
+    def _advance(self, encoder: Floats) -> bool:
         if self.mode is Mode.PROFILE:
             arrived = profile_tick(
                 self._generators,

@@ -58,6 +58,7 @@ class ServoAxes:
         # A loop without full feed-forward follows behind its reference by this time [s].
         self._lag = np.maximum((1.0 - self._gains[:, 1]) / self._gains[:, 0], self.period)
         self._expected = np.zeros(count)
+        self._predicted = np.zeros(count)
         self._warm_up()
 
     @property
@@ -70,7 +71,7 @@ class ServoAxes:
         self.encoder[:] = positions
         self._memory[:] = servo_loop.start_memory(self.encoder)
         self._bristles[:] = 0.0
-        self._expected[:] = 0.0
+        self._expect_rest()
         self.motion.hold(self.encoder)
 
     def hold_here(self) -> None:
@@ -78,7 +79,11 @@ class ServoAxes:
         self.motion.hold(self.encoder)
         self._memory[:, servo_loop.INTEGRAL] = 0.0
         self._bristles[:] = 0.0
+        self._expect_rest()
+
+    def _expect_rest(self) -> None:
         self._expected[:] = 0.0
+        self._predicted[:] = self.encoder
 
     def measure(self, positions: Sequence[float]) -> None:
         """Take the encoder's positions q_k [m] of a tick."""
@@ -90,8 +95,11 @@ class ServoAxes:
         done = self.motion.tick(self.encoder)
         self.command[:] = self.motion.command
         # The error of a loop of first order: de/dt = dr/dt - e / lag. A stream that skips ticks
-        # moves its reference in steps, which the momentary speed would misjudge.
-        self._expected += self.period * (self.motion.speed - self._expected / self._lag)
+        # moves its reference in steps, which the momentary speed would misjudge; while it is late
+        # the axis goes on with it: that is for the watchdog to end, no axis is blocked.
+        predicted = self.motion.predicted
+        self._expected += predicted - self._predicted - self.period / self._lag * self._expected
+        self._predicted[:] = predicted
         if self._friction is not None:
             servo_loop.lugre_velocity(
                 self.motion.command,
@@ -109,7 +117,7 @@ class ServoAxes:
         if self.motion.mode not in (Mode.PROFILE, Mode.STREAM, Mode.VELOCITY):
             return None
         for index, axis in enumerate(self._axes):
-            error = abs(self.motion.reference[index] - self.encoder[index])
+            error = abs(self._predicted[index] - self.encoder[index])
             if error - abs(self._expected[index]) > self._following_limit:
                 return (
                     f'following error of {axis} {error * 1e3:.3f} mm exceeds '

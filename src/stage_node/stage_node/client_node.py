@@ -43,6 +43,7 @@ class GraphClient:
         self._latest: dict[str, Any] = {}
         self._arrival: dict[str, float] = {}
         self._changed = threading.Condition()
+        self._arrived = 0
         self._subscriptions: dict[str, Any] = {}
         self._clients: dict[str, Any] = {}
         self._acquainted: dict[str, float] = {}
@@ -75,6 +76,7 @@ class GraphClient:
             with self._changed:
                 self._latest[topic] = message
                 self._arrival[topic] = time.monotonic()
+                self._arrived += 1
                 self._changed.notify_all()
             if callback is not None:
                 callback(message)
@@ -90,7 +92,7 @@ class GraphClient:
     def wait_for(
         self, condition: Callable[[], bool], timeout: float, what: str, poll: float = 0.05
     ) -> None:
-        """Wait until `condition()` holds.
+        """Wait until `condition()` holds; it may call services.
 
         Raises
         ------
@@ -98,12 +100,17 @@ class GraphClient:
             After `timeout` [s] of wall time; the message says what was awaited.
         """
         deadline = time.monotonic() + timeout
-        with self._changed:
-            while not condition():
-                left = deadline - time.monotonic()
-                if left <= 0.0:
-                    raise StageError(f'waited {timeout:.0f} s in vain for {what}')
-                self._changed.wait(min(left, poll))
+        seen = self._arrived
+        # Asked without the lock: the answer of a service that the condition calls comes through
+        # the same thread as the messages, which the lock would hold up.
+        while not condition():
+            left = deadline - time.monotonic()
+            if left <= 0.0:
+                raise StageError(f'waited {timeout:.0f} s in vain for {what}')
+            with self._changed:
+                if self._arrived == seen:
+                    self._changed.wait(min(left, poll))
+                seen = self._arrived
 
     def wait_until_quiet(self, topic: str, quiet: float, timeout: float) -> None:
         """Wait until a watched topic has been silent for `quiet` [s] of wall time.

@@ -20,6 +20,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -281,11 +282,15 @@ def first_time(node: Node, timeout: float = 30.0) -> int:
 def run(factory: Callable[[], StageNode], arguments: Sequence[str] | None = None) -> int:
     """Run one node until SIGINT or SIGTERM; the exit status of the process.
 
-    A :class:`StageError` while the node starts is one line on stderr and exit status 2.
+    A :class:`StageError` while the node starts is one line on stderr and exit status 2; so is what
+    ROS itself refuses, as a node without its keys where SROS 2 is enforced.
     """
     local_graph()
     ended = threading.Event()
-    rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    except rclpy_implementation.RCLError as error:
+        return _refused(error)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     node: StageNode | None = None
@@ -293,9 +298,12 @@ def run(factory: Callable[[], StageNode], arguments: Sequence[str] | None = None
     try:
         try:
             node = factory()
-        except (StageError, rclpy.exceptions.InvalidParameterTypeException) as error:
-            print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
-            return EXIT_BAD_INPUT
+        except (
+            StageError,
+            rclpy.exceptions.InvalidParameterTypeException,
+            rclpy_implementation.RCLError,
+        ) as error:
+            return _refused(error)
         executor = make_executor()
         executor.add_node(node)
         spin(executor, ended)
@@ -312,3 +320,8 @@ def run(factory: Callable[[], StageNode], arguments: Sequence[str] | None = None
             node.destroy_node()
         if rclpy.ok():
             rclpy.shutdown()
+
+
+def _refused(error: Exception) -> int:
+    print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
+    return EXIT_BAD_INPUT
