@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from session_bags import check, info, repair
@@ -91,6 +92,13 @@ def test_truncated_anywhere(
         assert (
             count == reader.message_count == sum(info.contents(info.open_bag(bag)).counts.values())
         )
+    # The format's own reader, whose summary and checksums Foxglove relies on.
+    (file,) = bag.glob('*.mcap')
+    with open(file, 'rb') as stream:
+        plain = make_reader(stream, validate_crcs=True)
+        summary = plain.get_summary()
+        assert summary is not None and summary.statistics is not None
+        assert summary.statistics.message_count == count == sum(1 for _ in plain.iter_messages())
 
 
 @settings(
