@@ -43,6 +43,8 @@ class Nodes:
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        #: Cleared where the graph no longer answers, so that the next test need not wait.
+        self.usable = True
 
     def start(self, *names: str) -> None:
         """Start nodes, all of them if none is named."""
