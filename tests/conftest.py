@@ -38,3 +38,23 @@ def data_root() -> Path:
     if not path.is_dir():
         pytest.skip(f'the real measurements are not at {path} (set STAGE_DATA)')
     return path
+
+
+@pytest.fixture(scope='session')
+def dask_cluster() -> Iterator[str]:
+    """Address of a Dask scheduler with two workers, each a process of one thread."""
+    dask = pytest.importorskip('dask', reason='Dask is an optional extra')
+    distributed = pytest.importorskip('distributed', reason='Dask is an optional extra')
+    settings = {
+        # A loaded machine takes its time to start processes.
+        'distributed.comm.timeouts.connect': '120s',
+        # An item that ends its worker is not given to another one.
+        'distributed.scheduler.allowed-failures': 0,
+    }
+    with (
+        dask.config.set(settings),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=':0'
+        ) as cluster,
+    ):
+        yield cluster.scheduler_address

@@ -193,7 +193,7 @@ def test_thermal_training_uses_the_derivatives_of_a_bag(grid_session, tmp_path):
     session = warming_session(grid_session, 1)
     save_session(session, tmp_path / 'live.npz')
     job = Job(out='', live=str(tmp_path / 'live.npz'), method='thermal')
-    result, with_rates = run_job(job)
+    result, with_rates, _ = run_job(job)
     assert with_rates.model.uses_derivatives and with_rates.sensors == ('screw_x',)
     assert with_rates.model.sensors == 3
     without = run_job(replace(job, options={'derivatives': False}))[0]

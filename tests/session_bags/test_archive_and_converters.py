@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from session_bags import convert_emps, convert_ess_tank, convert_xy_circle
-from session_bags.archive import find_bags, map_bags, result_path
+from session_bags.archive import (
+    ENDED,
+    Where,
+    find_bags,
+    is_bag,
+    map_bags,
+    map_items,
+    result_path,
+)
 from session_bags.check import ERROR, check_bag
+from session_bags.info import describe
 from session_bags.measured import data_folder
 from session_bags.reader import read_session
 from session_bags.writer import write_session
@@ -20,87 +31,106 @@ from stage_core.twin_file import TwinFile
 from .conftest import random_session
 
 
-def count_references(bag: str) -> dict[str, int]:
-    """What the archive's tests compute of a bag; at module level, so that processes find it."""
-    session = read_session(bag, topics=[topics.REFERENCE])
-    return {'references': len(session.require(topics.REFERENCE))}
-
-
 @pytest.fixture
 def archive(tmp_path: Path) -> Path:
-    """Three good bags, two of them namesakes, and one that is cut."""
+    """Three good bags, two of them namesakes, and one whose file is none."""
     folder = tmp_path / 'archive'
     for number, name in enumerate(('monday/run', 'tuesday/run', 'extra')):
         write_session(folder / name, random_session(10 + number))
     bad = write_session(folder / 'bad', random_session(5))
-    (bad / 'bad_0.mcap').write_bytes((bad / 'bad_0.mcap').read_bytes()[:700])
+    (bad / 'bad_0.mcap').write_bytes(b'no mcap at all')
     return folder
 
 
-@pytest.mark.parametrize('jobs', [1, 2])
-def test_one_bad_bag_is_reported_and_skipped(archive: Path, tmp_path: Path, jobs: int) -> None:
+QUIET = Where(jobs=1, progress=False)
+TWO = Where(jobs=2, progress=False)
+#: Ends the process that evaluates it.
+DIES = "__import__('os').kill(__import__('os').getpid(), 9)"
+
+
+def test_bags_of_a_folder(archive: Path, tmp_path: Path) -> None:
     bags = find_bags(archive)
     assert [bag.name for bag in bags] == ['bad', 'extra', 'run', 'run']
-    # By its importable name: a spawned process knows nothing of pytest's modules.
-    from session_bags.info import describe
-
-    outcomes = map_bags(describe, bags, tmp_path / 'results', jobs=jobs, progress=False)
-    assert [Path(outcome.bag) for outcome in outcomes] == bags
-    described = [outcome for outcome in outcomes if outcome.result]
-    assert all('/stage/reference' in outcome.result for outcome in described[-3:])
-
-
-def test_resumes_where_it_was(
-    archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    bags = find_bags(archive)
-    done: list[str] = []
-
-    def counting(bag: str) -> dict[str, int]:
-        done.append(bag)
-        return count_references(bag)
-
-    first = map_bags(counting, bags[:2], tmp_path / 'results', jobs=1, progress=False)
-    assert first[0].error and 'bad' in first[0].error
-    assert first[1].result == {'references': 12}
-    done.clear()
-    both = map_bags(counting, bags, tmp_path / 'results', jobs=1)
-    assert done == [str(bags[0]), str(bags[2]), str(bags[3])], 'only what has no result yet'
-    assert [o.result and o.result['references'] for o in both] == [None, 12, 10, 11]
-    assert 'skipped' in capsys.readouterr().out
-    assert result_path(tmp_path, bags[2]) != result_path(tmp_path, bags[3])
-
-
-def test_an_unexpected_error_of_one_bag_is_its_own(archive: Path, tmp_path: Path) -> None:
-    def odd(bag: str) -> int:
-        raise ZeroDivisionError('odd')
-
-    (outcome,) = map_bags(odd, find_bags(archive)[1:2], tmp_path / 'r', jobs=1, progress=False)
-    assert outcome.error == 'ZeroDivisionError: odd'
-
-
-def test_a_cluster_gives_the_same(archive: Path, tmp_path: Path) -> None:
-    distributed = pytest.importorskip('distributed', reason='Dask is an optional extra')
-    from session_bags.info import describe
-
-    bags = find_bags(archive)[1:]
-    here = map_bags(describe, bags, tmp_path / 'here', jobs=1, progress=False)
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as c:
-        there = map_bags(
-            describe, bags, tmp_path / 'there', scheduler=c.scheduler_address, progress=False
-        )
-    assert here == there
-
-
-def test_what_cannot_be_done_is_said(tmp_path: Path, archive: Path) -> None:
-    empty = tmp_path / 'empty'
-    empty.mkdir()
+    assert find_bags(bags[1]) == [bags[1]]
+    assert is_bag(bags[1]) and not is_bag(archive)
+    assert result_path(tmp_path, str(bags[2])) != result_path(tmp_path, str(bags[3]))
+    (tmp_path / 'empty').mkdir()
     with pytest.raises(StageError, match='holds no bag'):
-        find_bags(empty)
-    with pytest.raises(StageError, match='scheduler'):
-        map_bags(
-            count_references, find_bags(archive), tmp_path / 'r', scheduler='tcp://127.0.0.1:9'
-        )
+        find_bags(tmp_path / 'empty')
+    with pytest.raises(StageError, match='there is no bag'):
+        find_bags(tmp_path / 'absent')
+
+
+@pytest.mark.timeout(400)
+def test_all_places_give_the_same(archive: Path, tmp_path: Path, dask_cluster: str) -> None:
+    """One bag is bad: it is reported and skipped."""
+    bags = find_bags(archive)
+    places = (QUIET, TWO, Where(scheduler=dask_cluster, progress=False))
+    here, processes, cluster = (
+        map_bags(describe, bags, tmp_path / str(number), where=where)
+        for number, where in enumerate(places)
+    )
+    assert here == processes == cluster
+    assert [Path(outcome.item) for outcome in here] == bags
+    assert 'bad' in here[0].error and not here[0].result
+    assert all('/stage/reference' in outcome.result for outcome in here[1:])
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize('place', ['one process', 'processes', 'cluster'])
+def test_a_bad_item_is_its_own(place: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    """`eval` stands for any function: it is found by name in every process."""
+    items = ['1 + 1', '1 / 0', '[1.5, None]', 'no_such_name', '3 * 3']
+    where = QUIET
+    if place == 'processes':
+        items.append(DIES)
+        where = TWO
+    if place == 'cluster':
+        items.append(DIES)
+        where = Where(scheduler=request.getfixturevalue('dask_cluster'), progress=False)
+    outcomes = map_items(eval, items, tmp_path, where=where)
+    assert [outcome.item for outcome in outcomes] == items
+    assert [outcome.result for outcome in outcomes][:5] == [2, None, [1.5, None], None, 9]
+    assert outcomes[1].error == 'ZeroDivisionError: division by zero'
+    assert 'NameError' in outcomes[3].error
+    assert [outcome.error for outcome in outcomes[5:]] == [ENDED] * len(items[5:])
+
+
+def test_resumes_where_it_was(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / 'log'
+    items = [f'open({str(log)!r}, "a").write("{number}") and 1 // {number}' for number in range(4)]
+    loud = Where(jobs=1)
+    first = map_items(eval, items[:2], tmp_path / 'results', where=loud)
+    assert [outcome.result for outcome in first] == [None, 1]
+    assert 'skipped open' in capsys.readouterr().err
+    map_items(eval, items, tmp_path / 'results', where=loud)
+    assert log.read_text() == '01' + '023', 'only what has no result yet'
+    # A kept result belongs to its settings.
+    map_items(eval, items[1:], tmp_path / 'results', key=lambda item: f'{item} other', where=loud)
+    assert log.read_text() == '01' + '023' + '123'
+
+
+def test_a_bag_that_changed_is_done_again(archive: Path, tmp_path: Path) -> None:
+    bag = archive / 'extra'
+    (before,) = map_bags(describe, [bag], tmp_path / 'results', where=QUIET)
+    (kept,) = map_bags(describe, [bag], tmp_path / 'results', where=QUIET)
+    assert kept == before
+    shutil.rmtree(bag)
+    write_session(bag, random_session(30))
+    (after,) = map_bags(describe, [bag], tmp_path / 'results', where=QUIET)
+    assert after.result != before.result
+
+
+def test_a_scheduler_that_is_not_there_is_said(tmp_path: Path) -> None:
+    pytest.importorskip('distributed', reason='Dask is an optional extra')
+    with pytest.raises(StageError, match='no Dask scheduler answers'):
+        map_items(eval, ['1'], tmp_path, where=Where(scheduler='tcp://127.0.0.1:9'))
+
+
+def test_without_dask_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, 'distributed', None)
+    with pytest.raises(StageError, match='pip install distributed'):
+        map_items(eval, ['1'], tmp_path, where=Where(scheduler='tcp://127.0.0.1:9'))
 
 
 def test_converters_keep_the_contract(data_root: Path, tmp_path: Path) -> None:

@@ -13,20 +13,22 @@ import numpy as np
 
 from calibrator import model_file
 from calibrator.compare import compare, table
+from calibrator.gather import gather, read_training_session
 from calibrator.models import METHODS
 from calibrator.phase_table import PhaseTable
 from calibrator.prepare import INPUTS, TARGETS, Samples, prepare
+from calibrator.restarts import train_restarts
 from calibrator.training import (
     Metrics,
     Training,
     default_options,
     find_bags,
     predict,
-    samples_of,
     stored,
     train,
 )
-from calibrator.training_job import Job, read_training_sessions, run_job
+from calibrator.training_job import Job, run_job
+from session_bags.archive import add_arguments, where_from
 from stage_core.errors import StageError, command_line
 
 
@@ -34,20 +36,31 @@ from stage_core.errors import StageError, command_line
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, print the errors before and after, and write the model."""
     options = _parser().parse_args(arguments)
-    bags = find_bags(options.bag)
-    sessions = read_training_sessions(bags, options.input, options.target)
-    samples = samples_of(sessions, options.input, options.target)
+    where = where_from(options, progress=sys.stderr.isatty())
+    gathered = gather(options.bag, options.input, options.target, options.results, where)
+    samples, bags = gathered.samples, gathered.bags
+    for bag, reason in gathered.skipped.items():
+        print(f'skipped {bag}: {reason}', file=sys.stderr)
     kind = 'rests' if samples.at_rest else 'moving points'
     print(
         f'{len(samples)} {kind} of {len(bags)} bag(s), axes {"".join(samples.axes)}, clock shift '
         f'{1e3 * samples.shift:.2f} ms'
     )
-    settings = {**default_options(options.method, sessions[0]), **_json_object(options.options)}
+    settings = {
+        **default_options(options.method, gathered.leads),
+        **_json_object(options.options),
+    }
     if options.compare:
-        shared = {m: default_options(m, sessions[0]) for m in METHODS}
+        shared = {m: default_options(m, gathered.leads) for m in METHODS}
         print(table(compare(samples, options=shared, seed=options.seed, by=options.split)))
         return 0
-    result = train(samples, options.method, settings, options.seed, options.split, _progress())
+    how = (samples, options.method, settings, options.seed, options.split)
+    if options.restarts > 1:
+        result, values = train_restarts(*how, options.restarts, options.results, where)
+        listed = ' '.join(f'{1e6 * value:.4f}' for value in values)
+        print(f'training RMS from {len(values)} starts [um]: {listed}; the least is taken')
+    else:
+        result = train(*how, _progress())
     print(result.model.describe())
     print(before_and_after(result.before, result.after, result.held_out))
     if options.holdout:
@@ -96,9 +109,8 @@ def _held_out_table(options: argparse.Namespace, samples: Samples, result: Train
         predictors['phase table'] = lambda s: baseline.predict(s.command)
     predictors[model.method] = lambda s: predict(model, s)
     lines = [f'{"held-out RMS [um]":22s} ' + ' '.join(f'{name:>12s}' for name in predictors)]
-    for bag, session in zip(
-        bags, read_training_sessions(bags, options.input, options.target), strict=True
-    ):
+    for bag in bags:
+        session = read_training_session(bag, options.input, options.target)
         held = prepare(session, options.input, options.target).only(result.sensors)
         errors = [
             np.sqrt(np.mean((held.measured - predict(held)) ** 2, axis=0))
@@ -135,7 +147,12 @@ def _json_object(text: str) -> dict[str, Any]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='retrain_offline', description=__doc__)
-    parser.add_argument('--bag', action='append', required=True, help='session bag, or a folder')
+    parser.add_argument(
+        '--bag',
+        action='append',
+        required=True,
+        help='session bag, repeatable; or a folder of them, whose bad bags are skipped',
+    )
     parser.add_argument('--method', default='structured', choices=list(METHODS))
     parser.add_argument('--options', default='{}', help='options of the method, a JSON object')
     parser.add_argument('--input', default='reference', choices=INPUTS, help='model input')
@@ -149,6 +166,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--machine', default='', help='name of the stage, kept in the model')
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--out', default='', help='model file to write')
+    parser.add_argument(
+        '--restarts', type=int, default=1, help='random starts of a swarm; the best is taken'
+    )
+    parser.add_argument(
+        '--results',
+        default='bags/retrain_results',
+        help='folder that keeps what each bag and start gave, so that a run can be resumed',
+    )
+    add_arguments(parser)
     return parser
 
 

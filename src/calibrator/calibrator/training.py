@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,7 @@ from calibrator.model_file import StoredModel, bag_hash
 from calibrator.models import METHODS, make_model
 from calibrator.models.base import CalibrationModel
 from calibrator.models.structured import Structured
-from calibrator.prepare import Samples, concatenate, prepare, split
-from stage_core.errors import StageError
+from calibrator.prepare import Samples, split
 from stage_core.session import Session
 
 Array = NDArray[np.float64]
@@ -153,7 +152,7 @@ def predict(model: CalibrationModel, samples: Samples) -> Array:
     return model.predict(samples.command, samples.direction, heat)
 
 
-def find_bags(paths: list[str]) -> list[Path]:
+def find_bags(paths: Sequence[str]) -> list[Path]:
     """The bags that paths name: each a bag, an mcap file, or a folder of bags.
 
     Raises
@@ -161,24 +160,10 @@ def find_bags(paths: list[str]) -> list[Path]:
     StageError
         If a path does not exist or holds no bag.
     """
-    found: list[Path] = []
-    for name in paths:
-        path = Path(name)
-        if not path.exists():
-            raise StageError(f'there is no bag {path}: check the path')
-        if path.is_file() or (path / 'metadata.yaml').exists() or any(path.glob('*.mcap')):
-            found.append(path)
-            continue
-        inside = sorted({m.parent for m in path.rglob('*.mcap')})
-        if not inside:
-            raise StageError(f'{path} holds no bag: name a session bag or a folder of them')
-        found += inside
-    return found
+    # Only here: the bags are not needed to train from the live buffer.
+    from session_bags import archive
 
-
-def samples_of(sessions: list[Session], source: str, target: str) -> Samples:
-    """Samples of several sessions together."""
-    return concatenate([prepare(session, source, target) for session in sessions])
+    return [bag for path in paths for bag in archive.find_bags(path)]
 
 
 def twin_leads(session: Session) -> list[float] | None:
@@ -191,9 +176,8 @@ def twin_leads(session: Session) -> list[float] | None:
     return leads if all(lead > 0.0 for lead in leads) else None
 
 
-def default_options(method: str, session: Session) -> dict[str, Any]:
-    """Options that a session settles: the screw's lead from its nominal twin."""
-    leads = twin_leads(session)
+def default_options(method: str, leads: list[float] | None) -> dict[str, Any]:
+    """Options that a session settles: the screw's leads [m] from its nominal twin."""
     if leads is not None and 'lead' in METHODS.get(method, Structured).defaults:
         return {'lead': leads}
     return {}
@@ -207,11 +191,17 @@ def stored(
         training.model,
         machine,
         version,
-        {bag.name: bag_hash(bag) for bag in bags},
+        {name: bag_hash(bag) for name, bag in zip(_names(bags), bags, strict=True)},
         training.metrics(),
         seed,
         training.sensors,
     )
+
+
+def _names(bags: list[Path]) -> list[str]:
+    """Names that tell bags apart: each bag's own, or its path where another has the same."""
+    names = [bag.name for bag in bags]
+    return [n if names.count(n) == 1 else str(b) for n, b in zip(names, bags, strict=True)]
 
 
 def _with_seed(method: str, options: dict[str, Any], seed: int) -> dict[str, Any]:

@@ -16,17 +16,9 @@ from typing import Any
 
 from calibrator import model_file
 from calibrator.live_buffer import load_session
-from calibrator.training import (
-    Training,
-    default_options,
-    find_bags,
-    samples_of,
-    stored,
-    train,
-)
-from stage_core import topics
+from calibrator.prepare import prepare
+from calibrator.training import Training, default_options, stored, train, twin_leads
 from stage_core.errors import StageError
-from stage_core.session import Session
 
 NICENESS = 10
 """A training yields the processor to the nodes that control the stage."""
@@ -62,8 +54,12 @@ class Job:
         return cls(**json.loads(path.read_text(encoding='utf-8')))
 
 
-def run_job(job: Job, progress: Any = None) -> tuple[Training, model_file.StoredModel]:
+def run_job(
+    job: Job, progress: Any = None
+) -> tuple[Training, model_file.StoredModel, dict[str, str]]:
     """Train as the job says; the caller writes the model.
+
+    The last part is why bags of a folder were skipped, by bag.
 
     Raises
     ------
@@ -71,34 +67,25 @@ def run_job(job: Job, progress: Any = None) -> tuple[Training, model_file.Stored
         If the data do not suffice, or the new model is worse than no correction.
     """
     bags: list[Path] = []
+    skipped: dict[str, str] = {}
     if job.bags:
-        bags = find_bags(job.bags)
-        sessions = read_training_sessions(bags, job.source, job.target)
+        # Only here: the reader is not needed to train from the live buffer.
+        from calibrator.gather import gather
+
+        gathered = gather(job.bags, job.source, job.target)
+        samples, leads = gathered.samples, gathered.leads
+        bags, skipped = gathered.bags, gathered.skipped
     else:
-        sessions = [load_session(job.live)]
-    samples = samples_of(sessions, job.source, job.target)
-    options = {**default_options(job.method, sessions[0]), **job.options}
+        session = load_session(job.live)
+        samples, leads = prepare(session, job.source, job.target), twin_leads(session)
+    options = {**default_options(job.method, leads), **job.options}
     result = train(samples, job.method, options, job.seed, progress=progress)
     if result.after.rms > CLEARLY_WORSE * result.before.rms:
         raise StageError(
             f'the new model is worse than none ({result.line()}): record more positions or '
             'choose a simpler method'
         )
-    return result, stored(result, bags, job.machine, job.version, job.seed)
-
-
-def read_training_sessions(bags: list[Path], source: str, target: str) -> list[Session]:
-    """Sessions of bags, with only the topics that a training reads."""
-    # Only here: the reader is not needed to train from the live buffer.
-    from session_bags.reader import read_session
-
-    wanted = {topics.REFERENCE, topics.TEMPERATURE}
-    if 'encoder' in (source, target):
-        wanted.add(topics.JOINT_STATES)
-    if target == 'tracker':
-        # The clock shift of a stepper is judged by its counted travel.
-        wanted |= {topics.TRACKER_POINT, topics.JOINT_STATES}
-    return [read_session(bag, wanted) for bag in bags]
+    return result, stored(result, bags, job.machine, job.version, job.seed), skipped
 
 
 def main() -> int:
@@ -110,12 +97,13 @@ def main() -> int:
 
     try:
         job = Job.load(Path(sys.argv[1]))
-        result, model = run_job(job, lambda i, best: say(progress=[i, best]))
+        result, model, skipped = run_job(job, lambda i, best: say(progress=[i, best]))
         model_file.save(model, job.out)
     except StageError as error:
         say(error=' '.join(str(error).split()))
         return 2
-    say(result=result.line())
+    left_out = [f'; skipped {bag}: {reason}' for bag, reason in skipped.items()]
+    say(result=''.join([result.line(), *left_out]))
     return 0
 
 

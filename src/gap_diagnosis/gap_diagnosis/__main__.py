@@ -7,8 +7,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from gap_diagnosis.archive import diagnose_archive
 from gap_diagnosis.service import run
-from stage_core.errors import command_line
+from session_bags.archive import add_arguments, is_bag, where_from
+from stage_core.errors import StageError, command_line
 
 
 @command_line
@@ -23,7 +25,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description='Where the gap between sessions and their twin lies, which effect causes it, '
         'and how far it shrinks with that effect in the twin.',
     )
-    parser.add_argument('--bag', action='append', required=True, help='session bag, repeatable')
+    parser.add_argument(
+        '--bag',
+        action='append',
+        required=True,
+        help='session bag, repeatable; or one folder of bags, each diagnosed by itself',
+    )
     parser.add_argument(
         '--holdout', action='append', default=[], help='held-out session bag, repeatable'
     )
@@ -41,7 +48,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--no-page', action='store_true', help='write report.json and the twin, no report.html'
     )
+    add_arguments(parser)
     options = parser.parse_args(words)
+    folders = [path for path in options.bag if Path(path).is_dir() and not is_bag(path)]
+    if folders:
+        if len(options.bag) > 1 or options.holdout:
+            raise StageError(
+                f'{folders[0]} is a folder of bags, each diagnosed by itself: give it alone, '
+                'without another --bag or --holdout'
+            )
+        how = {'seed': options.seed, 'without': options.without, 'with_page': not options.no_page}
+        where = where_from(options, progress=not options.quiet)
+        print(diagnose_archive(folders[0], options.twin, Path(options.out), how, where))
+        return 0
     verdict = run(
         options.bag,
         options.holdout,

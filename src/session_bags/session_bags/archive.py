@@ -1,4 +1,4 @@
-"""One function over an archive of bags: on all cores, or on a Dask cluster."""
+"""One function over many items (bags, restarts, cases): on all cores, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -18,17 +21,46 @@ from tqdm import tqdm
 
 from stage_core.errors import StageError
 
-#: Takes the path of a bag and returns what JSON can hold; must be importable by name.
-BagFunction = Callable[[str], Any]
+#: Takes an item, for example the path of a bag, and returns what JSON can hold. A module's
+#: function (or a `functools.partial` of one), so that other processes find it.
+ItemFunction = Callable[[str], Any]
+
+Stream = Iterator[tuple[str, 'Outcome']]
+
+ENDED = 'the process that worked on it was ended: too little memory, or a crash'
+
+#: Dask runs several items in one process where its workers have threads, but drawing and HDF5
+#: are not made for that.
+_ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a bag gave: its result, or the error for which it was skipped."""
+    """What an item gave: its result, or the error for which it was skipped."""
 
-    bag: str
+    item: str
     result: Any = None
     error: str = ''
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where items are worked on.
+
+    Attributes
+    ----------
+    jobs
+        Processes on this machine; 0 takes one per core.
+    scheduler
+        Address of a Dask scheduler to use in their place. Its workers must have these packages
+        and see the same files under the same names.
+    progress
+        Whether a bar and the skipped items are shown on stderr.
+    """
+
+    jobs: int = 0
+    scheduler: str = ''
+    progress: bool = True
 
 
 def find_bags(directory: str | Path) -> list[Path]:
@@ -40,130 +72,194 @@ def find_bags(directory: str | Path) -> list[Path]:
         If there is none.
     """
     directory = Path(directory)
-    if directory.is_file():
+    if not directory.exists():
+        raise StageError(f'there is no bag {directory}: check the path')
+    if is_bag(directory):
         return [directory]
     found = {path.parent for path in directory.rglob('metadata.yaml')}
     found |= {path.parent for path in directory.rglob('*.mcap')}
     if not found:
-        raise StageError(f'{directory} holds no bag: name a directory of session bags')
+        raise StageError(f'{directory} holds no bag: name a session bag or a folder of them')
     return sorted(found)
 
 
-def result_path(folder: Path, bag: Path) -> Path:
-    """File that keeps a bag's result: its name, and a hash of its path against namesakes."""
-    digest = hashlib.sha256(str(bag.resolve()).encode()).hexdigest()[:10]
-    return folder / f'{re.sub(r"[^A-Za-z0-9_.-]", "_", bag.name)}-{digest}.json'
+def is_bag(path: str | Path) -> bool:
+    """Whether a path is a bag, and not a folder of bags."""
+    path = Path(path)
+    return path.is_file() or (path / 'metadata.yaml').exists() or any(path.glob('*.mcap'))
 
 
-def map_bags(
-    function: BagFunction,
-    bags: Sequence[Path],
+def fingerprint(bag: str | Path) -> str:
+    """Changes when a bag does: names, sizes and times of its files."""
+    path = Path(bag)
+    files = [path] if path.is_file() else sorted(path.glob('*'))
+    return json.dumps([(f.name, (s := f.stat()).st_size, s.st_mtime_ns) for f in files])
+
+
+def result_path(folder: Path, item: str, key: str = '') -> Path:
+    """File of an item's result: its name, and a hash that tells it from namesakes."""
+    digest = hashlib.sha256(f'{item}\n{key}'.encode()).hexdigest()[:16]
+    return folder / f'{re.sub(r"[^A-Za-z0-9_.-]", "_", Path(item).name)}-{digest}.json'
+
+
+def map_items(
+    function: ItemFunction,
+    items: Sequence[str],
     results: str | Path,
-    *,
-    jobs: int | None = None,
-    scheduler: str = '',
-    progress: bool = True,
+    key: Callable[[str], str] = str,
+    where: Where | None = None,
 ) -> list[Outcome]:
-    """Apply a function to every bag; outcomes in the order of `bags`.
+    """Apply a function to every item; outcomes in the order of `items`.
 
-    A result is kept in a file of the folder `results` as soon as it is there, and a bag that
-    has one is not done again: an interrupted run goes on where it was. A bag that fails is
-    reported in its outcome and tried again next time.
+    A result is kept in a file of the folder `results` as soon as it is there, and an item that
+    has one is not done again: an interrupted run goes on where it was. An item that fails, even
+    one that ends its process, is reported in its outcome and tried again next time.
 
     Parameters
     ----------
-    function
-        From the path of a bag to what JSON can hold.
-    jobs
-        Processes on this machine; all its cores where not given.
-    scheduler
-        Address of a Dask scheduler to use in their place.
+    key
+        Of an item: all on which its result depends (options, the state of a file). A kept result
+        counts only for the same key.
 
     Raises
     ------
     StageError
-        If the scheduler cannot be reached, or Dask is not installed.
+        If the scheduler cannot be reached or is lost, or Dask is not installed.
     """
+    where = where or Where()
     folder = Path(results)
     folder.mkdir(parents=True, exist_ok=True)
-    outcomes: dict[Path, Outcome | None] = {bag: _kept(folder, bag) for bag in bags}
-    missing = [bag for bag in bags if outcomes[bag] is None]
-    if scheduler:
-        stream = _on_cluster(function, missing, scheduler)
+    paths = {item: result_path(folder, item, key(item)) for item in items}
+    outcomes = {item: _kept(item, path) for item, path in paths.items()}
+    missing = [item for item, outcome in outcomes.items() if outcome is None]
+    if where.scheduler and missing:
+        stream = _on_cluster(function, missing, where.scheduler)
     else:
-        stream = _on_this_machine(function, missing, jobs or os.cpu_count() or 1)
-    with tqdm(total=len(bags), initial=len(bags) - len(missing), disable=not progress) as bar:
-        for bag, outcome in stream:
-            outcomes[bag] = outcome
+        stream = _on_this_machine(function, missing, where.jobs or os.cpu_count() or 1)
+    done = len(items) - len(missing)
+    with tqdm(total=len(items), initial=done, disable=not where.progress) as bar:
+        for item, outcome in stream:
+            outcomes[item] = outcome
             if not outcome.error:
-                _keep(folder, bag, outcome)
-            elif progress:
-                tqdm.write(f'skipped {bag}: {outcome.error}')
+                _keep(paths[item], outcome)
+            elif where.progress:
+                bar.write(f'skipped {item}: {outcome.error}', file=sys.stderr)
             bar.update()
-    return [kept for bag in bags if (kept := outcomes[bag]) is not None]
+    return [kept for item in items if (kept := outcomes[item]) is not None]
+
+
+def map_bags(
+    function: ItemFunction,
+    bags: Sequence[Path],
+    results: str | Path,
+    settings: str = '',
+    where: Where | None = None,
+) -> list[Outcome]:
+    """`map_items` over the paths of bags: kept results count while bag and `settings` stay."""
+    paths = [str(bag.resolve()) for bag in bags]
+    return map_items(function, paths, results, lambda p: settings + fingerprint(p), where)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare ``--jobs`` and ``--scheduler``."""
-    parser.add_argument('--jobs', type=int, help='processes on this machine; default: its cores')
-    parser.add_argument('--scheduler', default='', help='address of a Dask scheduler to use')
+    parser.add_argument(
+        '--jobs', type=int, default=0, help='processes for a folder of bags; default: one per core'
+    )
+    parser.add_argument(
+        '--scheduler', default='', help='address of a Dask scheduler to use in their place'
+    )
 
 
-def apply(function: BagFunction, bag: str) -> Outcome:
-    """Outcome of one bag; no error of one bag ends the run of the others."""
+def where_from(options: argparse.Namespace, progress: bool = True) -> Where:
+    """The place that the arguments of `add_arguments` name."""
+    return Where(options.jobs, options.scheduler, progress)
+
+
+def apply(function: ItemFunction, item: str) -> Outcome:
+    """Outcome of one item; no error of one item ends the run of the others."""
     try:
-        return Outcome(bag, function(bag))
+        with _ONE_AT_A_TIME:
+            return Outcome(item, function(item))
     except StageError as error:
-        return Outcome(bag, error=str(error))
+        return Outcome(item, error=' '.join(str(error).split()))
     except Exception as error:
-        return Outcome(bag, error=f'{type(error).__name__}: {error}')
+        return Outcome(item, error=f'{type(error).__name__}: {" ".join(str(error).split())}')
 
 
-def _kept(folder: Path, bag: Path) -> Outcome | None:
-    path = result_path(folder, bag)
+def _kept(item: str, path: Path) -> Outcome | None:
     try:
-        return Outcome(str(bag), json.loads(path.read_text(encoding='utf-8'))['result'])
+        return Outcome(item, json.loads(path.read_text(encoding='utf-8'))['result'])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
-def _keep(folder: Path, bag: Path, outcome: Outcome) -> None:
-    path = result_path(folder, bag)
+def _keep(path: Path, outcome: Outcome) -> None:
     temporary = path.with_suffix('.tmp')
-    content = {'bag': outcome.bag, 'result': outcome.result}
+    content = {'item': outcome.item, 'result': outcome.result}
     temporary.write_text(json.dumps(content), encoding='utf-8')
     os.replace(temporary, path)
 
 
-Stream = Iterator[tuple[Path, Outcome]]
-
-
-def _on_this_machine(function: BagFunction, bags: Sequence[Path], jobs: int) -> Stream:
-    if jobs <= 1 or len(bags) <= 1:
-        for bag in bags:
-            yield bag, apply(function, str(bag))
+def _on_this_machine(function: ItemFunction, items: Sequence[str], jobs: int) -> Stream:
+    if jobs <= 1 or len(items) <= 1:
+        for item in items:
+            yield item, apply(function, item)
         return
+    broken = []
+    for item, outcome in _in_pool(function, items, jobs):
+        if outcome is None:
+            broken.append(item)
+        else:
+            yield item, outcome
+    # A process that dies takes all pending items of its pool along: each gets one of its own.
+    for item in broken:
+        for _, outcome in _in_pool(function, [item], 1):
+            yield item, outcome or Outcome(item, error=ENDED)
+
+
+def _in_pool(
+    function: ItemFunction, items: Sequence[str], jobs: int
+) -> Iterator[tuple[str, Outcome | None]]:
+    """Outcomes as they come; None for items whose process died."""
+    # Children read it when they load NumPy; more threads than cores slow all of them down.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     # Spawned, not forked: the caller may run threads (rclpy, BLAS).
-    with ProcessPoolExecutor(min(jobs, len(bags)), mp_context=get_context('spawn')) as pool:
-        futures = {pool.submit(apply, function, str(bag)): bag for bag in bags}
+    with ProcessPoolExecutor(min(jobs, len(items)), mp_context=get_context('spawn')) as pool:
+        futures = {pool.submit(apply, function, item): item for item in items}
         for future in as_completed(futures):
-            yield futures[future], future.result()
+            try:
+                outcome: Outcome | None = future.result()
+            except BrokenProcessPool:
+                outcome = None
+            yield futures[future], outcome
 
 
-def _on_cluster(function: BagFunction, bags: Iterable[Path], address: str) -> Stream:
+def _on_cluster(function: ItemFunction, items: Sequence[str], address: str) -> Stream:
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
         from distributed import as_completed as as_they_come
     except ImportError as error:
         raise StageError(
-            '--scheduler needs Dask: install the package `distributed`, or leave it out to use '
-            'this machine'
+            '--scheduler needs Dask: pip install distributed, or leave it out to use this machine'
         ) from error
     try:
-        client = Client(address, timeout=10)
+        client = Client(address, timeout=10, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise StageError(f'no Dask scheduler answers at {address}: check the address') from error
     with client:
-        futures = {client.submit(apply, function, str(bag), pure=False): bag for bag in bags}
-        for future in as_they_come(list(futures)):
-            yield futures[future], future.result()
+        futures = {client.submit(apply, function, item, pure=False): item for item in items}
+        for future in as_they_come(list(futures), loop=client.loop):
+            item = futures.pop(future)
+            try:
+                outcome = future.result()
+            except KilledWorker:
+                outcome = Outcome(item, error=ENDED)
+            except Exception as error:
+                if future.status == 'cancelled' or client.status != 'running':
+                    raise StageError(
+                        f'the Dask scheduler at {address} was lost; what is done is kept: run the '
+                        'command again to go on'
+                    ) from error
+                outcome = Outcome(item, error=f'{type(error).__name__}: {error}')
+            yield item, outcome
+            future.release()

@@ -1,0 +1,172 @@
+"""Training from an archive of bags: the same everywhere, resumable, bad bags skipped."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibrator import model_file
+from calibrator.gather import gather
+from calibrator.prepare import concatenate, prepare
+from calibrator.restarts import train_restarts
+from calibrator.retrain_offline import main
+from calibrator.training import train
+from session_bags.archive import Where
+from session_bags.reader import read_session
+from session_bags.writer import write_session
+from stage_core.errors import StageError
+
+BAGS = 6
+
+
+@pytest.fixture
+def archive(tmp_path: Path, grid_session) -> Path:
+    """Six sessions of one stage, two of them namesakes, and a file that is no bag."""
+    folder = tmp_path / 'archive'
+    for number in range(BAGS):
+        name = f'day_{number // 2}/session_{number % 2}'
+        write_session(folder / name, grid_session(12, rest=0.2, seed=number))
+    (folder / 'bad').mkdir()
+    (folder / 'bad' / 'bad.mcap').write_bytes(b'no mcap')
+    return folder
+
+
+def same_samples(first, second) -> bool:
+    names = ('command', 'measured', 'direction', 'temperatures', 'times')
+    return all(np.array_equal(getattr(first, n), getattr(second, n)) for n in names) and (
+        (first.sensors, first.axes, first.shift) == (second.sensors, second.axes, second.shift)
+    )
+
+
+@pytest.mark.timeout(400)
+def test_every_place_gives_the_same_samples(
+    archive: Path, tmp_path: Path, dask_cluster: str
+) -> None:
+    direct = concatenate(
+        [prepare(read_session(archive / f'day_{n // 2}/session_{n % 2}')) for n in range(BAGS)]
+    )
+    places = {
+        'processes': Where(jobs=2, progress=False),
+        'cluster': Where(scheduler=dask_cluster, progress=False),
+    }
+    found = [gather([str(archive)], 'reference', 'tracker')]
+    for name, where in places.items():
+        found.append(gather([str(archive)], 'reference', 'tracker', tmp_path / name, where))
+    for gathered in found:
+        assert same_samples(gathered.samples, direct)
+        assert len(gathered.bags) == BAGS
+        assert list(gathered.skipped) == [str(archive / 'bad')]
+    with pytest.raises(StageError):
+        # A bag that is named is wanted.
+        gather([str(archive / 'bad')], 'reference', 'tracker')
+
+
+@pytest.fixture
+def blocking_bag(archive: Path) -> Iterator[Path]:
+    """A bag whose reading lasts until the test lets it go on: its file is a pipe."""
+    bag = archive / 'day_1' / 'slow'
+    bag.mkdir()
+    os.mkfifo(bag / 'slow_0.mcap')
+    yield bag
+    if (bag / 'slow_0.mcap').is_fifo():
+        let_go(bag)
+
+
+def let_go(bag: Path) -> None:
+    """End the reading of a blocking bag; it finds an empty file."""
+    pipe = bag / 'slow_0.mcap'
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        try:
+            os.close(os.open(pipe, os.O_WRONLY | os.O_NONBLOCK))
+            break
+        except OSError:
+            # Nobody has it open: the reader is gone, or not there yet.
+            time.sleep(0.05)
+            if deadline - time.monotonic() < 50.0:
+                break
+    pipe.unlink()
+
+
+@pytest.mark.timeout(400)
+def test_a_killed_run_goes_on_where_it_was(
+    archive: Path, blocking_bag: Path, tmp_path: Path, dask_cluster: str, grid_session
+) -> None:
+    """Killed in the middle on a cluster, run again: what was done is not done again."""
+    results = tmp_path / 'results'
+    arguments = ['--bag', str(archive), '--results', str(results), '--scheduler', dask_cluster]
+    run = subprocess.Popen(
+        [sys.executable, '-m', 'calibrator.retrain_offline', *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        deadline = time.monotonic() + 180.0
+        while len(list(results.glob('*.json'))) < 3 and time.monotonic() < deadline:
+            assert run.poll() is None, 'it cannot end: one bag blocks'
+            time.sleep(0.02)
+    finally:
+        run.kill()
+        run.wait()
+    kept = {path: path.stat().st_mtime_ns for path in results.glob('*.json')}
+    assert 3 <= len(kept) <= BAGS
+    let_go(blocking_bag)
+    blocking_bag.rmdir()
+    write_session(blocking_bag, grid_session(12, rest=0.2, seed=99))
+
+    out = tmp_path / 'model.json'
+    assert main([*arguments, '--out', str(out)]) == 0
+    after = {path: path.stat().st_mtime_ns for path in results.glob('*.json')}
+    assert len(after) == BAGS + 1
+    assert {path: after[path] for path in kept} == kept
+
+    here = tmp_path / 'here.json'
+    elsewhere = ['--results', str(tmp_path / 'others'), '--jobs', '1', '--out', str(here)]
+    assert main(['--bag', str(archive), *elsewhere]) == 0
+    one, two = model_file.load(out), model_file.load(here)
+    assert one.model.to_dict() == two.model.to_dict()
+    assert one.training == two.training and len(one.training) == BAGS + 1
+
+
+@pytest.mark.timeout(500)
+def test_restarts_take_the_least_training_error(
+    tmp_path: Path, grid_session, dask_cluster: str
+) -> None:
+    samples = prepare(grid_session(40))
+    options = {'particles': 6, 'iterations': 4, 'rules': 3}
+    alone = [train(samples, 'it2fls', {**options, 'seed': s}, 2) for s in (2, 3, 4)]
+    values = [training.train_after.rms for training in alone]
+    assert len(set(values)) == 3
+    wanted = alone[int(np.argmin(values))]
+    for name, where in (
+        ('here', Where(jobs=1, progress=False)),
+        ('cluster', Where(scheduler=dask_cluster, progress=False)),
+    ):
+        best, each = train_restarts(
+            samples, 'it2fls', options, 2, 'position', 3, tmp_path / name, where
+        )
+        assert list(each) == values
+        assert best.model.to_dict() == wanted.model.to_dict()
+        assert best.metrics() == wanted.metrics()
+    with pytest.raises(StageError, match='no random start'):
+        train_restarts(samples, 'affine', {}, 0, 'position', 2, tmp_path)
+
+
+@pytest.mark.timeout(500)
+def test_restarts_on_the_command_line(
+    archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ['--bag', str(archive), '--method', 'it2fls', '--restarts', '2', '--jobs', '1']
+    arguments += ['--options', json.dumps({'particles': 6, 'iterations': 3, 'rules': 2})]
+    assert main([*arguments, '--results', str(tmp_path / 'results')]) == 0
+    captured = capsys.readouterr()
+    assert 'training RMS from 2 starts' in captured.out
+    assert captured.err.count('skipped') == 1 and 'bad' in captured.err

@@ -1,0 +1,60 @@
+"""Diagnosis of an archive: a report per bag, the same on a cluster, bad bags skipped."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gap_diagnosis.__main__ import main
+from session_bags.writer import write_session
+from stage_core.session import Session
+from stage_core.twin_file import TwinFile
+
+Maker = Callable[..., Session]
+
+
+@pytest.mark.timeout(400)
+def test_an_archive_is_diagnosed_bag_by_bag(
+    planted: Maker, tmp_path: Path, dask_cluster: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    archive = tmp_path / 'archive'
+    for number, width in enumerate((9e-6, 15e-6)):
+        session = planted({'backlash.x': {'width': width}}, duration=10.0, seed=number)
+        write_session(archive / f'day_{number}' / 'run', session)
+    write_session(archive / 'still', planted({}, duration=1.0))
+    twin = tmp_path / 'twin.yaml'
+    TwinFile.nominal_servo().save(twin)
+    arguments = ['diagnose', '--bag', str(archive), '--twin', str(twin), '--quiet']
+    assert main([*arguments, '--jobs', '1', '--out', str(tmp_path / 'here')]) == 0
+    here = capsys.readouterr().out
+    assert '2 of 3 bags diagnosed' in here
+    assert '2 of 2  backlash.x' in here
+    assert 'still' in here and 'skipped: ' in here
+    assert main([*arguments, '--scheduler', dask_cluster, '--out', str(tmp_path / 'there')]) == 0
+    assert capsys.readouterr().out == here
+    one, two = (json.loads((tmp_path / n / 'summary.json').read_text()) for n in ('here', 'there'))
+    assert one == two
+    for row in one[:2]:
+        assert (tmp_path / 'there' / row['report']).is_file()
+    # Nothing is left to do: a scheduler with work would be asked.
+    kept = {p: p.stat().st_mtime_ns for p in (tmp_path / 'there' / 'reports').rglob('report.json')}
+    assert main([*arguments, '--jobs', '1', '--out', str(tmp_path / 'there')]) == 0
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in kept.items())
+
+
+def test_a_folder_is_given_alone(
+    planted: Maker, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    archive = tmp_path / 'archive'
+    write_session(archive / 'still', planted({}, duration=1.0))
+    twin = tmp_path / 'twin.yaml'
+    TwinFile.nominal_servo().save(twin)
+    arguments = ['diagnose', '--bag', str(archive), '--twin', str(twin), '--quiet', '--jobs', '1']
+    arguments += ['--out', str(tmp_path / 'out')]
+    assert main([*arguments, '--holdout', str(archive / 'still')]) == 2
+    assert 'give it alone' in capsys.readouterr().err
+    assert main(arguments) == 2
+    assert 'no bag can be diagnosed' in capsys.readouterr().err
