@@ -8,72 +8,34 @@ and the diagnosis runs as a process of its own that gets the bag and the nominal
 Of the first `--fresh` cases of `main` a second session of the same machine is recorded and
 diagnosed with it held out, which tells what the shrinkage is really worth.
 
-A run that was stopped goes on where it was: the same command again. It ends with `results.md`
+Cases run on all cores, or with `--scheduler ADDRESS` on a Dask cluster. A run that was stopped
+goes on where it was: the same command again. It ends with `results.md`
 and `score.json` in the output directory.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import hashlib
 import json
 import os
-import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks.blind import baselines, results
+from benchmarks.blind import results
 from benchmarks.blind.cases import Case
 from benchmarks.blind.machine import NOMINAL
 from benchmarks.blind.score import score
-from benchmarks.blind.session import as_session, run_machine, visible
-from benchmarks.blind.suites import FRESH_SHIFT, SIZES, case
-from session_bags.writer import write_session
+from benchmarks.blind.session import visible
+from benchmarks.blind.suites import SIZES, case
+from benchmarks.blind.trial import ROOT, run_case
+from session_bags.archive import add_arguments, map_items, where_from
 from stage_core.twin_file import TwinFile
-
-ROOT = Path(__file__).resolve().parents[2]
-DONE = 'done.json'
-
-
-def run_case(one: Case, directory: Path, fresh: bool) -> None:
-    """Record and diagnose one case in its folder, unless that is done already."""
-    folder = directory / one.folder
-    if (folder / DONE).exists():
-        return
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    bags = []
-    for number, seed in enumerate((one.seed, one.seed + FRESH_SHIFT)[: 2 if fresh else 1]):
-        made = run_machine(one, seed)
-        session = as_session(made, seed, one.tracker, one.temperature)
-        bags.append(str(write_session(folder / f'bag_{number}', session)))
-        if number == 0:
-            plain = baselines.answers(one, made)
-            (folder / 'baselines.json').write_text(json.dumps(plain), encoding='utf-8')
-    # One thread per process: the cases run beside one another.
-    environment = {**os.environ, 'OPENBLAS_NUM_THREADS': '1', 'NUMBA_NUM_THREADS': '1'}
-    seconds = {}
-    for name, extra in (('out', []), ('fresh', ['--holdout', bags[-1]]))[: len(bags)]:
-        command = [sys.executable, '-m', 'gap_diagnosis', 'diagnose', '--quiet', '--no-page']
-        command += ['--bag', bags[0], *extra, '--twin', str(directory / 'nominal.yaml')]
-        for effect in one.without:
-            command += ['--without', effect]
-        started = time.monotonic()
-        done = subprocess.run(
-            [*command, '--out', str(folder / name)],
-            capture_output=True, text=True, env=environment,
-        )  # fmt: skip
-        seconds[name] = time.monotonic() - started
-        if done.returncode:
-            (folder / f'{name}_error.txt').write_text(done.stderr)
-    for bag in bags:
-        shutil.rmtree(bag)
-    (folder / DONE).write_text(json.dumps({'seconds': seconds}), encoding='utf-8')
 
 
 def seal(cases: list[Case], directory: Path) -> str:
@@ -113,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--cases', type=int, help='of each suite; default: the size for a report')
     parser.add_argument('--first', type=int, default=0, help='number of the first case')
     parser.add_argument('--seeds', choices=['development', 'report'], default='development')
-    parser.add_argument('--processes', type=int, default=2)
+    add_arguments(parser)
     parser.add_argument('--fresh', type=int, default=60, help='cases of main with a fresh session')
     parser.add_argument('--out', type=Path, default=Path('build/blind'))
     options = parser.parse_args(arguments)
@@ -124,20 +86,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for suite in suites
         for n in range(SIZES[suite] if options.cases is None else options.cases)
     ]
-    with ThreadPoolExecutor(options.processes) as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         cases = list(pool.map(visible, drawn))
     TwinFile.from_dict(NOMINAL).save(options.out / 'nominal.yaml')
     run = {'seeds': options.seeds, 'commit': commit(), 'command': ' '.join(sys.argv[1:])}
     print(f'{options.seeds} seeds, code {run["commit"]}, {len(cases)} cases')
     print(f'truth sha256 {seal(cases, options.out)}', flush=True)
 
-    def one(job: tuple[int, Case]) -> None:
-        number, item = job
-        run_case(item, options.out, item.suite == 'main' and number < options.fresh)
-        print(f'{number + 1}/{len(cases)} {item.folder}', file=sys.stderr, flush=True)
-
-    with ThreadPoolExecutor(options.processes) as pool:
-        list(pool.map(one, enumerate(cases)))
+    conduct = functools.partial(
+        run_case, directory=str(options.out.resolve()), seeds=options.seeds, fresh=options.fresh
+    )
+    names = [c.folder for c in cases]
+    kept, place = options.out / 'kept', where_from(options)
+    outcomes = map_items(conduct, names, kept, lambda _: f'fresh {options.fresh}', place)
+    failed = [f'{o.item}: {o.error}' for o in outcomes if o.error]
+    if failed:
+        raise SystemExit(f'run the command again for what failed: {"; ".join(failed)}')
     result = {**run, **score(options.out)}
     (options.out / 'score.json').write_text(json.dumps(result, indent=2), encoding='utf-8')
     page = results.markdown(result)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
+import matplotlib.image
 import numpy as np
 import pytest
 
@@ -20,6 +23,7 @@ from stage_reports.extract import circular_paths, positioning_runs, rests
 from stage_reports.session_report import main, session_report, tracking_errors, trials_report
 
 LAYOUTS = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config' / 'layouts'
+CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'google-chrome', 'chrome'))), None)
 START = 1_700_000_000_000_000_000
 
 
@@ -302,3 +306,25 @@ def test_the_plotjuggler_layout_names_topics_of_the_contract() -> None:
     known = [*topics.TOPIC_TYPES, 'reference', 'tracker']
     assert all(any(curve.startswith(topic) for topic in known) for curve in curves)
     assert len(list(root.iter('Tab'))) == 5
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
+def test_a_browser_without_a_network_draws_the_whole_page(tmp_path: Path) -> None:
+    bag = write_session(tmp_path / 'bag', circle_session())
+    assert main(['--bag', str(bag), '--out', str(tmp_path)]) == 0
+    shot = tmp_path / 'page.png'
+    run = subprocess.run(
+        [
+            str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu', '--hide-scrollbars',
+            '--host-resolver-rules=MAP * ~NOTFOUND', '--enable-logging=stderr',
+            f'--user-data-dir={tmp_path / "profile"}', '--window-size=1200,3000',
+            f'--screenshot={shot}', (tmp_path / 'report.html').as_uri(),
+        ],
+        capture_output=True, text=True, timeout=200,
+    )  # fmt: skip
+    assert ':CONSOLE' not in run.stderr, run.stderr
+    pixels = matplotlib.image.imread(shot)[:, :, :3]
+    assert pixels.shape[:2] == (3000, 1200)
+    # Coloured curves are in pictures only: they were decoded and drawn, down the whole page.
+    coloured = pixels.max(axis=2) - pixels.min(axis=2) > 0.2
+    assert min(part.mean() for part in np.split(coloured, 3)) > 1e-3

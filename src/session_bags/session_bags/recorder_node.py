@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy.clock
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from session_bags.cdr import stamp_in
@@ -20,11 +21,14 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter, Value
 from stage_core.twin_file import TwinFile
-from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run
+from stage_node.node import ERROR, LATCHED_QOS, OK, WARN, StageNode, run
 
 _NAME = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]*')
 DROPPED_KEY = 'dropped'
 _ALL = '*'
+
+#: Deeper than what publishers keep: a recorder that gets no processor for seconds loses nothing.
+RECORDER_QOS = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 
 PARAMETERS = (
     Parameter('directory', 'bags', 'Folder that new bags are written to', read_only=True),
@@ -93,7 +97,7 @@ class SessionRecorder(StageNode):
                 message_class(type_name),
                 topic,
                 self._callback(topic, type_name),
-                LATCHED_QOS if topic in topics.LATCHED else STATE_QOS,
+                LATCHED_QOS if topic in topics.LATCHED else RECORDER_QOS,
                 raw=True,
             )
 
