@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 from collections.abc import Callable
@@ -208,6 +209,24 @@ def test_full_disk(tmp_path: Path, limit: int) -> None:
     session = read_session(tmp_path / 'bag')
     assert f'the {sum(len(s) for s in session.series.values()) + 1} messages' in done.stderr
     prefix_of(session, random_session(3000))
+
+
+def test_a_disk_that_is_full_when_the_file_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The index fits and `metadata.yaml` does not: the same clear error, and a bag to repair."""
+    writer = SessionWriter(tmp_path / 'bag')
+    writer.write_blocks(session_blocks(random_session(3000)))
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    with monkeypatch.context() as patch:
+        patch.setattr('session_bags.metadata.BagMetadata.save', full)
+        with pytest.raises(StageError, match='free space'):
+            writer.close()
+    assert repair.main([str(tmp_path / 'bag')]) == 0
+    assert_same(read_session(tmp_path / 'bag'), random_session(3000))
 
 
 def test_repair_says_what_it_did(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import time
 from collections.abc import Mapping, Sequence
@@ -228,11 +229,13 @@ class SessionWriter:
             return StageError(f'cannot write the bag {self.path} ({error.strerror}): free space')
         container = self._container
         kept = container.position
-        try:
-            self._stream.truncate(kept)
-            self._stream.seek(kept)
-            self._finish()
-        except OSError:
+        # Closed already where the file fitted and metadata.yaml did not: `repair` writes that.
+        with contextlib.suppress(OSError):
+            if not self._stream.closed:
+                self._stream.truncate(kept)
+                self._stream.seek(kept)
+                self._finish()
+        if not self._stream.closed:
             self._stream.truncate(kept)
             self._stream.close()
         return StageError(
