@@ -1,0 +1,175 @@
+"""What a retrain does to the motion of the stage: the same contour without one and during one.
+
+A graph of twin, driver, contour controller and calibrator, each a process, started anew for each
+run. While the circle is followed, the calibrator trains a large swarm on all processors, and
+is aborted afterwards. In lockstep both runs must give the same figures to the last digit (exit
+status 1 where they do not, or where the training did not last through the motion). In real time
+the two are printed with the ticks that were missed.
+
+    python benchmarks/retrain_while_moving.py [--realtime] [--iterations 2]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from domains import reserve_domain
+from std_srvs.srv import Trigger
+
+from session_bags.writer import write_session
+from stage_bringup.graph import Options, commands
+from stage_bringup.processes import Processes
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+from stage_node.client_node import GraphClient
+
+NODES = ('stage_twin', 'stage_driver', 'calibrator', 'contour_ctrl')
+COUNTED = ('missed_ticks', 'held_ticks', 'watchdog_stops')
+PATIENCE = 300.0
+
+
+def training_bag(folder: Path) -> Path:
+    """A moving stage with smooth errors: enough samples for a long training."""
+    times = np.arange(20_000)
+    stamps = 10**18 + times * 2_000_000
+    path = 0.05 * np.sin(np.outer(times * 0.002, (1.9, 3.1)))
+    table = path + 2e-5 * np.sin(90.0 * path)
+    return write_session(
+        folder / 'bag',
+        Session(
+            'moving',
+            {
+                topics.REFERENCE: Series(
+                    topics.REFERENCE, stamps, {'position.x': path[:, 0], 'position.y': path[:, 1]}
+                ),
+                topics.TRACKER_POINT: Series(
+                    topics.TRACKER_POINT,
+                    stamps[::5],
+                    {'x': table[::5, 0], 'y': table[::5, 1], 'z': np.zeros(len(table[::5]))},
+                ),
+            },
+        ),
+    )
+
+
+def follow(
+    folder: Path, bag: Path, clock: str, iterations: int, retrain: bool
+) -> tuple[str, dict[str, int], tuple[int, int]]:
+    """Result of the run, what the nodes counted, and the swarm's iteration before and after it."""
+    folder.mkdir()
+    counts: dict[str, int] = {}
+    status: dict[str, str] = {}
+
+    def keep(message: DiagnosticArray) -> None:
+        for part in message.status:
+            for pair in part.values:
+                if pair.key in COUNTED and part.name.split(':')[0] in NODES:
+                    counts[f'{part.name.split(":")[0]} {pair.key}'] = int(float(pair.value))
+                if part.name == 'calibrator: model' and pair.key == 'training':
+                    status['training'] = pair.value
+
+    processes = Processes(folder / 'log')
+    options = Options(clock=clock, out=folder / 'out', iterations=iterations)
+    try:
+        for command in commands(options):
+            if command.name == 'stage_twin':
+                quiet = {**command.parameters, 'tracker_protocol': 'none'}
+                command = replace(command, parameters=quiet)
+            if command.name in NODES:
+                processes.start(command)
+        with GraphClient('retrain_while_moving', use_sim_time=clock == 'lockstep') as client:
+            client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=keep)
+            for service in ('/contour_ctrl/run', '/stage_driver/home', '/calibrator/retrain'):
+                client.wait_for_service(service, PATIENCE)
+            _home(client)
+            answer = None
+            steps = (0, 0)
+            if retrain:
+                client.set_parameters(
+                    '/calibrator',
+                    bag=str(bag),
+                    method='it2fls',
+                    options='{"particles": 200, "iterations": 1000000}',
+                )
+                answer = client.node.create_client(Trigger, '/calibrator/retrain').call_async(
+                    Trigger.Request()
+                )
+                client.wait_for(lambda: _step(status) > 0, PATIENCE, 'the training')
+                steps = (_step(status), 0)
+            message = client.trigger('/contour_ctrl/run', PATIENCE)
+            if answer is not None:
+                begun = steps[0]
+                client.wait_for(lambda: _step(status) > begun, PATIENCE, 'a later iteration')
+                steps = (begun, _step(status))
+                if answer.done():
+                    steps = (begun, 0)
+                client.trigger('/calibrator/abort', PATIENCE)
+                client.wait_for(answer.done, PATIENCE, 'the abort')
+        return message, counts, steps
+    finally:
+        processes.end()
+
+
+def _home(client: GraphClient) -> None:
+    """Home, as often as a driver needs that has not met its drive yet."""
+    deadline = time.monotonic() + PATIENCE
+    while True:
+        try:
+            client.trigger('/stage_driver/reset_fault', PATIENCE)
+            client.set_bool('/stage_driver/enable', True, PATIENCE)
+            client.trigger('/stage_driver/home', PATIENCE)
+            return
+        except StageError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.2)
+
+
+def _step(status: dict[str, str]) -> int:
+    """Iteration of a training from its status `(iteration, error)`; 0 where there is none."""
+    digits = status.get('training', '').strip('(').split(',')[0]
+    return int(digits) if digits.isdigit() else 0
+
+
+def main() -> int:
+    """Follow the contour twice and compare."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--realtime', action='store_true')
+    parser.add_argument('--iterations', type=int, default=2, help='of the contour')
+    given = parser.parse_args()
+    clock = 'realtime' if given.realtime else 'lockstep'
+    reserve_domain()
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    with tempfile.TemporaryDirectory() as name:
+        bag = training_bag(Path(name))
+        results = []
+        for retrain in (False, True):
+            folder = Path(name) / ('retrain' if retrain else 'alone')
+            message, counts, steps = follow(folder, bag, clock, given.iterations, retrain)
+            results.append((message, counts))
+            print('during a retrain:' if retrain else 'without a retrain:')
+            print(f'  {message}')
+            if retrain:
+                print(f'  swarm iterations {steps[0]} to {steps[1]} during the motion')
+            if given.realtime:
+                print('  ' + ', '.join(f'{key} {value}' for key, value in sorted(counts.items())))
+    stops = [sum(v for key, v in counts.items() if 'watchdog' in key) for _, counts in results]
+    print(f'watchdog stops: {stops[0]} without, {stops[1]} during')
+    if given.realtime:
+        return 0
+    same = results[0][0] == results[1][0] and steps[1] > steps[0] and stops[0] == stops[1]
+    print('equal' if same else 'DIFFERENT')
+    return int(not same)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
