@@ -43,7 +43,7 @@ def left_running(out: Path) -> list[str]:
     return found
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1900)
 def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
     """Every step passes, the correction helps, a second run prints the same table."""
     tables = []
@@ -51,7 +51,7 @@ def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
         out = tmp_path / name
         process = start(out, ros_env, *options)
         try:
-            output, _ = process.communicate(timeout=280)
+            output, _ = process.communicate(timeout=900)
         finally:
             process.kill()
         assert process.returncode == 0, output

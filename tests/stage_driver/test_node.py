@@ -73,7 +73,7 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
             assert stop.wait_for_service(30.0)
             thread = threading.Thread(target=home)
             thread.start()
-            client.wait_for(lambda: plant.position[0] < 0.095, 30, 'homing')
+            client.wait_for(lambda: plant.position[0] < 0.095, 90, 'homing')
             # `~/stop` is served while `~/home` still waits for its answer.
             answer = stop.call_async(Trigger.Request())
             client.wait_for(answer.done, 30, 'the answer of ~/stop')
