@@ -15,7 +15,6 @@ import argparse
 import os
 import sys
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,7 +27,6 @@ from session_bags.writer import write_session
 from stage_bringup.graph import Options, commands
 from stage_bringup.processes import Processes
 from stage_core import topics
-from stage_core.errors import StageError
 from stage_core.session import Series, Session
 from stage_node.client_node import GraphClient
 
@@ -90,7 +88,7 @@ def follow(
             client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=keep)
             for service in ('/contour_ctrl/run', '/stage_driver/home', '/calibrator/retrain'):
                 client.wait_for_service(service, PATIENCE)
-            _home(client)
+            client.trigger('/stage_driver/home', PATIENCE)
             answer = None
             steps = (0, 0)
             if retrain:
@@ -117,21 +115,6 @@ def follow(
         return message, counts, steps
     finally:
         processes.end()
-
-
-def _home(client: GraphClient) -> None:
-    """Home, as often as a driver needs that has not met its drive yet."""
-    deadline = time.monotonic() + PATIENCE
-    while True:
-        try:
-            client.trigger('/stage_driver/reset_fault', PATIENCE)
-            client.set_bool('/stage_driver/enable', True, PATIENCE)
-            client.trigger('/stage_driver/home', PATIENCE)
-            return
-        except StageError:
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.2)
 
 
 def _step(status: dict[str, str]) -> int:

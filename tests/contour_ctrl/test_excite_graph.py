@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,6 @@ pytest.importorskip('rclpy')
 
 from stage_bringup.graph import Options, commands
 from stage_bringup.processes import NodeCommand, Processes
-from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 from stage_node.client_node import GraphClient
 
@@ -33,19 +31,6 @@ EXCITATION: dict[str, object] = {
 }
 
 
-def home(client: GraphClient) -> None:
-    """Home as soon as the driver, which answers before it has met its drive, lets it."""
-    deadline = time.monotonic() + 120.0
-    while True:
-        try:
-            client.trigger('/stage_driver/home', 120.0)
-            return
-        except StageError:
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.2)
-
-
 @pytest.mark.timeout(900)
 def test_friction_is_identified_from_a_recorded_session(
     ros_env: dict[str, str], tmp_path: Path
@@ -61,7 +46,7 @@ def test_friction_is_identified_from_a_recorded_session(
         with GraphClient('friction_test', use_sim_time=True) as client:
             for service in ('/stage_driver/home', '/session_recorder/start'):
                 client.wait_for_service(service, 200.0)
-            home(client)
+            client.trigger('/stage_driver/home', 200.0)
             client.trigger('/session_recorder/start', 60.0)
             excite = NodeCommand('excite', 'contour_ctrl.excite_node', EXCITATION)
             done = subprocess.run(

@@ -203,19 +203,14 @@ class Watch:
         return 1e-9 * (self.streamed[-1] - self.streamed[0]) if self.streamed else 0.0
 
     def home(self) -> None:
-        """Reset what is latched and home, as often as a restarting node needs."""
-        deadline = time.monotonic() + PATIENCE
-        while True:
-            try:
-                self.client.trigger('/stage_driver/reset_fault', 20.0)
-                self.client.set_bool('/stage_driver/enable', True, 20.0)
-                self.client.trigger('/stage_driver/home', 20.0)
-                return
-            except StageError as error:
-                if time.monotonic() > deadline:
-                    known = {name: state[1:3] for name, state in self.states.items()}
-                    raise AssertionError(f'{error}; statuses: {known}') from error
-                time.sleep(0.2)
+        """Reset what is latched, enable, home; the failure tells every status."""
+        try:
+            self.client.trigger('/stage_driver/reset_fault', PATIENCE)
+            self.client.set_bool('/stage_driver/enable', True, PATIENCE)
+            self.client.trigger('/stage_driver/home', PATIENCE)
+        except StageError as error:
+            known = {name: state[1:3] for name, state in self.states.items()}
+            raise AssertionError(f'{error}; statuses: {known}') from error
 
     def silent(self, rows: deque, seconds: float = 0.5) -> None:
         """Wait until no row has come for a while (lockstep: the world is quiet)."""

@@ -101,9 +101,9 @@ def ready(stage: tuple[Nodes, Watch]) -> Watch:
     deadline = time.monotonic() + PATIENCE
     nodes.usable = False
     while time.monotonic() < deadline:
-        watch.home()
-        watch.move(-0.03, 0.0)
         try:
+            watch.home()
+            watch.move(-0.03, 0.0)
             watch.wait(watch.arrived(-0.03, 0.0), 'the start', 10.0)
         except AssertionError:
             # A machine that stands still for 20 ms makes the drive brake, as it should.

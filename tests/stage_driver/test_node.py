@@ -1,5 +1,6 @@
 """The driver as a real process, before a real twin process and without one."""
 
+import socket
 import subprocess
 import sys
 import threading
@@ -14,6 +15,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from stage_core import topics
+from stage_core.errors import StageError
 from stage_core.twin_file import StepperAxis, TwinFile
 from stage_node.client_node import GraphClient
 from stage_node.node import SETPOINT_QOS, joint_state
@@ -43,6 +45,13 @@ def process(command, environment):
         except subprocess.TimeoutExpired:
             running.kill()
             running.communicate()
+
+
+def free_port():
+    """UDP port that nobody has, so that a driver finds no drive of somebody else."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(('127.0.0.1', 0))
+        return probe.getsockname()[1]
 
 
 def statuses(message):
@@ -99,6 +108,43 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
             assert client.set_bool('/stage_driver/enable', False) == 'disabled'
     finally:
         plant.close()
+
+
+@pytest.mark.timeout(400)
+def test_home_waits_for_a_twin_that_starts_later(ros_env):
+    port = free_port()
+    twin = [sys.executable, '-m', 'stage_twin.node', '--ros-args']
+    twin += arguments(drive_port=port, clock='realtime', tracker_protocol='none')
+    driver = DRIVER + arguments(drive_port=port, drive_timeout=300.0)
+    with process(driver, ros_env), GraphClient('test_client') as client:
+        client.watch(DiagnosticArray, topics.DIAGNOSTICS)
+        client.wait_for_service('/stage_driver/home', 60.0)
+        answer = client.node.create_client(Trigger, '/stage_driver/home')
+        assert answer.wait_for_service(30.0)
+        homing = answer.call_async(Trigger.Request())
+
+        def waiting():
+            found = statuses(client.latest(topics.DIAGNOSTICS) or DiagnosticArray())
+            status = found.get('stage_driver: state')
+            return status is not None and status.message == 'no contact with the stage'
+
+        client.wait_for(waiting, 60, 'a driver without a drive')
+        assert not homing.done()
+        with process(twin, ros_env):
+            client.wait_for(homing.done, 300, 'the answer of ~/home')
+        assert homing.result().success, homing.result().message
+        assert homing.result().message.startswith('homed: x')
+
+
+def test_home_without_a_drive_is_one_clear_line(ros_env):
+    port = free_port()
+    driver = DRIVER + arguments(drive_port=port, drive_timeout=0.5)
+    with (
+        process(driver, ros_env),
+        GraphClient('test_client') as client,
+        pytest.raises(StageError, match=f'no drive at 127.0.0.1:{port} within 0.5 s: start it'),
+    ):
+        client.trigger('/stage_driver/home', 60)
 
 
 def test_killed_driver_leaves_the_stage_at_rest_and_a_new_one_takes_over(ros_env):

@@ -305,14 +305,83 @@ def test_real_time_watchdog_stops_a_stream_and_a_silent_drive_is_a_fault():
         assert backend.reset_fault().result(timeout=10) == 'ready'
 
 
-def test_absent_drive_is_named_when_homing():
-    backend = ServoBackend(
-        ServoConfig(('x',), (LIMITS,), TwinFile.nominal_servo(), port=9), Recorder()
+@contextmanager
+def lonely(port=9, **options):
+    """Backend of both axes whose drive is not there (yet)."""
+    recorder = Recorder()
+    config = ServoConfig(
+        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), port=port, **options
     )
+    backend = ServoBackend(config, recorder)
     backend.start()
     try:
-        with pytest.raises(StageError, match='disabled|no drive'):
-            backend.home().result(timeout=10)
-        assert not backend.status().connected
+        yield backend, recorder
     finally:
         backend.close()
+
+
+def test_absent_drive_is_named_after_the_declared_time():
+    with lonely(drive_timeout=0.3) as (backend, recorder):
+        with pytest.raises(StageError, match='no drive at 127.0.0.1:9 within 0.3 s: start it'):
+            backend.home().result(timeout=30)
+        assert not backend.status().connected
+        assert recorder.said('homing waits up to 0.3 s')
+
+
+@pytest.mark.parametrize('enabled', [False, True])
+@pytest.mark.parametrize('lockstep', [False, True])
+def test_homing_waits_for_a_drive_that_comes_later(lockstep, enabled):
+    plant = SmallPlant(lockstep, (0.01, 0.005))
+    try:
+        with lonely(plant.port) as (backend, recorder):
+            if enabled:
+                assert backend.enable(True).result(timeout=10) == 'ready'
+            homing = backend.home()
+            recorder.wait(lambda: recorder.said('homing waits'))
+            with pytest.raises(StageError, match='homing is under way'):
+                backend.home().result(timeout=10)
+            plant.start()
+            assert homing.result(timeout=60).startswith('homed: x 0.0000')
+            assert backend.status().homed and abs(plant.position[0]) < 1e-5
+    finally:
+        plant.close()
+
+
+@pytest.mark.parametrize(
+    ('end', 'words'),
+    [
+        (lambda backend: backend.stop(), 'homing ended: stopped by request'),
+        (lambda backend: backend.enable(False), 'homing ended: disabled'),
+    ],
+)
+def test_a_homing_that_waits_ends_on_request(end, words):
+    with lonely() as (backend, recorder):
+        homing = backend.home()
+        recorder.wait(lambda: recorder.said('homing waits'))
+        end(backend)
+        with pytest.raises(StageError, match=words):
+            homing.result(timeout=10)
+        assert not backend.status().homed
+
+
+def test_a_stage_disabled_on_purpose_refuses_to_home_at_once():
+    with (
+        lonely(enable_on_start=False) as (backend, _),
+        pytest.raises(StageError, match='the stage is disabled: call ~/enable'),
+    ):
+        backend.home().result(timeout=10)
+
+
+def test_homing_after_a_loss_waits_until_what_brakes_is_at_rest():
+    with rig(lockstep_timeout=0.3, home_required=True) as (plant, backend, recorder):
+        backend.home().result(timeout=30)
+        plant.muted = True
+        recorder.wait(lambda: recorder.said('no encoder datagram'))
+        backend.reset_fault().result(timeout=10)
+        backend.enable(True).result(timeout=10)
+        homing = backend.home()
+        recorder.wait(lambda: recorder.said('homing waits'))
+        plant.velocity[0] = 0.05
+        plant.muted = False
+        assert homing.result(timeout=60).startswith('homed')
+        assert abs(plant.position[0]) < 1e-5 and abs(plant.velocity[0]) < 1e-3

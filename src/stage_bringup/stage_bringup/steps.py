@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -152,27 +151,13 @@ def _start(session: Session) -> None:
         session.show(None, 'waiting for the plant and its tracker (the first run compiles)')
         client.wait_for(lambda: client.connected, START_TIMEOUT, 'a tracker at the bridge')
         session.show(None, 'homing')
-        _home(session)
+        client.trigger('/stage_driver/home', MOVE_TIMEOUT)
         client.wait_for_subscribers(topics.TARGET, 1, 30.0)
     low = [client.parameter('/stage_driver', f'{axis}.limit_lower') for axis in 'xy']
     high = [client.parameter('/stage_driver', f'{axis}.limit_upper') for axis in 'xy']
     session.centre = 0.5 * (np.array(low) + np.array(high))
     session.half_range = min(0.04, 0.4 * float(np.min(np.array(high) - np.array(low))))
     client.settle_time = float(client.parameter('/stage_driver', 'settle_time'))
-
-
-def _home(session: Session) -> None:
-    # The driver answers requests before it has found its drive: the plant may start later.
-    deadline = time.monotonic() + 60.0
-    while True:
-        try:
-            session.client.trigger('/stage_driver/home', 120.0)
-            return
-        except StageError:
-            session.processes.check()
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.5)
 
 
 def _align(session: Session) -> None:

@@ -87,6 +87,13 @@ PARAMETERS: tuple[Parameter, ...] = (
         minimum=1,
         maximum=65535,
     ),
+    _fixed(
+        'drive_timeout',
+        60.0,
+        'servo: longest wait of ~/home for a drive that is not there yet',
+        's',
+        minimum=0.0,
+    ),
     _fixed('max_jerk', 100.0, 'servo: jerk of moves', 'm/s^3', minimum=0.01),
     _fixed(
         'settle_time',
@@ -190,6 +197,7 @@ def servo_config(value: Values) -> ServoConfig:
         following_error_limit=value('following_error_limit'),
         link_timeout=value('link_timeout'),
         lockstep_timeout=value('lockstep_timeout'),
+        drive_timeout=value('drive_timeout'),
         home_required=value('home_required'),
         enable_on_start=value('enable_on_start'),
         friction=friction,

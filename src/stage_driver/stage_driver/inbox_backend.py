@@ -129,10 +129,9 @@ class InboxBackend(ABC):
 
     def _move_refusal(self, contact: str | None) -> str | None:
         """Why nothing may move now, or None; `contact` says what is missing on the wire."""
-        refused = self._states.refusal(Event.MOVE) or contact
-        if refused is None and self._homing is not None:
-            refused = 'homing is under way: wait for it or call ~/stop'
-        return refused
+        if self._homing is not None:
+            return 'homing is under way: wait for it or call ~/stop'
+        return self._states.refusal(Event.MOVE) or contact
 
     def _repeats(self, setpoint: Setpoint) -> bool:
         """Whether this is the last set-point again, sent for the case that it got lost."""

@@ -40,6 +40,7 @@ class ServoBackend(InboxBackend):
         self._axes = ServoAxes(config)
         self.motion = self._axes.motion
         self._link = DriveSocket(config.host, config.port)
+        self._drive = f'{config.host}:{config.port}'
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name='servo_loop', daemon=True)
         self._homed = not config.home_required
@@ -52,6 +53,8 @@ class ServoBackend(InboxBackend):
         self._last_packet = b''
         self._braking = False
         self._brake_ticks = 0
+        #: Wall time [s] until which a homing that was asked for waits for the drive.
+        self._home_by: float | None = None
         self._counts.update(missed_ticks=0, late_setpoints=0)
 
     # -- calls from other threads -------------------------------------------------------------
@@ -82,7 +85,7 @@ class ServoBackend(InboxBackend):
         details['mode'] = self.motion.mode.value
         details['clamped_velocities'] = str(self.motion.clamped)
         details['tick'] = str(self._tick)
-        details['drive'] = f'{self.config.host}:{self.config.port}'
+        details['drive'] = self._drive
         details['clock'] = 'lockstep' if self._link.lockstep else 'real'
         return Status(
             self._states.state, self._states.reason, self._homed, self._link.connected, details
@@ -105,6 +108,7 @@ class ServoBackend(InboxBackend):
             self._on_encoder(datagram)
             return
         self._drain()
+        self._begin_awaited_homing()
         silent = self._link.silence()
         if self._link.connected and not self._link.lockstep:
             if silent > self.config.link_timeout:
@@ -115,8 +119,8 @@ class ServoBackend(InboxBackend):
     def _lost(self, silent: float) -> None:
         self._link.connected = False
         self._fail(
-            f'no encoder datagram from the drive at {self.config.host}:{self.config.port} for '
-            f'{silent:.1f} s: is it running?'
+            f'no encoder datagram from the drive at {self._drive} for {silent:.1f} s: '
+            'is it running?'
         )
         self.motion.hold(self._axes.encoder)
         self._braking = False
@@ -142,6 +146,7 @@ class ServoBackend(InboxBackend):
         if not repeated:
             self._publish_state(datagram)
         self._drain()
+        self._begin_awaited_homing()
         if self._link.lockstep:
             self._wait_in_lockstep()
         elif self._controlling():
@@ -273,22 +278,43 @@ class ServoBackend(InboxBackend):
         self._states.handle(Event.MOVE)
 
     def _start_homing(self, done: Future[str]) -> None:
-        refused = self._move_refusal(self._contact_refusal())
+        # A drive that was never met yet enables the stage when it comes.
+        coming = self._tick < 0 and self.config.enable_on_start
+        coming = coming and self._homing is None and self._states.state is State.DISABLED
+        refused = None if coming else self._move_refusal(None)
         if refused is None and self.motion.streaming:
             refused = 'a stream is being followed: end it first'
         if refused is not None:
             done.set_exception(StageError(refused))
             return
         self._homing = done
-        speeds = np.full(len(self.config.axes), self.config.homing_velocity)
-        self.motion.move(np.zeros(len(self.config.axes)), speeds, self._axes.encoder)
-        self._states.handle(Event.MOVE)
+        self._home_by = time.monotonic() + self.config.drive_timeout
+        if not self._link.connected:
+            patience = f'homing waits up to {self.config.drive_timeout:g} s'
+            self._listener.on_event(INFO, f'{patience} for the drive at {self._drive}')
+        self._begin_awaited_homing()
+
+    def _begin_awaited_homing(self) -> None:
+        """Home once the drive is there and what brakes has come to rest, or give up."""
+        if self._home_by is None or self._homing is None:
+            self._home_by = None
+        elif not self._link.connected:
+            if time.monotonic() > self._home_by:
+                self._stop(
+                    f'no drive at {self._drive} within {self.config.drive_timeout:g} s: start it, '
+                    'or check drive_host and drive_port'
+                )
+        elif not self._braking:
+            self._home_by = None
+            speeds = np.full(len(self.config.axes), self.config.homing_velocity)
+            self.motion.move(np.zeros(len(self.config.axes)), speeds, self._axes.encoder)
+            self._states.handle(Event.MOVE)
 
     def _finished(self) -> None:
         """A motion has come to its end and its dwell is over."""
         if self._states.state is State.MOVING:
             self._states.handle(Event.DONE)
-        if self._homing is not None:
+        if self._homing is not None and self._home_by is None:
             self._homed = True
             where = ', '.join(
                 f'{axis} {value:.6f} m'
@@ -300,7 +326,7 @@ class ServoBackend(InboxBackend):
     def _contact_refusal(self) -> str | None:
         if self._link.connected:
             return None
-        return f'no drive at {self.config.host}:{self.config.port}: start it'
+        return f'no drive at {self._drive}: start it'
 
     def _halt(self) -> None:
         self.motion.stop(self._axes.encoder)

@@ -31,6 +31,7 @@ class ServoConfig:
     following_error_limit: float = 0.002
     link_timeout: float = 1.0
     lockstep_timeout: float = 5.0
+    drive_timeout: float = 60.0
     home_required: bool = True
     enable_on_start: bool = True
     friction: NDArray[np.float64] | None = None
