@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis import evidence as judge
-from gap_diagnosis.data import Record, held_out_windows, inside
+from gap_diagnosis.data import Record, scored_ticks
 from gap_diagnosis.parts import Part
 from gap_diagnosis.replay import replay
 from stage_core.quantities import split_effect
@@ -65,7 +65,7 @@ def gap_channels(
     for record in scored:
         before = replay(record, twin, {})
         after = replay(record, twin, _in_session(record, records, effects, parts))
-        mask = inside(record.time, held_out_windows(record))
+        mask = scored_ticks(record)
         for name in before:
             unit = 'N' if name.startswith('force') else 'm'
             channel = channels.setdefault(name, Channel(name, unit, [], [], []))
@@ -127,7 +127,7 @@ def without_cause(
         return out
     for j, record in enumerate(scored):
         gaps = replay(record, twin, rest)
-        mask = inside(record.time, held_out_windows(record))
+        mask = scored_ticks(record)
         for channel, gap in gaps.items():
             out[channel][j] = gap[mask]
     return out

@@ -1,4 +1,4 @@
-"""From a session to the arrays of a diagnosis, and the checks that a session has to pass."""
+"""From a session to the arrays of a diagnosis."""
 
 from __future__ import annotations
 
@@ -7,20 +7,29 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.checks import (
+    MINIMUM_TRAVEL,
+    check_controller,
+    check_duration,
+    check_excitation,
+    check_forces,
+    check_tracker_moves,
+    finite,
+)
 from gap_diagnosis.grid import Grid, control_period
 from gap_diagnosis.ticks import Clock
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
-from stage_core.session import Series, Session
+from stage_core.session import Session
 from stage_core.twin_file import ForceAxis, ServoAxis, StepperAxis, TwinFile
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MINIMUM_DURATION = 8.0  # s; below it no held-out window has a reversal of its own
-MINIMUM_TRAVEL = 2.0e-4  # m; less is no motion for a friction or a pitch error
-EXCITATION_HINT = 'record one that has it with `ros2 run contour_ctrl excite`'
+#: s before and after a stretch of lost ticks in which nothing is judged: the low-pass looks as far
+#: ahead, the replayed loop takes as long to forget.
+BEFORE_GAP, AFTER_GAP = 0.05, 0.25
 PREFIX = 0.15  # share of a held-out session in which its nuisances are refitted, unscored
 
 
@@ -50,6 +59,7 @@ class Record:
     rest_scatter: float | None = None  # standard deviation of repeated rests [m]
     clock: Clock | None = None  # from stamps to `time`; None where they are the same
     tracker_stamp: Array | None = None  # of the points, where `clock` makes another time of it
+    gaps: tuple[tuple[float, float], ...] = ()  # stretches of `time` [s] without any ticks
 
     @property
     def duration(self) -> float:
@@ -66,6 +76,11 @@ class Record:
     def session_time(self, time: float) -> float:
         """Time by the stamps since the session's start [s] of a time of the machine [s]."""
         return time if self.clock is None else float(self.clock.to_stamps(np.array([time]))[0])
+
+    def whole(self, time: Array) -> Mask:
+        """Which of the times (n,) [s] are far from stretches of lost ticks."""
+        near = [(a - BEFORE_GAP, b + AFTER_GAP) for a, b in self.gaps]
+        return ~inside(time, near)
 
     def column(self, axis: str) -> int:
         """Column of an axis in the arrays."""
@@ -103,6 +118,11 @@ def inside(time: Array, windows: list[tuple[float, float]]) -> Mask:
     for start, stop in windows:
         mask |= (time >= start) & (time < stop)
     return mask
+
+
+def scored_ticks(record: Record) -> Mask:
+    """Ticks (n,) of the held-out windows, those near lost ones left out."""
+    return inside(record.time, held_out_windows(record)) & record.whole(record.time)
 
 
 def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Record:
@@ -152,37 +172,15 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         tracker=None,
         held_out_session=held_out,
         moving=tuple(bool(m) for m in np.ptp(encoder, axis=0) > MINIMUM_TRAVEL),
-        warnings=grid.warnings,
+        warnings=(*session.warnings, *grid.warnings),
         clock=grid.clock,
+        gaps=grid.gaps,
     )
     check_excitation(record)
+    check_forces(record)
     if twin.kind == 'servo':
-        _check_controller(record, twin)
+        check_controller(record, twin)
     return _with_tracker(record, session)
-
-
-def finite(series: Series, path: str) -> Series:
-    """The series, refused where it holds NaNs or its stamps run backwards."""
-    for name, values in series.values.items():
-        bad = int(np.count_nonzero(~np.isfinite(values)))
-        if bad:
-            raise StageError(
-                f'{path}: {series.topic} holds {bad} values of {name} that are not numbers: '
-                'record the session again or cut them out'
-            )
-    if len(series) > 1 and np.any(np.diff(series.stamps) < 0):
-        raise StageError(f'{path}: the stamps of {series.topic} run backwards: sort the bag')
-    return series
-
-
-def check_duration(time: Array, period: float, path: str) -> None:
-    """Refuse a session that is too short."""
-    duration = float(time[-1] - time[0]) + period
-    if duration < MINIMUM_DURATION:
-        raise StageError(
-            f'{path} is too short: {duration:.1f} s, a diagnosis needs at least '
-            f'{MINIMUM_DURATION:.0f} s; {EXCITATION_HINT}'
-        )
 
 
 def screw_temperatures(session: Session, axes: tuple[str, ...], time: Array) -> Array | None:
@@ -209,6 +207,7 @@ def _with_tracker(record: Record, session: Session) -> Record:
     # Two ticks from the ends: the encoder is interpolated with its neighbours.
     margin = 5 * record.period
     use = (seconds >= record.time[0] + margin) & (seconds <= record.time[-1] - margin)
+    use &= record.whole(seconds)
     if np.count_nonzero(use) < 50:
         raise StageError(
             f'{session.path}: only {np.count_nonzero(use)} of {len(seconds)} points of '
@@ -220,120 +219,6 @@ def _with_tracker(record: Record, session: Session) -> Record:
     found = replace(record, tracker_time=seconds[use], tracker=tracker, tracker_stamp=stamps[use])
     check_tracker_moves(found)
     return found
-
-
-def check_tracker_moves(record: Record) -> None:
-    """Refuse a session whose tracker stands while the encoder moves."""
-    assert record.tracker is not None
-    for i, axis in enumerate(record.axes):
-        if record.moving[i] and float(np.ptp(record.tracker[:, i])) < 0.01 * float(
-            np.ptp(record.encoder[:, i])
-        ):
-            raise StageError(
-                f'{record.name}: the tracker is frozen: {topics.TRACKER_POINT} does not move in '
-                f'{axis} while the encoder does; check the reflector and record again'
-            )
-
-
-def check_excitation(record: Record) -> None:
-    """Refuse a session without motion or without reversals."""
-    if not any(record.moving):
-        wanted = np.ptp(record.reference, axis=0)
-        cause = (
-            'the encoder is frozen while the reference moves'
-            if np.any(wanted > MINIMUM_TRAVEL)
-            else 'no axis moves: motion is missing'
-        )
-        raise StageError(f'{record.name} has no excitation: {cause}; {EXCITATION_HINT}')
-    for i, axis in enumerate(record.axes):
-        if not record.moving[i]:
-            continue
-        if reversals(record.encoder[:, i], 0.05 * float(np.ptp(record.encoder[:, i]))) < 1:
-            raise StageError(
-                f'{record.name} has not enough excitation: axis {axis} lacks reversals of its '
-                f'direction; {EXCITATION_HINT}'
-            )
-
-
-def reversals(position: Array, threshold: float) -> int:
-    """Number of changes of direction of a position (n,) that go back by `threshold` [m]."""
-    count, direction, extreme = 0, 0, float(position[0])
-    for value in position[:: max(1, len(position) // 20000)]:
-        if direction >= 0 and value > extreme or direction <= 0 and value < extreme:
-            extreme = float(value)
-            if direction == 0 and abs(extreme - position[0]) > threshold:
-                direction = 1 if extreme > position[0] else -1
-        elif abs(value - extreme) > threshold:
-            count += int(direction != 0)
-            direction = 1 if value > extreme else -1
-            extreme = float(value)
-    return count
-
-
-def controller_force(record: Record, axis: ServoAxis, i: int) -> tuple[Array, Array]:
-    """Increment of velocity_gain · ev + I per tick that the law of section 5 asks for [N].
-
-    Returned beside the mask of the ticks at which the recorded force is not clipped. The
-    difference of consecutive ticks needs no knowledge of the integrator's start.
-    """
-    q = record.encoder[:, i]
-    decay = np.exp(-record.period * axis.velocity_filter)
-    from scipy.signal import lfilter
-
-    rate = np.diff(q, prepend=q[0]) / record.period
-    error = record.velocity_command[:, i] - lfilter([1.0 - decay], [1.0, -decay], rate)
-    increment = axis.velocity_gain * np.diff(error)
-    increment += axis.integral_gain * record.period * error[:-1]
-    return increment, np.diff(record.force[:, i])
-
-
-def _check_controller(record: Record, twin: TwinFile) -> None:
-    """Refuse a twin whose controller did not make the recorded forces."""
-    for i, name in enumerate(record.axes):
-        axis = twin.servo(name)
-        if not np.isfinite(record.velocity_command[:, i]).all():
-            raise StageError(
-                f'{record.name}: {topics.COMMAND} holds no velocity of axis {name}, which a twin '
-                'of kind servo needs: give a twin of kind measured_force'
-            )
-        if not record.moving[i]:
-            continue
-        _check_position_loop(record, axis, i)
-        expected, found = controller_force(record, axis, i)
-        force = record.force[1:, i]
-        free = (np.abs(force) < 0.98 * min(axis.force_limit, float(np.abs(force).max())))[5:]
-        wrong = (found - expected)[5:][free]
-        scale = float(np.sqrt(np.mean(found[5:][free] ** 2))) + 1e-12
-        # The median keeps interpolated ticks and jitter out of the judgement.
-        if float(np.median(np.abs(wrong))) > 0.25 * scale:
-            raise StageError(
-                f"{record.name}: the recorded forces of axis {name} do not follow the twin's "
-                'controller: the twin belongs to another machine (gains, filter or units)'
-            )
-
-
-def _check_position_loop(record: Record, axis: ServoAxis, i: int) -> None:
-    """Refuse a twin whose position gain did not make the recorded velocity commands.
-
-    What a compensation adds is free; what is a multiple of the following error is another gain.
-    """
-    error = record.reference[:, i] - record.encoder[:, i]
-    law = axis.position_gain * error
-    if axis.velocity_feedforward:
-        law = law + axis.velocity_feedforward * record.reference_velocity[:, i]
-    rest = record.velocity_command[:, i] - law
-    energy = float(error @ error)
-    if energy <= 0.0 or float(rest @ rest) <= 0.0:
-        return
-    gain = float(error @ rest) / energy
-    unexplained = rest - gain * error
-    explained = 1.0 - float(unexplained @ unexplained) / float(rest @ rest)
-    if abs(gain) > 0.2 * max(axis.position_gain, 1e-9) and explained > 0.98:
-        raise StageError(
-            f'{record.name}: the recorded velocity commands of axis {record.axes[i]} have a '
-            f'position gain of {axis.position_gain + gain:.3g} 1/s, the twin one of '
-            f'{axis.position_gain:.3g} 1/s: the twin belongs to another machine'
-        )
 
 
 def nominal_mass(axis: object) -> tuple[float, float]:

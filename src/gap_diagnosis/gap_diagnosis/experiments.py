@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gap_diagnosis.data import EXCITATION_HINT
+from gap_diagnosis.checks import EXCITATION_HINT
 from gap_diagnosis.diagnose import Diagnosis
 from stage_core.quantities import UNKNOWN, split_effect
 

@@ -13,6 +13,7 @@ from stage_core.session import Series
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+LONG = 5  # ticks lost in a row, from which on nothing is interpolated for a judgement
 SAME = 0.9  # share of stamps that two topics have in common, from which on they name ticks
 
 
@@ -26,6 +27,12 @@ def control_period(reference: Series, expected: float, path: str) -> float:
     """
     if len(reference) < 3:
         raise StageError(f'{path} is too short: it holds {len(reference)} messages of reference')
+    if reference.stamps[0] == reference.stamps[-1]:
+        raise StageError(
+            f'{path}: every message of {reference.topic} has the same stamp in its header '
+            f'({int(reference.stamps[0])} ns): the driver has to stamp each tick (times of '
+            'arrival are not used)'
+        )
     gaps = np.diff(reference.stamps) * 1e-9 / expected
     period, mean = float(np.median(gaps)), float(gaps.mean())
     # On a busy machine most ticks may be late: some are in time.
@@ -46,6 +53,7 @@ class Grid:
     numbers : of the ticks (n,)
     time : machine's time of the ticks (n,) [s]
     clock : map from stamps to that time; None where they are the same
+    gaps : stretches [s] in which a topic lost more than `LONG` ticks in a row
 
     Raises
     ------
@@ -85,6 +93,7 @@ class Grid:
         self.numbers = np.arange(first, last + 1)
         slope = float(line[-1] - line[0]) / max(int(numbers[-1] - numbers[0]), 1)
         self.time = np.asarray(line[0] + slope * (self.numbers - numbers[0]), dtype=np.float64)
+        self.gaps = self._gaps()
         self._check_missing()
 
     def _overlap(self, series: tuple[Series, ...]) -> None:
@@ -97,6 +106,15 @@ class Grid:
             'time: all of them must be stamped by the same clock'
         )
 
+    def _gaps(self) -> tuple[tuple[float, float], ...]:
+        found = set()
+        for ticks in self.ticks.values():
+            own = ticks[(ticks >= self.numbers[0]) & (ticks <= self.numbers[-1])]
+            for k in np.flatnonzero(np.diff(own) > LONG).tolist():
+                ends = own[k : k + 2] - self.numbers[0]
+                found.add((float(self.time[ends[0]]), float(self.time[ends[1]])))
+        return tuple(sorted(found))
+
     def _check_missing(self) -> None:
         missing = max(1.0 - len(np.unique(t)) / (t[-1] - t[0] + 1) for t in self.ticks.values())
         if missing > 0.2:
@@ -107,6 +125,7 @@ class Grid:
         if missing > 1e-3:
             warnings.append(
                 f'{100 * missing:.1f} % of the ticks are missing and were interpolated'
+                + (f'; around {len(self.gaps)} long gaps nothing is judged' if self.gaps else '')
             )
         if self.clock is not None:
             ran, passed = np.ptp(self.clock.machine), np.ptp(self.clock.stamps)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis import evidence as judge
 from gap_diagnosis.backward import select_backwards
-from gap_diagnosis.data import Record, held_out_windows, inside
+from gap_diagnosis.data import Record, scored_ticks
 from gap_diagnosis.evidence import Structure
 from gap_diagnosis.regression import Problem
 from gap_diagnosis.replay import replay
@@ -253,7 +253,7 @@ def _contradicted(
     def gap(some: dict[str, dict[str, float]]) -> float:
         squares = []
         for record in [r for r in records if r.held_out_session] or records:
-            mask = inside(record.time, held_out_windows(record))
+            mask = scored_ticks(record)
             try:
                 squares.append(replay(record, twin, some)[channel][mask] ** 2)
             except StageError:

@@ -81,6 +81,7 @@ def polish(records: list[Record], twin: TwinFile, axis: str, found: Parameters) 
         parts = []
         for record in fitted:
             mask = ~inside(record.time, held_out_windows(record)) & (record.time > 0.5)
+            mask &= record.whole(record.time)
             parts.append(replay(record, twin, effects)[f'encoder.{axis}'][mask][::2])
         return np.concatenate(parts)
 

@@ -84,6 +84,7 @@ class Servo:
         edge = int(round(0.1 / record.period))
         moving[:edge] = False
         moving[-edge:] = False
+        moving &= record.whole(record.time)
         if record.duration > LONGEST:
             blocks = (record.time / 10.0).astype(int)
             wanted = np.linspace(0, blocks.max(), int(LONGEST / 10.0)).astype(int)

@@ -13,15 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.data import (
+from gap_diagnosis.checks import (
     MINIMUM_DURATION,
     MINIMUM_TRAVEL,
-    Record,
     check_excitation,
     check_tracker_moves,
     finite,
-    screw_temperatures,
 )
+from gap_diagnosis.data import Record, screw_temperatures
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
@@ -102,6 +101,7 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
         held_out_session=held_out,
         moving=tuple(bool(m) for m in np.ptp(encoder, axis=0) > MINIMUM_TRAVEL),
         warnings=(
+            *session.warnings,
             f'{len(rests.time)} rests are judged, each by the mean of its tracker points; motion '
             'between them is not, nor are the servo link and the tracker clock',
         ),

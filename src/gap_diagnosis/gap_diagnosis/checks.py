@@ -1,0 +1,217 @@
+"""Checks that a session has to pass before it is diagnosed: one line that names the remedy."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.session import Series
+from stage_core.twin_file import ServoAxis, TwinFile
+
+if TYPE_CHECKING:
+    from gap_diagnosis.data import Record
+
+Array = NDArray[np.float64]
+
+MINIMUM_DURATION = 8.0  # s; below it no held-out window has a reversal of its own
+MINIMUM_TRAVEL = 2.0e-4  # m; less is no motion for a friction or a pitch error
+OTHER_UNIT = 10.0  # times that one topic moves as far as another: no error of a machine
+STANDSTILL = 2.0  # s in which a tracker must show what the encoder does
+LEAST_MOVE = 1.0e-3  # m of the encoder in the middle of that time
+EXCITATION_HINT = 'record one that has it with `ros2 run contour_ctrl excite`'
+
+
+def finite(series: Series, path: str) -> Series:
+    """The series, refused where it holds NaNs or its stamps run backwards."""
+    for name, values in series.values.items():
+        bad = int(np.count_nonzero(~np.isfinite(values)))
+        if bad:
+            raise StageError(
+                f'{path}: {series.topic} holds {bad} values of {name} that are not numbers: '
+                'record the session again or cut them out'
+            )
+    if len(series) > 1 and np.any(np.diff(series.stamps) < 0):
+        raise StageError(f'{path}: the stamps of {series.topic} run backwards: sort the bag')
+    return series
+
+
+def check_duration(time: Array, period: float, path: str) -> None:
+    """Refuse a session that is too short."""
+    duration = float(time[-1] - time[0]) + period
+    if duration < MINIMUM_DURATION:
+        raise StageError(
+            f'{path} is too short: {duration:.1f} s, a diagnosis needs at least '
+            f'{MINIMUM_DURATION:.0f} s; {EXCITATION_HINT}'
+        )
+
+
+def check_tracker_moves(record: Record) -> None:
+    """Refuse a session whose tracker stands while the encoder moves, or has another unit."""
+    assert record.tracker is not None
+    travel = np.ptp(record.encoder, axis=0)
+    seen = np.ptp(record.tracker, axis=0)
+    # Of a frame that is turned, an axis alone may move the other coordinate.
+    stands = seen < 0.01 * travel if all(record.moving) else seen.max() < 0.01 * travel
+    for i, axis in enumerate(record.axes):
+        if record.moving[i] and stands[i]:
+            raise StageError(
+                f'{record.name}: the tracker is frozen: {topics.TRACKER_POINT} does not move in '
+                f'{axis} while the encoder does; check the reflector and record again'
+            )
+    ratio = float(np.linalg.norm(seen) / np.linalg.norm(travel))
+    if not 1.0 / OTHER_UNIT < ratio < OTHER_UNIT:
+        raise StageError(
+            f'{record.name}: {topics.TRACKER_POINT} moves {ratio:.3g} times as far as the '
+            'encoder: one of them is not in metres, mend its unit'
+        )
+    if record.points_per_row == 1.0:
+        _check_tracker_goes_on(record)
+
+
+def _check_tracker_goes_on(record: Record) -> None:
+    """Refuse a session whose tracker stands for a while in which the encoder moves."""
+    assert record.tracker is not None and record.tracker_time is not None
+    time = record.tracker_time
+    inner = 0.25 * STANDSTILL
+    for start in np.arange(record.time[0], record.time[-1] - STANDSTILL, 0.5 * STANDSTILL):
+        seen = record.tracker[slice(*np.searchsorted(time, (start, start + STANDSTILL)))]
+        # The points may be late: the encoder's ends of the window are not asked for.
+        ends = np.searchsorted(record.time, (start + inner, start + STANDSTILL - inner))
+        moved = float(np.ptp(record.encoder[slice(*ends)], axis=0).max(initial=0.0))
+        if len(seen) < 10 or moved < LEAST_MOVE:
+            continue
+        if float(np.ptp(seen, axis=0).max()) < 0.01 * moved:
+            raise StageError(
+                f'{record.name}: the tracker is frozen {start:.1f} s after the start: '
+                f'{topics.TRACKER_POINT} stands there for {STANDSTILL:.0f} s while the encoder '
+                f'moves by {1e3 * moved:.1f} mm; cut that part out or record again'
+            )
+
+
+def check_forces(record: Record) -> None:
+    """Refuse a session whose force is not recorded though the axis speeds up and slows down."""
+    for i, axis in enumerate(record.axes):
+        if record.moving[i] and float(np.ptp(record.force[:, i])) == 0.0:
+            raise StageError(
+                f'{record.name}: the effort of axis {axis} in {topics.COMMAND} is '
+                f'{record.force[0, i]:g} all the time while the axis moves: the force is not '
+                'recorded; record it, or give a twin of kind stepper for a stage without one'
+            )
+
+
+def check_excitation(record: Record) -> None:
+    """Refuse a session without motion or without reversals."""
+    if not any(record.moving):
+        wanted = np.ptp(record.reference, axis=0)
+        cause = (
+            'the encoder is frozen while the reference moves'
+            if np.any(wanted > MINIMUM_TRAVEL)
+            else 'no axis moves: motion is missing'
+        )
+        raise StageError(f'{record.name} has no excitation: {cause}; {EXCITATION_HINT}')
+    for i, axis in enumerate(record.axes):
+        if not record.moving[i]:
+            continue
+        wanted = float(np.ptp(record.reference[:, i]))
+        if wanted > 0.0 and float(np.ptp(record.encoder[:, i])) > OTHER_UNIT * wanted:
+            raise StageError(
+                f'{record.name}: the encoder of axis {axis} moves '
+                f'{float(np.ptp(record.encoder[:, i])) / wanted:.3g} times as far as its '
+                'reference: one of them is not in metres, mend its unit'
+            )
+        if reversals(record.encoder[:, i], 0.05 * float(np.ptp(record.encoder[:, i]))) < 1:
+            raise StageError(
+                f'{record.name} has not enough excitation: axis {axis} lacks reversals of its '
+                f'direction; {EXCITATION_HINT}'
+            )
+
+
+def reversals(position: Array, threshold: float) -> int:
+    """Number of changes of direction of a position (n,) that go back by `threshold` [m]."""
+    count, direction, extreme = 0, 0, float(position[0])
+    for value in position[:: max(1, len(position) // 20000)]:
+        if direction >= 0 and value > extreme or direction <= 0 and value < extreme:
+            extreme = float(value)
+            if direction == 0 and abs(extreme - position[0]) > threshold:
+                direction = 1 if extreme > position[0] else -1
+        elif abs(value - extreme) > threshold:
+            count += int(direction != 0)
+            direction = 1 if value > extreme else -1
+            extreme = float(value)
+    return count
+
+
+def controller_force(record: Record, axis: ServoAxis, i: int) -> tuple[Array, Array]:
+    """Increment of velocity_gain · ev + I per tick that the law of section 5 asks for [N].
+
+    Returned beside the mask of the ticks at which the recorded force is not clipped. The
+    difference of consecutive ticks needs no knowledge of the integrator's start.
+    """
+    q = record.encoder[:, i]
+    decay = np.exp(-record.period * axis.velocity_filter)
+    rate = np.diff(q, prepend=q[0]) / record.period
+    error = record.velocity_command[:, i] - lfilter([1.0 - decay], [1.0, -decay], rate)
+    increment = axis.velocity_gain * np.diff(error)
+    increment += axis.integral_gain * record.period * error[:-1]
+    return increment, np.diff(record.force[:, i])
+
+
+def check_controller(record: Record, twin: TwinFile) -> None:
+    """Refuse a twin whose controller did not make the recorded forces."""
+    for i, name in enumerate(record.axes):
+        axis = twin.servo(name)
+        if not np.isfinite(record.velocity_command[:, i]).all():
+            raise StageError(
+                f'{record.name}: {topics.COMMAND} holds no velocity of axis {name}, which a twin '
+                'of kind servo needs: give a twin of kind measured_force'
+            )
+        if not record.moving[i]:
+            continue
+        _check_position_loop(record, axis, i)
+        expected, found = controller_force(record, axis, i)
+        force = record.force[1:, i]
+        beyond = float(np.mean(np.abs(force) > 1.01 * axis.force_limit))
+        if beyond > 0.01:
+            raise StageError(
+                f'{record.name}: {100 * beyond:.0f} % of the recorded forces of axis {name} '
+                f"exceed the twin's force_limit of {axis.force_limit:g} N: the twin belongs to "
+                'another machine (limit or units)'
+            )
+        free = (np.abs(force) < 0.98 * min(axis.force_limit, float(np.abs(force).max())))[5:]
+        wrong = (found - expected)[5:][free]
+        scale = float(np.sqrt(np.mean(found[5:][free] ** 2))) + 1e-12
+        # The median keeps interpolated ticks and jitter out of the judgement.
+        if float(np.median(np.abs(wrong))) > 0.25 * scale:
+            raise StageError(
+                f"{record.name}: the recorded forces of axis {name} do not follow the twin's "
+                'controller: the twin belongs to another machine (gains, filter or units)'
+            )
+
+
+def _check_position_loop(record: Record, axis: ServoAxis, i: int) -> None:
+    """Refuse a twin whose position gain did not make the recorded velocity commands.
+
+    What a compensation adds is free; what is a multiple of the following error is another gain.
+    """
+    error = record.reference[:, i] - record.encoder[:, i]
+    law = axis.position_gain * error
+    if axis.velocity_feedforward:
+        law = law + axis.velocity_feedforward * record.reference_velocity[:, i]
+    rest = record.velocity_command[:, i] - law
+    energy = float(error @ error)
+    if energy <= 0.0 or float(rest @ rest) <= 0.0:
+        return
+    gain = float(error @ rest) / energy
+    unexplained = rest - gain * error
+    explained = 1.0 - float(unexplained @ unexplained) / float(rest @ rest)
+    if abs(gain) > 0.2 * max(axis.position_gain, 1e-9) and explained > 0.98:
+        raise StageError(
+            f'{record.name}: the recorded velocity commands of axis {record.axes[i]} have a '
+            f'position gain of {axis.position_gain + gain:.3g} 1/s, the twin one of '
+            f'{axis.position_gain:.3g} 1/s: the twin belongs to another machine'
+        )
