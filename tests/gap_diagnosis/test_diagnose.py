@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from gap_diagnosis import report
 from gap_diagnosis.diagnose import Diagnosis, diagnose
@@ -125,6 +126,17 @@ def test_two_diagnoses_write_the_same_report(planted: Maker, tmp_path: Path) -> 
     )
     low, high = content['causes'][0]['shrink_ci95']
     assert low <= content['causes'][0]['shrink'] <= high
+
+
+def test_no_sum_depends_on_the_number_of_cores(planted: Maker) -> None:
+    threads: list[int] = []
+
+    def progress(message: str) -> None:
+        threads.extend(p['num_threads'] for p in threadpool_info() if p['user_api'] == 'blas')
+
+    with threadpool_limits(2, 'blas'):
+        diagnose([planted({})], [], one_axis(), progress=progress)
+    assert threads and set(threads) == {1}
 
 
 def test_a_phase_belongs_to_the_session_and_an_amplitude_to_the_machine(planted: Maker) -> None:

@@ -351,6 +351,16 @@ def test_what_is_wrong_is_named(tmp_path: Path, breaks: Break, level: str, text:
     assert check.main([str(path), '-q']) == (1 if level == ERROR else 0)
 
 
+def test_a_topic_of_another_clock_is_named(tmp_path: Path) -> None:
+    session = smooth_session()
+    old = session.series[topics.TRACKER_POINT]
+    session.series[topics.TRACKER_POINT] = Series(old.topic, old.stamps + 10**17, old.values)
+    path = write_session(tmp_path / 'bag', session)
+    found = [str(f) for f in check_bag(path) if f.level == WARNING]
+    assert any('/tracker/point: is stamped 1e+08 s from the reference' in f for f in found), found
+    assert any('another clock than the rest' in f for f in found), found
+
+
 def test_findings_about_the_container(tmp_path: Path) -> None:
     from session_bags.bulk import blocks_of
 

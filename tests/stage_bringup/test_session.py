@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from session_bags.check import OK, check_bag
 from session_bags.reader import read_session
 from stage_core import topics
 
@@ -69,6 +70,8 @@ def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
     for topic in (topics.REFERENCE, topics.COMMAND, topics.JOINT_STATES, topics.TRACKER_POINT):
         assert session.has(topic)
     assert session.alignment is not None
+    for bag in ('calibration', 'circle'):
+        assert [str(f) for f in check_bag(first / bag) if f.level != OK] == []
 
 
 @pytest.mark.timeout(200)

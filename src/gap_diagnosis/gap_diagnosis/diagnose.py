@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from gap_diagnosis import evidence as judge
 from gap_diagnosis.channels import Channel, axis_shares, gap_channels, position_rms, without_cause
@@ -84,6 +85,9 @@ def to_stderr(message: str) -> None:
     print(f'[gap_diagnosis] {message}', file=sys.stderr, flush=True)
 
 
+# The order of a BLAS library's sums follows its threads: a fit with many local optima must not
+# depend on the number of cores.
+@threadpool_limits.wrap(limits=1, user_api='blas')
 def diagnose(
     sessions: Sequence[Session],
     holdout: Sequence[Session],

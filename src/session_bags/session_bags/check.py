@@ -17,7 +17,7 @@ from session_bags.cdr import NUMERIC_TYPES
 from session_bags.columns import TopicDecoder
 from session_bags.info import contents
 from session_bags.metadata import parse_qos
-from session_bags.plausible import check_units
+from session_bags.plausible import check_times, check_units
 from session_bags.reader import decode
 from session_bags.writer import TWIN_KEY
 from stage_core import topics
@@ -73,7 +73,9 @@ def check_bag(path: str | Path) -> list[Finding]:
         series |= decoder.series()
     for key, part in series.items():
         findings += _check_series(key, part)
-    findings += [Finding(WARNING, about, text) for about, text in check_units(series)]
+    span = contents(bag)
+    doubts = [*check_units(series), *check_times(series, (span.end - span.start) * 1e-9)]
+    findings += [Finding(WARNING, about, text) for about, text in doubts]
     return findings
 
 
@@ -218,7 +220,9 @@ def _check_stamps(key: str, series: Series) -> Iterator[Finding]:
     span = (stamps[-1] - stamps[0]) * 1e-9
     yield Finding(OK, key, f'{len(stamps)} messages in {span:.3f} s, {rate}')
     gaps = np.flatnonzero(steps * 1e-9 > _GAP * period) if period > 0 else np.array([], int)
-    if len(gaps) and topics.TOPIC_TYPES[series.topic] == _JOINT_STATE:
+    # Set-points come when somebody wants a motion.
+    streamed = topics.TOPIC_TYPES[series.topic] == _JOINT_STATE and series.topic != topics.SETPOINT
+    if len(gaps) and streamed:
         longest = steps[gaps].max() * 1e-9
         yield Finding(WARNING, key, f'{len(gaps)} gaps, the longest of {longest:.3f} s')
 

@@ -1,4 +1,4 @@
-"""Whether the numbers of a session can be in SI units."""
+"""Whether the numbers of a session can be in SI units, and of one clock."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ _HIGHEST_SPEED = 20.0
 _LONGEST_SIGHT = 200.0
 #: A laboratory [°C].
 _COLDEST, _WARMEST = -40.0, 120.0
+#: A simulation slower than this took its messages from two clocks instead (ratio, and hours [s]).
+_SLOWEST_SIMULATION = 100.0
+_LONG_RECORDING = 3600.0
 
 
 def check_units(series: Mapping[str, Series]) -> Iterator[tuple[str, str]]:
@@ -36,6 +39,30 @@ def check_units(series: Mapping[str, Series]) -> Iterator[tuple[str, str]]:
         if part.topic in (topics.REFERENCE, topics.JOINT_STATES):
             yield from _check_derivative(key, part)
     yield from _check_follows(series)
+
+
+def check_times(series: Mapping[str, Series], arrivals: float) -> Iterator[tuple[str, str]]:
+    """Yield (topic, what looks wrong) where a bag mixes clocks.
+
+    Parameters
+    ----------
+    arrivals
+        Time between the first and the last arrival of any message [s].
+    """
+    reference = series.get(topics.REFERENCE)
+    if reference is None or not len(reference):
+        return
+    first, last = reference.stamps[0], reference.stamps[-1]
+    for key, part in series.items():
+        if part.topic in topics.LATCHED or not len(part):
+            continue
+        if part.stamps[-1] < first or part.stamps[0] > last:
+            text = f'is stamped {(part.stamps[0] - first) * 1e-9:.6g} s from the reference'
+            yield key, f'{text}, and never together with it: stamp with one clock'
+    span = (last - first) * 1e-9
+    if arrivals > _LONG_RECORDING + _SLOWEST_SIMULATION * span:
+        text = f'messages arrived over {arrivals:.6g} s, the reference took {span:.6g} s'
+        yield 'arrival', f'{text}: a node has another clock than the rest (use_sim_time)'
 
 
 def _check_derivative(key: str, part: Series) -> Iterator[tuple[str, str]]:

@@ -159,6 +159,11 @@ class SessionPlayer(StageNode):
         self._publishers_of[message.topic].publish(message.data)
         self._played += 1
 
+    def now(self) -> int:
+        """The time of the replay [ns]: recorded once more, all is on one time line."""
+        playing = self._clock_publisher is not None and self._last_tick >= 0
+        return self._last_tick if playing else super().now()
+
     def shutdown(self) -> None:
         """End the replay."""
         self._ended.set()

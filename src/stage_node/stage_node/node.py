@@ -53,7 +53,7 @@ _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 class Diagnostics:
     """Publishes one status per task on /diagnostics, once a second of wall time."""
 
-    def __init__(self, node: Node, hardware_id: str) -> None:
+    def __init__(self, node: StageNode, hardware_id: str) -> None:
         self.hardware_id = hardware_id
         self._node = node
         self._tasks: dict[str, DiagnosticTask] = {}
@@ -69,7 +69,7 @@ class Diagnostics:
     def publish(self) -> None:
         """Publish the status of every task now."""
         message = DiagnosticArray()
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        set_stamp(message.header, self._node.now())
         for name, function in self._tasks.items():
             level, text, values = function()
             message.status.append(
@@ -109,6 +109,10 @@ class StageNode(Node):
     def value(self, name: str) -> Any:
         """Current value of a declared parameter."""
         return self.get_parameter(name).value
+
+    def now(self) -> int:
+        """Time [ns] that this node's diagnostics carry: simulated time where time is simulated."""
+        return int(self.get_clock().now().nanoseconds)
 
     def shutdown(self) -> None:
         """Bring hardware to rest and close files; called once at the end, whatever ended it."""

@@ -95,6 +95,7 @@ class StageTwin(StageNode):
         twin = TwinFile.load(path) if path else TwinFile.nominal_servo()
         self._tracker: TrackerServer | SaTextSender | None = None
         self._clock_publisher: Publisher | None = None
+        self._simulated = 0
         if self.value('clock') == 'lockstep':
             self._clock_publisher = self.create_publisher(
                 Clock, topics.CLOCK, QoSProfile(depth=10)
@@ -164,8 +165,13 @@ class StageTwin(StageNode):
 
     def _publish_clock(self, stamp: int) -> None:
         if self._clock_publisher is not None:
+            self._simulated = stamp
             seconds, nanoseconds = split_stamp(stamp)
             self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+
+    def now(self) -> int:
+        """Simulated time where this node makes it [ns]: its messages belong to the others' time."""
+        return self._simulated if self._clock_publisher is not None else super().now()
 
     def parameters_changed(self, changed: dict[str, Value]) -> str | None:
         """Switch a tracker fault; everything else is read when the node starts."""
