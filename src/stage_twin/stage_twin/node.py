@@ -170,7 +170,7 @@ class StageTwin(StageNode):
             self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
 
     def now(self) -> int:
-        """Simulated time where this node makes it [ns]: its messages belong to the others' time."""
+        """Simulated time where this node makes it [ns]: its diagnostics belong to that time."""
         return self._simulated if self._clock_publisher is not None else super().now()
 
     def parameters_changed(self, changed: dict[str, Value]) -> str | None:
