@@ -30,6 +30,7 @@ class SmallPlant(threading.Thread):
         self.driver = None
         self.muted = False
         self.blocked = False
+        self.patience = PATIENCE
         self.last_force_tick = -1
         self.trace = []
         self.ended = threading.Event()
@@ -83,7 +84,7 @@ class SmallPlant(threading.Thread):
                     self.send(drive_link.REPEATED)
             now = time.monotonic()
             # Time waits a little for a driver that a busy machine holds up, as the twin's does.
-            if self.last_force_tick == self.tick - 1 >= 0 and due and now < due + PATIENCE:
+            if self.last_force_tick == self.tick - 1 >= 0 and due and now < due + self.patience:
                 continue
             if not self.lockstep and due and now >= due:
                 if self.tick - self.last_force_tick > 20:
@@ -108,8 +109,11 @@ class Recorder:
     def __init__(self):
         self.states, self.controls, self.temperatures, self.events = [], [], [], []
         self.changed = threading.Condition()
+        #: Called with every state, in the driver's thread.
+        self.delay = lambda: None
 
     def on_state(self, stamp, positions, velocities):
+        self.delay()
         with self.changed:
             self.states.append((stamp, tuple(positions), tuple(velocities)))
             self.changed.notify_all()

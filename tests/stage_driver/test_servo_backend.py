@@ -3,6 +3,7 @@
 import math
 import time
 from contextlib import contextmanager
+from itertools import pairwise
 
 import pytest
 from driver_rig import Recorder, SmallPlant
@@ -303,6 +304,43 @@ def test_real_time_watchdog_stops_a_stream_and_a_silent_drive_is_a_fault():
         plant.muted = False
         recorder.wait(lambda: recorder.said('drive back'))
         assert backend.reset_fault().result(timeout=10) == 'ready'
+
+
+@pytest.mark.parametrize('homing', [False, True])
+def test_driver_that_was_late_ends_the_motion_and_goes_on_with_the_newest_tick(homing):
+    with rig(lockstep=False, start=(0.04, 0.0), homing_velocity=0.1) as (plant, backend, recorder):
+        if homing:
+            done = backend.home()
+        else:
+            backend.submit(0, ['x', 'y'], [0.0, 0.0], [])
+        recorder.wait(lambda: plant.velocity[0] < -0.05)
+        # A drive waits for nobody: it takes the last force for a while, then brakes by itself.
+        plant.patience = 0.0
+        until = plant.tick + 150
+
+        def held_up():
+            while plant.tick < until:
+                time.sleep(0.001)
+            plant.patience = 2.0
+            recorder.delay = lambda: None
+
+        recorder.delay = held_up
+        recorder.wait(lambda: recorder.said('the driver was late by'))
+        quiet(backend, recorder)
+        assert backend.status().state is State.READY
+        # Its own words, no blocked axis; what was measured meanwhile is published all the same.
+        assert not recorder.said('following error')
+        assert int(backend.status().details['late_ticks']) > 100
+        stamps = [stamp for stamp, *_ in recorder.states]
+        assert all(later - earlier == 1_000_000 for earlier, later in pairwise(stamps))
+        # No force for a tick that was over, and none that pushes the resting stage.
+        assert max(later[0] - earlier[0] for earlier, later in pairwise(recorder.controls)) > 100e6
+        assert all(abs(velocity[0]) < 0.01 for _, velocity in plant.trace[until + 20 :])
+        if homing:
+            with pytest.raises(StageError, match='the driver was late'):
+                done.result(timeout=10)
+        move(backend, recorder, 0.01, 0.0)
+        assert plant.position[0] == pytest.approx(0.01, abs=2e-6)
 
 
 @contextmanager

@@ -8,7 +8,6 @@ object per line: ``{"progress": [iteration, error]}`` and at the end ``{"result"
 from __future__ import annotations
 
 import json
-import os
 import sys
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -19,10 +18,7 @@ from calibrator.live_buffer import load_session
 from calibrator.prepare import prepare
 from calibrator.training import Training, default_options, stored, train, twin_leads
 from stage_core.errors import StageError
-
-NICENESS = 10
-"""A training yields the processor to the nodes that control the stage."""
-
+from stage_core.priority import to_background
 
 CLEARLY_WORSE = 1.25
 """A new model whose held-out error exceeds the uncalibrated one by this is refused; a few held-out
@@ -90,7 +86,7 @@ def run_job(
 
 def main() -> int:
     """Entry point of the process."""
-    os.nice(NICENESS)
+    to_background()
 
     def say(**content: Any) -> None:
         print(json.dumps(content), flush=True)

@@ -19,6 +19,7 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.parameters import Parameter
+from stage_core.priority import to_background
 from stage_core.twin_file import TwinFile
 from stage_node.node import LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run, stamp_of
 
@@ -157,6 +158,7 @@ class GapDiagnosisNode(StageNode):
             self._process = subprocess.Popen(
                 command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
             )
+            to_background(self._process.pid)
         assert self._process.stderr is not None and self._process.stdout is not None
         said = []
         for line in self._process.stderr:

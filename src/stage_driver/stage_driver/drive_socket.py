@@ -57,6 +57,13 @@ class DriveSocket:
         self._socket.settimeout(timeout)
         return self._read()
 
+    def newer_waits(self) -> bool:
+        """Whether the drive has sent another datagram already; `receive` returns it next."""
+        if self._pending is None:
+            self._socket.settimeout(0.0)
+            self._pending = self._read()
+        return self._pending is not None
+
     def _say_hello(self) -> None:
         now = time.monotonic()
         if now - self._heard > HELLO_PERIOD and now - self._hello_sent > HELLO_PERIOD:

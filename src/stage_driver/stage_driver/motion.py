@@ -155,6 +155,11 @@ class MotionGenerator:
         self._dwell = self.settle_ticks
         self.mode = Mode.STOPPING
 
+    def stop_from(self, encoder: Floats, velocity: Floats) -> None:
+        """Start a controlled stop at the speed of the stage [m/s], not at that of the command."""
+        self.come_to_rest(encoder)
+        self.command[:] = velocity
+
     def tick(self, encoder: Floats) -> bool:
         """Advance one period, fill `reference`, `speed`, `command`; True when a motion ended."""
         ended = self._advance(encoder)

@@ -29,6 +29,8 @@ SECOND = 1_000_000_000
 BRAKE_TIMEOUT = 2.0
 #: Longest wait for rest when the driver shuts down [s].
 CLOSE_TIMEOUT = 2.0
+#: A driver that is late by more has lost the motion: drives brake by themselves by then [s].
+LATE_LIMIT = 0.02
 
 
 class ServoBackend(InboxBackend):
@@ -55,7 +57,9 @@ class ServoBackend(InboxBackend):
         self._brake_ticks = 0
         #: Wall time [s] until which a homing that was asked for waits for the drive.
         self._home_by: float | None = None
-        self._counts.update(missed_ticks=0, late_setpoints=0)
+        #: Ticks by which the driver is late, and whether the stage moved when that began.
+        self._behind, self._moved = 0, False
+        self._counts.update(missed_ticks=0, late_ticks=0, late_setpoints=0)
 
     # -- calls from other threads -------------------------------------------------------------
 
@@ -138,24 +142,59 @@ class ServoBackend(InboxBackend):
             if self._answered == datagram.tick:
                 self._link.send(self._last_packet)
             return
+        passed = 1
         if self._tick < 0 or restarted or not self._link.connected:
             self._contact(datagram, restarted)
-        elif datagram.tick > self._tick + 1:
-            self._counts['missed_ticks'] += datagram.tick - self._tick - 1
+            self._behind = 0
+        elif not repeated:
+            passed = datagram.tick - self._tick
+            self._counts['missed_ticks'] += passed - 1
+            self._fall_behind(passed - 1)
         self._tick, self._stamp = datagram.tick, datagram.stamp
         if not repeated:
-            self._publish_state(datagram)
+            self._publish_state(datagram, passed)
+        over = not self._link.lockstep and self._link.newer_waits()
+        if over:
+            self._counts['late_ticks'] += 1
+            self._fall_behind(1)
         self._drain()
+        if over:
+            self._let_pass()
+            return
         self._begin_awaited_homing()
         if self._link.lockstep:
             self._wait_in_lockstep()
-        elif self._controlling():
+            return
+        self._end_if_late()
+        if self._controlling():
             self._watch_stream()
             self._control()
 
-    def _publish_state(self, datagram: drive_link.Datagram) -> None:
+    def _fall_behind(self, ticks: int) -> None:
+        if ticks and not self._behind:
+            self._moved = not self.motion.at_rest
+        self._behind += ticks
+
+    def _let_pass(self) -> None:
+        """A tick that is over: a force for it would come late; its reference goes by."""
+        if self._controlling() and self._behind * self._axes.period <= LATE_LIMIT:
+            self._watch_stream()
+            if self._axes.control():
+                self._finished()
+
+    def _end_if_late(self) -> None:
+        """Up to date again: a motion that the drive has braked meanwhile is ended."""
+        late, self._behind = self._behind * self._axes.period, 0
+        if late <= LATE_LIMIT or not self._moved or self.motion.at_rest:
+            return
+        reason = f'the driver was late by {late * 1e3:.0f} ms: lower the load of this machine'
+        self._listener.on_event(WARNING, f'motion ended, the stage stops: {reason}')
+        self._stop(reason)
+        self.motion.stop_from(self._axes.encoder, self._axes.velocity)
+
+    def _publish_state(self, datagram: drive_link.Datagram, passed: int) -> None:
         """Estimate the velocity and publish what was measured; temperatures once a second."""
-        self._axes.measure(datagram.values)
+        self._axes.measure(datagram.values, passed)
         self._listener.on_state(
             self._stamp, self._axes.encoder.tolist(), self._axes.velocity.tolist()
         )

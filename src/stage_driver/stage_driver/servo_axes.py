@@ -86,10 +86,10 @@ class ServoAxes:
         self._expected[:] = 0.0
         self._predicted[:] = self.encoder
 
-    def measure(self, positions: Sequence[float]) -> None:
-        """Take the encoder's positions q_k [m] of a tick."""
+    def measure(self, positions: Sequence[float], ticks: int = 1) -> None:
+        """Take the encoder's positions q_k [m], `ticks` after those before."""
         self.encoder[:] = positions
-        servo_loop.estimate_velocity(self.encoder, self._memory, self._gains, self.period)
+        servo_loop.estimate_velocity(self.encoder, self._memory, self._gains, ticks * self.period)
 
     def control(self) -> bool:
         """Compute `motion.reference`, `command` and `force`; True when a motion ended."""
