@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from calibrator.swarm_loops import (
     BLOCK,
     Tag,
-    exponent,
-    exponentials,
+    exponents,
     one_sum,
     plain_error,
     plain_weights,
     signed_error,
-    signed_weights,
-    strongest_exponent,
+    six_sums,
+    strengths,
     three_sums,
 )
 
@@ -40,38 +39,21 @@ _ROW = np.uint64(BLOCK)
 
 
 @njit(cache=True, nogil=True)
-def _firing(
-    rules: Tag,
-    axes: Tag,
-    particle: Array,
-    pairs: Array,
-    lower: Array,
-    upper: Array,
-    work: Array,
-    size: Any,
-) -> None:
-    """Firing strengths of one block of samples, rows of BLOCK; see `it2_sets`."""
-    inputs = len(axes)
-    step = len(rules) * inputs
-    wide = np.exp(-2.0 * particle[step : 2 * step])
-    narrow = wide * np.exp(-2.0 * np.minimum(particle[2 * step :], 0.0))
-    strongest_exponent(rules, axes, particle, wide, pairs, work[0], size)
-    for j in range(len(rules)):
-        at = slice(j * inputs, (j + 1) * inputs)
-        row = slice(j * BLOCK, (j + 1) * BLOCK)
-        exponent(axes, particle[at], wide[at], pairs, work[0], upper[row], size)
-        exponent(axes, particle[at], narrow[at], pairs, work[0], lower[row], size)
-        exponentials(upper[row], work[1], size)
-        exponentials(lower[row], work[1], size)
-
-
-@njit(cache=True, nogil=True)
 def _add_rows(
     a: Array, at: Any, b: Array, bt: Any, pairs: Array, moments: Array, size: Any
 ) -> None:
     """Add the sums of a b x over one block to the moments, one for each row x of pairs."""
     count = len(moments)
-    for q in range(0, count - 2, 3):
+    sixes = count - count % 6
+    for q in range(0, sixes, 6):
+        s = six_sums(a, at, b, bt, pairs, np.uint64(q) * _ROW, size)
+        moments[q] += s[0]
+        moments[q + 1] += s[1]
+        moments[q + 2] += s[2]
+        moments[q + 3] += s[3]
+        moments[q + 4] += s[4]
+        moments[q + 5] += s[5]
+    for q in range(sixes, count - 2, 3):
         first, second, third = three_sums(a, at, b, bt, pairs, np.uint64(q) * _ROW, size)
         moments[q] += first
         moments[q + 1] += second
@@ -176,8 +158,8 @@ def swarm_errors(
     block_count = len(pairs)
     lower = np.empty((block_count, rule_count * BLOCK))
     upper = np.empty((block_count, rule_count * BLOCK))
-    weights = np.empty(rule_count * BLOCK)
-    work = np.empty((2, BLOCK))
+    weights = np.empty(2 * rule_count * BLOCK)
+    strongest = np.empty(BLOCK)
     moments = np.empty((rule_count, rule_count, terms * (terms + 1) // 2))
     right = np.empty((outputs, rule_count, terms))
     signed_moments = np.empty_like(moments)
@@ -188,9 +170,16 @@ def swarm_errors(
         errors[p] = 0.0
         moments[:] = 0.0
         right[:] = 0.0
+        sets = particles[p].reshape(3, -1)
+        # Exponents of two: one multiplication per width, none per sample.
+        wide = np.exp(-2.0 * sets[1]) / np.log(2.0)
+        narrow = wide * np.exp(-2.0 * np.minimum(sets[2], 0.0))
         for b in range(block_count):
             size = np.uint64(min(BLOCK, samples - b * BLOCK))
-            _firing(rules, axes, particles[p], pairs[b], lower[b], upper[b], work, size)
+            low, up = lower[b], upper[b]
+            exponents(rules, axes, sets[0], wide, narrow, pairs[b], low, up, strongest, size)
+            strengths(rules, low, strongest, size)
+            strengths(rules, up, strongest, size)
             plain_weights(rules, 2 if code == 2 else 0, lower[b], upper[b], weights, size)
             _add_normal(rules, weights, pairs[b], moments, size)
             for o in range(outputs):
@@ -208,13 +197,13 @@ def swarm_errors(
                     size = np.uint64(min(BLOCK, samples - b * BLOCK))
                     low, up, x, target = lower[b], upper[b], pairs[b], targets[b, o]
                     if code == 1 and attempt == 0:
-                        total += signed_weights(
+                        total += signed_error(
                             rules, axes, low, up, x, target, theta, weights, size
                         )
                         _add_normal(rules, weights, x, signed_moments, size)
                         _add_right(rules, weights, x, target, signed_right, size)
                     elif code == 1:
-                        total += signed_error(rules, axes, low, up, x, target, theta, size)
+                        total += signed_error(rules, axes, low, up, x, target, theta, None, size)
                     else:
                         plain_weights(rules, code, low, up, weights, size)
                         total += plain_error(rules, axes, weights, x, target, theta, size)

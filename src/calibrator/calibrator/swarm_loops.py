@@ -15,7 +15,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from calibrator.it2_sets import LOWEST_EXPONENT
@@ -32,68 +34,92 @@ _ONE = np.uint64(1)
 _FAST = {'reassoc', 'contract', 'nsz', 'arcp'}
 _MAGIC = 1.5 * 2.0**52
 _MAGIC_BITS = np.int64(np.array([_MAGIC]).view(np.int64)[0])
+_LOWEST = LOWEST_EXPONENT / np.log(2.0)
+_C = tuple(
+    np.polynomial.Chebyshev.interpolate(np.exp2, 9, [-0.5, 0.5])
+    .convert(kind=np.polynomial.Polynomial)
+    .coef.tolist()
+)
+"""Powers of g in 2^g for |g| <= 1/2, to 2e-14 of it."""
+
+
+@intrinsic
+def _bits(context: Any, value: Any) -> Any:
+    """The 64 bits of a float as an integer; NumPy's view needs an array, and a loop of its own."""
+    del context, value
+    return types.int64(types.float64), lambda _, builder, __, given: builder.bitcast(
+        given[0], ir.IntType(64)
+    )
+
+
+@intrinsic
+def _float(context: Any, value: Any) -> Any:
+    """The float that an integer holds the bits of."""
+    del context, value
+    return types.float64(types.int64), lambda _, builder, __, given: builder.bitcast(
+        given[0], ir.DoubleType()
+    )
 
 
 @njit(cache=True, nogil=True, fastmath={'contract'})
-def exponentials(values: Array, scratch: Array, size: Any) -> None:
-    """exp of the first `size` values, in [-700, 0], in place to 3e-14; `scratch` is as long.
+def exp2(y: float) -> float:
+    """2^y for y in [-1000, 0], to 2e-14 of it; vectorises, which the library's does not.
 
-    Vectorises, which the library's exponential does not: 2^n from the bits of a float whose
-    fraction holds n, times a polynomial of the rest. No reassociation here: it would cancel the
-    addition and subtraction of the magic number.
+    2^n from the bits of a float whose fraction holds n, times a polynomial of the rest, odd and
+    even powers apart: half the chain of dependent operations. No reassociation here: it would
+    cancel the addition and subtraction of the magic number.
     """
-    bits = scratch.view(np.int64)
-    for i in range(size):
-        scratch[i] = values[i] * 1.4426950408889634 + _MAGIC
-    for i in range(size):
-        n = scratch[i] - _MAGIC
-        g = values[i] - n * 0.6931471805599453
-        p = 1.0 / 39916800.0
-        p = p * g + 1.0 / 3628800.0
-        p = p * g + 1.0 / 362880.0
-        p = p * g + 1.0 / 40320.0
-        p = p * g + 1.0 / 5040.0
-        p = p * g + 1.0 / 720.0
-        p = p * g + 1.0 / 120.0
-        p = p * g + 1.0 / 24.0
-        p = p * g + 1.0 / 6.0
-        p = p * g + 1.0 / 2.0
-        values[i] = (p * g + 1.0) * g + 1.0
-    for i in range(size):
-        bits[i] = (bits[i] - _MAGIC_BITS + 1023) << 52
-    for i in range(size):
-        values[i] *= scratch[i]
+    shifted = y + _MAGIC
+    g = y - (shifted - _MAGIC)
+    h = g * g
+    even = (((_C[8] * h + _C[6]) * h + _C[4]) * h + _C[2]) * h + _C[0]
+    odd = (((_C[9] * h + _C[7]) * h + _C[5]) * h + _C[3]) * h + _C[1]
+    return (odd * g + even) * _float((_bits(shifted) - _MAGIC_BITS + 1023) << 52)
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
-def strongest_exponent(
-    rules: Tag, axes: Tag, centres: Array, wide: Array, pairs: Array, out: Array, size: Any
-) -> None:
-    """Largest exponent of the upper strengths of each sample."""
+def exponents(
+    rules: Tag, axes: Tag, centres: Array, wide: Array, narrow: Array, pairs: Array, lower: Array,
+    upper: Array, strongest: Array, size: Any,
+) -> None:  # fmt: skip
+    """Exponents of all strengths, and the largest upper one of each sample."""
     for i in range(size):
         best = -np.inf
         for j in range(np.uint64(len(rules))):
-            total = 0.0
+            low, high = 0.0, 0.0
             for k in range(np.uint64(len(axes))):
                 at = j * np.uint64(len(axes)) + k
                 step = pairs[(k + _ONE) * _ROW + i] - centres[at]
-                total -= step * step * wide[at]
-            best = max(best, total)
-        out[i] = best
+                square = step * step
+                low -= square * narrow[at]
+                high -= square * wide[at]
+            lower[j * _ROW + i] = low
+            upper[j * _ROW + i] = high
+            best = max(best, high)
+        strongest[i] = best
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
-def exponent(
-    axes: Tag, centres: Array, factors: Array, pairs: Array, strongest: Array, out: Array,
-    size: Any,
-) -> None:  # fmt: skip
-    """Exponent of one rule's strength relative to the strongest, with the floor of `it2_sets`."""
+def strengths(rules: Tag, rows: Array, strongest: Array, size: Any) -> None:
+    """Base-2 exponents to strengths relative to the strongest, with the floor of `it2_sets`."""
+    for j in range(np.uint64(len(rules))):
+        for i in range(size):
+            rows[j * _ROW + i] = exp2(max(rows[j * _ROW + i] - strongest[i], _LOWEST))
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
+def six_sums(a: Array, at: Any, b: Array, bt: Any, pairs: Array, q: Any, size: Any) -> Any:
+    """Sums of a b x over six rows of pairs from offset q; a and b from their offsets."""
+    first, second, third, fourth, fifth, sixth = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(size):
-        total = -strongest[i]
-        for k in range(np.uint64(len(axes))):
-            step = pairs[(k + _ONE) * _ROW + i] - centres[k]
-            total -= step * step * factors[k]
-        out[i] = max(total, LOWEST_EXPONENT)
+        product = a[at + i] * b[bt + i]
+        first += product * pairs[q + i]
+        second += product * pairs[q + _ROW + i]
+        third += product * pairs[q + np.uint64(2) * _ROW + i]
+        fourth += product * pairs[q + np.uint64(3) * _ROW + i]
+        fifth += product * pairs[q + np.uint64(4) * _ROW + i]
+        sixth += product * pairs[q + np.uint64(5) * _ROW + i]
+    return first, second, third, fourth, fifth, sixth
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
@@ -156,17 +182,26 @@ def plain_error(
 
 @njit(inline='always')
 def _twice(f: float, mean: float, below: float, above: float) -> float:
-    """Twice the strength of a rule at one end: `below` where its output is under the mean."""
-    over, band = f - mean, SIGN_BAND * (abs(f) + abs(mean))
-    return (above if over > band else below) + (below if over < -band else above)
+    """Twice the strength of a rule at one end: `below` where its output is under the mean.
+
+    |f - mean| against the band of both, with each number on a side of its own: the compiler
+    shares f's over both ends and the mean's over all rules.
+    """
+    near_f, near_mean = SIGN_BAND * abs(f), SIGN_BAND * abs(mean)
+    over, under = f - near_f > mean + near_mean, f + near_f < mean - near_mean
+    return (above if over else below) + (below if under else above)
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
 def signed_error(
     rules: Tag, axes: Tag, lower: Array, upper: Array, pairs: Array, target: Array, theta: Array,
-    size: Any,
+    weights: Array | None, size: Any,
 ) -> float:  # fmt: skip
-    """Sum of squared errors with the output of eqs. 6-10: one Karnik-Mendel step at each end."""
+    """Sum of squared errors with the output of eqs. 6-10: one Karnik-Mendel step at each end.
+
+    The weights of that output are written to the first rows of `weights` (2·M·BLOCK), where there
+    is such an array; its other rows are scratch. The compiler makes a function for either case.
+    """
     total = 0.0
     for i in range(size):
         low, high, low_f, high_f = 0.0, 0.0, 0.0, 0.0
@@ -190,56 +225,20 @@ def signed_error(
             small, large = lower[j * _ROW + i], upper[j * _ROW + i]
             at_left = _twice(f, low_f, large, small)
             at_right = _twice(f, high_f, small, large)
-            left += at_left
-            left_f += at_left * f
-            right += at_right
-            right_f += at_right * f
-        error = 0.5 * (left_f * right + right_f * left) / (left * right) - target[i]
-        total += error * error
-    return total
-
-
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
-def signed_weights(
-    rules: Tag, axes: Tag, lower: Array, upper: Array, pairs: Array, target: Array, theta: Array,
-    weights: Array, size: Any,
-) -> float:  # fmt: skip
-    """`signed_error`, and the weights of that output."""
-    total = 0.0
-    for i in range(size):
-        low, high, low_f, high_f = 0.0, 0.0, 0.0, 0.0
-        for j in range(np.uint64(len(rules))):
-            f = theta[j]
-            for k in range(np.uint64(len(axes))):
-                f += theta[(k + _ONE) * np.uint64(len(rules)) + j] * pairs[(k + _ONE) * _ROW + i]
-            low += lower[j * _ROW + i]
-            high += upper[j * _ROW + i]
-            low_f += lower[j * _ROW + i] * f
-            high_f += upper[j * _ROW + i] * f
-        inverse = 1.0 / (low * high)
-        low_f *= inverse * high
-        high_f *= inverse * low
-        left, right, left_f, right_f = 0.0, 0.0, 0.0, 0.0
-        for j in range(np.uint64(len(rules))):
-            f = theta[j]
-            for k in range(np.uint64(len(axes))):
-                f += theta[(k + _ONE) * np.uint64(len(rules)) + j] * pairs[(k + _ONE) * _ROW + i]
-            small, large = lower[j * _ROW + i], upper[j * _ROW + i]
-            at_left = _twice(f, low_f, large, small)
-            at_right = _twice(f, high_f, small, large)
+            if weights is not None:
+                weights[j * _ROW + i] = at_left
+                weights[(j + np.uint64(len(rules))) * _ROW + i] = at_right
             left += at_left
             left_f += at_left * f
             right += at_right
             right_f += at_right * f
         inverse = 0.5 / (left * right)
-        error = inverse * (left_f * right + right_f * left) - target[i]
+        left *= inverse
+        right *= inverse
+        error = left_f * right + right_f * left - target[i]
         total += error * error
-        for j in range(np.uint64(len(rules))):
-            f = theta[j]
-            for k in range(np.uint64(len(axes))):
-                f += theta[(k + _ONE) * np.uint64(len(rules)) + j] * pairs[(k + _ONE) * _ROW + i]
-            small, large = lower[j * _ROW + i], upper[j * _ROW + i]
-            at_left = _twice(f, low_f, large, small)
-            at_right = _twice(f, high_f, small, large)
-            weights[j * _ROW + i] = inverse * (at_left * right + at_right * left)
+        if weights is not None:
+            for j in range(np.uint64(len(rules))):
+                at_right = weights[(j + np.uint64(len(rules))) * _ROW + i]
+                weights[j * _ROW + i] = weights[j * _ROW + i] * right + at_right * left
     return total
