@@ -1,7 +1,11 @@
 """The parts of the node that need no ROS: correction, live buffer, training process."""
 
 import json
+import subprocess
+import sys
 import threading
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -135,3 +139,45 @@ def test_training_reports_progress_and_is_aborted(grid_session, tmp_path):
     with pytest.raises(StageError, match='aborted'):
         future.result(30.0)
     assert not trainer.running and not json.loads((tmp_path / 'job.json').read_text())['bags']
+
+
+def test_training_ends_when_its_parent_is_killed(grid_session, tmp_path):
+    job(
+        tmp_path,
+        grid_session(40),
+        method='it2fls',
+        options={'particles': 50, 'iterations': 1_000_000},
+    ).save(tmp_path / 'wanted.json')
+    parent = subprocess.Popen(
+        [
+            sys.executable,
+            '-c',
+            'import sys, time; from pathlib import Path\n'
+            'from calibrator.trainer import Trainer; from calibrator.training_job import Job\n'
+            'folder = Path(sys.argv[1]); trainer = Trainer()\n'
+            'done = trainer.start(Job.load(folder / "wanted.json"), folder / "job.json")\n'
+            'while trainer.progress is None: time.sleep(0.05)\n'
+            'print(trainer._process.pid, flush=True)\n'
+            'done.result()',
+            str(tmp_path),
+        ],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert parent.stdout is not None
+    training = Path('/proc') / parent.stdout.readline().strip()
+    assert _runs(training)
+    parent.kill()
+    parent.communicate()
+    deadline = time.monotonic() + 60.0
+    while _runs(training) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not _runs(training)
+
+
+def _runs(process):
+    """Whether a process of /proc runs: a zombie, which nobody may ever fetch, does not."""
+    try:
+        return (process / 'stat').read_text().rsplit(')', 1)[1].split()[0] not in 'ZX'
+    except (FileNotFoundError, ProcessLookupError):
+        return False

@@ -47,7 +47,8 @@ class Trainer:
         environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(p for p in sys.path if p)}
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'calibrator.training_job', str(job_file)],
-            stdin=subprocess.DEVNULL,
+            # Never written to: its end tells the training that this process has died.
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -69,16 +70,16 @@ class Trainer:
     def _follow(self, process: subprocess.Popen[str], future: Future[str]) -> None:
         assert process.stdout is not None and process.stderr is not None
         last: dict[str, object] = {}
-        for line in process.stdout:
-            try:
-                last = json.loads(line)
-            except json.JSONDecodeError:
-                continue
-            step = last.get('progress')
-            if isinstance(step, list):
-                self.progress = (int(step[0]), float(step[1]))
-        failure = process.stderr.read()
-        process.wait()
+        with process:
+            for line in process.stdout:
+                try:
+                    last = json.loads(line)
+                except json.JSONDecodeError:
+                    continue
+                step = last.get('progress')
+                if isinstance(step, list):
+                    self.progress = (int(step[0]), float(step[1]))
+            failure = process.stderr.read()
         self._process = None
         if self._aborted:
             future.set_exception(StageError('the training was aborted: the old model stays'))

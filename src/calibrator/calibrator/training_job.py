@@ -2,13 +2,16 @@
 
 ``python -m calibrator.training_job JOB.json`` trains, writes the model file and prints one JSON
 object per line: ``{"progress": [iteration, error]}`` and at the end ``{"result": message}`` or
-``{"error": message}``.
+``{"error": message}``. It ends when its standard input does, which the process that started it
+holds open: a training that nobody waits for any more would only load the machine.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
+import threading
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -84,8 +87,15 @@ def run_job(
     return result, stored(result, bags, job.machine, job.version, job.seed), skipped
 
 
+def _end_with_input() -> None:
+    """End this process, at once and from any thread, when standard input ends."""
+    os.read(sys.stdin.fileno(), 1)
+    os._exit(3)
+
+
 def main() -> int:
     """Entry point of the process."""
+    threading.Thread(target=_end_with_input, daemon=True).start()
     to_background()
 
     def say(**content: Any) -> None:
