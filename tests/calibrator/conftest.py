@@ -5,8 +5,15 @@ import pytest
 
 from stage_core import topics
 from stage_core.session import Series, Session
+from stage_core.twin_file import TwinFile
+from stage_twin.kinematics import carry
 
 EPOCH = 1_700_000_000_000_000_000
+
+SENSORS = ('screw_x', 'screw_y', 'frame', 'air')
+WARM = TwinFile.nominal_servo().with_effects(
+    {'thermal_expansion.x': {'coefficient': 23e-6}, 'thermal_expansion.y': {'coefficient': 12e-6}}
+)
 
 
 def _planted_map(command, direction):
@@ -75,3 +82,40 @@ def planted_map():
 def grid_session():
     """Maker of sessions of the planted stage."""
     return _grid_session
+
+
+@pytest.fixture
+def warm_stage():
+    """Table point (2,) of the warm twin for a command (2,) [m] and screw temperatures [degC]."""
+
+    def table_point(command, screws):
+        heat = np.array([screws])
+        return carry(WARM, command[None], temperatures=heat, noise=False).table[0]
+
+    return table_point
+
+
+@pytest.fixture
+def warming_session():
+    """Twin whose screws warm by 4 and 3 K while it visits 90 points for 5 s each, at 10 Hz."""
+    generator = np.random.default_rng(0)
+    goals = generator.uniform(-0.04, 0.04, (90, 2))
+    command = np.repeat(goals, 50, axis=0)
+    times = 0.1 * np.arange(len(command))
+    warming = 1.0 - np.exp(-times / 150.0)
+    screws = 20.0 + np.column_stack([4.0 * warming, 3.0 * np.sin(times / 100.0) ** 2])
+    table = carry(WARM, command, temperatures=screws, noise=False).table
+    table = table + generator.normal(0.0, 2e-7, table.shape)
+    stamps = 10**18 + (times * 1e9).astype(np.int64)
+    reference = {f'position.{a}': command[:, i] for i, a in enumerate('xy')}
+    points = {'x': table[:, 0], 'y': table[:, 1], 'z': np.zeros(len(table))}
+    series = {
+        topics.REFERENCE: Series(topics.REFERENCE, stamps, reference),
+        topics.TRACKER_POINT: Series(topics.TRACKER_POINT, stamps, points),
+    }
+    for i, sensor in enumerate(SENSORS):
+        key = topics.temperature_key(sensor)
+        # Frame and air stay: sensors that tell nothing are left out of the model.
+        values = screws[::10, i] if i < 2 else np.full(len(stamps[::10]), 20.0)
+        series[key] = Series(topics.TEMPERATURE, stamps[::10], {'temperature': values})
+    return Session('warming', series)

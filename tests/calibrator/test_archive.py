@@ -69,6 +69,25 @@ def test_every_place_gives_the_same_samples(
         gather([str(archive / 'bad')], 'reference', 'tracker')
 
 
+def test_kept_samples_hold_the_derivatives_of_temperatures(
+    tmp_path: Path, warming_session
+) -> None:
+    for name in ('first', 'second'):
+        write_session(tmp_path / 'bags' / name, warming_session)
+    expected = prepare(warming_session).rates
+    assert expected is not None and np.ptp(expected) > 0.0
+    for _ in range(2):  # read from the bags, then from what was kept
+        gathered = gather(
+            [str(tmp_path / 'bags')],
+            'reference',
+            'tracker',
+            tmp_path / 'kept',
+            Where(jobs=1, progress=False),
+        )
+        assert not gathered.skipped
+        np.testing.assert_array_equal(gathered.samples.rates, np.concatenate([expected] * 2))
+
+
 @pytest.fixture
 def blocking_bag(archive: Path) -> Iterator[Path]:
     """A bag whose reading lasts until the test lets it go on: its file is a pipe."""

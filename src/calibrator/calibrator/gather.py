@@ -18,8 +18,8 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Session
 
-ARRAYS = ('command', 'measured', 'direction', 'temperatures', 'times')
-"""The arrays of `Samples`."""
+ARRAYS = ('command', 'measured', 'direction', 'temperatures', 'times', 'rates')
+"""The arrays of `Samples`, of which a short session has no rates."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def bag_samples(bag: str, source: str, target: str) -> dict[str, Any]:
     session = read_training_session(bag, source, target)
     content = asdict(prepare(session, source, target))
     for name in ARRAYS:
-        content[name] = content[name].tolist()
+        content[name] = None if content[name] is None else content[name].tolist()
     return {'samples': content, 'leads': twin_leads(session)}
 
 
@@ -132,7 +132,8 @@ def _from_json(content: dict[str, Any]) -> Samples:
     fields = dict(content['samples'])
     axes, sensors = tuple(fields['axes']), tuple(fields['sensors'])
     for name in ARRAYS:
-        fields[name] = np.asarray(fields[name], np.float64)
+        if fields[name] is not None:
+            fields[name] = np.asarray(fields[name], np.float64)
     # An array without columns has lost its shape.
     fields['temperatures'] = fields['temperatures'].reshape(len(fields['times']), len(sensors))
     return Samples(**{**fields, 'axes': axes, 'sensors': sensors})

@@ -73,7 +73,7 @@ def train_start(
     """One training, from the seed `start`, as JSON can hold it."""
     with np.load(data) as content:
         fields: dict[str, Any] = json.loads(str(content['text']))
-        fields.update({name: content[name] for name in ARRAYS})
+        fields.update({name: content[name] for name in ARRAYS if name in content})
     fields.update({name: tuple(fields[name]) for name in ('axes', 'sensors')})
     samples = Samples(**fields)
     result = train(samples, method, {**options, 'seed': int(start)}, seed, by)
@@ -100,10 +100,10 @@ def _save(samples: Samples, folder: Path) -> Path:
     words = {k: getattr(samples, k) for k in ('sensors', 'axes', 'shift', 'at_rest')}
     text = json.dumps(words)
     digest = hashlib.sha256(text.encode())
-    for name in ARRAYS:
-        digest.update(np.ascontiguousarray(getattr(samples, name)).tobytes())
+    arrays = {name: a for name in ARRAYS if (a := getattr(samples, name)) is not None}
+    for values in arrays.values():
+        digest.update(np.ascontiguousarray(values).tobytes())
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f'samples-{digest.hexdigest()[:16]}.npz'
-    arrays = {name: getattr(samples, name) for name in ARRAYS}
     np.savez(path, text=np.array(text), **arrays)
     return path
