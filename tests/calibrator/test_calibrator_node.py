@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 
+from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
 
@@ -112,3 +113,109 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
         np.testing.assert_array_equal(corrected(goal.tolist(), 8 * 10**9), command)
     calibrator.send_signal(signal.SIGTERM)
     assert calibrator.wait(20.0) == 0
+
+
+def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
+    calibrator, tmp_path, warming_session, warm_stage
+):
+    from diagnostic_msgs.msg import DiagnosticArray
+    from sensor_msgs.msg import JointState, Temperature
+
+    from stage_node.client_node import GraphClient
+    from stage_node.node import SETPOINT_QOS, STATE_QOS, joint_state, set_stamp
+
+    bag = write_session(tmp_path / 'warming', warming_session)
+    states = []
+
+    def keep(message):
+        states.extend(s for s in message.status if s.name == 'calibrator: model')
+
+    with GraphClient() as client:
+        client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=keep)
+        client.watch(JointState, topics.SETPOINT, SETPOINT_QOS)
+        targets = client.node.create_publisher(JointState, topics.TARGET, SETPOINT_QOS)
+        sensors = client.node.create_publisher(Temperature, topics.TEMPERATURE, STATE_QOS)
+        client.wait_for_service('/calibrator/retrain', 60.0)
+        for publisher in (targets, sensors):
+            client.wait_for(lambda p=publisher: p.get_subscription_count() > 0, 30.0, 'discovery')
+        client.wait_for(
+            lambda: client.node.count_publishers(topics.SETPOINT) > 0, 30.0, 'discovery'
+        )
+        stamp = 0
+
+        def told(level, words):
+            """Wait for a status that was sent from now on."""
+            states.clear()
+            client.wait_for(
+                lambda: any(s.level == level and words in s.message for s in states),
+                60.0,
+                f'a status with {words}',
+            )
+
+        def warm(*degrees):
+            for sensor, value in zip(('screw_x', 'screw_y'), degrees, strict=True):
+                message = Temperature(temperature=value)
+                set_stamp(message.header, 2 * 10**18 + stamp)
+                message.header.frame_id = sensor
+                sensors.publish(message)
+
+        def corrected(goal, degrees):
+            """Set-point for a goal, asked until the node has heard the temperatures."""
+            nonlocal stamp
+
+            def answered():
+                nonlocal stamp
+                stamp += 10**9
+                warm(*degrees)
+                targets.publish(joint_state(stamp, ('x', 'y'), position=goal.tolist()))
+                try:
+                    client.wait_for(
+                        lambda: (
+                            (m := client.latest(topics.SETPOINT)) is not None
+                            and m.header.stamp.sec == stamp // 10**9
+                        ),
+                        2.0,
+                        'a set-point',
+                    )
+                except StageError:
+                    return False
+                command = np.array(client.latest(topics.SETPOINT).position)
+                return np.abs(warm_stage(command, degrees) - goal).max() < 3e-7
+
+            client.wait_for(answered, 60.0, f'a correction at {degrees} degC')
+
+        client.set_parameters('/calibrator', bag=str(bag), method='thermal')
+        message = client.trigger('/calibrator/retrain', 120.0)
+        assert message.startswith('thermal: held-out RMS')
+        content = json.loads((tmp_path / 'models' / 'model_0001.json').read_text())['content']
+        assert content['sensors'] == ['screw_x', 'screw_y']
+        assert content['model']['options']['derivatives'] is True
+        assert content['metrics']['after']['rms'] < 3e-7 < content['metrics']['before']['rms']
+
+        # Never heard is silent: the means of the training are not the temperature now.
+        assert 'screw_x, screw_y is silent' in client.set_bool('/calibrator/activate', True)
+        told(b'\x02', 'screw_x, screw_y is silent')
+
+        goal = np.array([0.035, -0.03])
+        for degrees in ((23.5, 20.5), (20.5, 22.5)):
+            assert np.abs(warm_stage(goal, degrees) - goal).max() > 8e-7
+            corrected(goal, degrees)
+        told(b'\x00', 'thermal')
+
+        before = client.latest(topics.SETPOINT).header.stamp.sec
+        client.set_parameters('/calibrator', temperature_timeout=1.0)
+        told(b'\x02', 'screw_x, screw_y is silent')
+        stamp += 10**9
+        targets.publish(joint_state(stamp, ('x', 'y'), position=goal.tolist()))
+        client.wait_for(
+            lambda: any(
+                v.key == 'refused targets' and int(v.value) > 0 for s in states for v in s.values
+            ),
+            60.0,
+            'a refused target',
+        )
+        assert client.latest(topics.SETPOINT).header.stamp.sec == before
+
+        client.set_parameters('/calibrator', temperature_timeout=600.0)
+        corrected(goal, (21.0, 21.0))
+        told(b'\x00', 'thermal')

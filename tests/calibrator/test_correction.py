@@ -15,6 +15,7 @@ from calibrator.correction import Correction
 from calibrator.live_buffer import LiveBuffer, Ring, load_session, save_session
 from calibrator.models import make_model
 from calibrator.prepare import prepare
+from calibrator.temperatures import LiveTemperatures
 from calibrator.trainer import Trainer
 from calibrator.training_job import Job, run_job
 from stage_core import topics
@@ -55,6 +56,33 @@ def test_correction_refuses_what_is_too_large_or_no_number():
         correction.apply(np.array([np.nan, 0.0]))
     with pytest.raises(StageError, match='trained for 2 axes'):
         correction.apply(np.array([0.01]))
+
+
+def test_correction_by_temperature_needs_every_sensor_it_was_trained_with():
+    generator = np.random.default_rng(0)
+    command = generator.uniform(0.0, 0.1, (200, 2))
+    heat = generator.uniform(18.0, 24.0, (200, 2))
+    measured = command * (1.0 + 1e-5 * (heat - 20.0))
+    model = make_model('thermal').fit(command, measured, None, heat)
+    correction = Correction(1e-3)
+    correction.stored = model_file.StoredModel(model, sensors=('screw_x', 'screw_y'))
+    heard = LiveTemperatures()
+    heard.hear('screw_x', 22.0, 0)
+    heard.hear('screw_y', 19.0, 0)
+    goal = np.array([0.05, 0.05])
+    # Without the correction nothing needs a temperature.
+    np.testing.assert_array_equal(correction.apply(goal), goal)
+    correction.activate(True)
+    command = correction.apply(goal, heard.fresh(50 * 10**9, 60.0))
+    np.testing.assert_allclose(command * (1.0 + 1e-5 * np.array([2.0, -1.0])), goal, atol=1e-9)
+    heard.hear('screw_x', 21.0, 40 * 10**9)
+    heard.hear('screw_y', np.nan, 40 * 10**9)
+    late = heard.fresh(70 * 10**9, 60.0)
+    assert late == {'screw_x': 21.0}
+    with pytest.raises(StageError, match='sensor screw_y is silent'):
+        correction.apply(goal, late)
+    heard.hear('screw_y', 20.0, 71 * 10**9)
+    correction.apply(goal, heard.fresh(72 * 10**9, 60.0))
 
 
 def test_ring_keeps_the_newest_in_order():

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrator.model_file import StoredModel
 from calibrator.prepare import REST_STEP
+from calibrator.temperatures import silence
 from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
@@ -43,13 +46,15 @@ class Correction:
     ) -> Array:
         """Set-point (axes,) [m] for a wanted table point (axes,) [m].
 
-        `temperatures` [degC] and their derivatives `rates` [K/s] and [K/s2] by sensor.
+        `temperatures` [degC] and their derivatives `rates` [K/s] and [K/s2] by sensor, of the
+        sensors that are heard.
 
         Raises
         ------
         StageError
-            If the point is not finite, the model has other axes, cannot be inverted there, or
-            the correction exceeds `max_correction`: the stage must not go there.
+            If the point is not finite, the model has other axes, needs a sensor that is silent,
+            cannot be inverted there, or the correction exceeds `max_correction`: the stage must
+            not go there.
         """
         wanted = np.asarray(target, dtype=float)
         if not np.isfinite(wanted).all():
@@ -79,18 +84,29 @@ class Correction:
             self._direction = np.where(np.abs(step) < REST_STEP, self._direction, np.sign(step))
         self._last = wanted.copy()
 
-    @staticmethod
+    def silence(self, temperatures: Iterable[str]) -> str:
+        """Why targets are refused while only these sensors are heard; empty where they are not.
+
+        Neither the last reading of a silent sensor nor the mean of the training is its temperature
+        now: the correction would be wrong by the growth of the screws, and nobody would see it.
+        """
+        if not self.active or self.stored is None:
+            return ''
+        return silence(self.stored.sensors, temperatures)
+
     def _heat(
+        self,
         stored: StoredModel,
         temperatures: dict[str, float],
         rates: dict[str, tuple[float, float]],
     ) -> Array | None:
-        if not stored.sensors or any(s not in temperatures for s in stored.sensors):
-            # The means of the training stand in for a sensor that is silent.
+        if not stored.sensors:
             return None
+        if reason := self.silence(temperatures):
+            raise StageError(reason)
         row = [temperatures[sensor] for sensor in stored.sensors]
         if stored.model.uses_derivatives:
-            # The same until enough readings were heard for a derivative.
+            # The means of the training until enough readings were heard for a derivative.
             usual = stored.model.mean_temperatures[len(row) :].reshape(2, -1)
             for order in (0, 1):
                 row += [

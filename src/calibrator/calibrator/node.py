@@ -22,6 +22,7 @@ from calibrator.correction import Correction
 from calibrator.live_buffer import LiveBuffer, save_session
 from calibrator.models import METHODS, make_model
 from calibrator.prepare import INPUTS, TARGETS
+from calibrator.temperatures import LiveTemperatures
 from calibrator.trainer import Trainer
 from calibrator.training_job import Job
 from stage_core import topics
@@ -56,6 +57,9 @@ PARAMETERS = (
     ),
     Parameter('model_file', '', 'model to load at the start and with ~/load'),
     Parameter('max_correction', 1e-3, 'larger corrections are refused', 'm', 0.0, 1.0),
+    Parameter(
+        'temperature_timeout', 60.0, 'a sensor not heard for longer is silent', 's', 1.0, 86_400.0
+    ),
     Parameter('adapt', False, 'adapt the model to the rests heard while the stage runs'),
     Parameter('adapt_drift', 1e-6, 'size of the drift to follow', 'm', 1e-12, 1e-2),
     Parameter('adapt_noise', 1e-6, 'deviation of a measured point', 'm', 1e-12, 1e-2),
@@ -74,10 +78,11 @@ class Calibrator(StageNode):
         self._correction = Correction(self.value('max_correction'))
         self._buffer = LiveBuffer(self.value('buffer_size'))
         self._trainer = Trainer()
-        self._temperatures: dict[str, float] = {}
+        self._temperatures = LiveTemperatures()
         self._rates: dict[str, tuple[float, float]] = {}
         self._file = ''
         self._failure = ''
+        self._refusal = ''
         self._refused = 0
         self._adaptation: LiveAdaptation | None = None
         self._scratch = tempfile.TemporaryDirectory(prefix='calibrator-')
@@ -127,16 +132,17 @@ class Calibrator(StageNode):
             return
         target = np.array([message.position[axes.index(axis)] for axis in known])
         try:
-            command = self._correction.apply(target, self._temperatures, self._rates)
+            command = self._correction.apply(target, self._fresh(), self._rates)
         except StageError as error:
             self._refuse(str(error))
             return
+        self._refusal = ''
         stamp = stamp_of(message.header)
         self._setpoints.publish(joint_state(stamp, known, position=command.tolist()))
 
     def _refuse(self, reason: str) -> None:
         self._refused += 1
-        self._failure = reason
+        self._refusal = reason
         self.get_logger().error(reason)
 
     def _on_reference(self, message: JointState) -> None:
@@ -155,17 +161,25 @@ class Calibrator(StageNode):
                 (q.x, q.y, q.z, q.w), (t.x, t.y, t.z)
             )
         except StageError as error:
-            self._refuse(str(error))
+            self._failure = str(error)
+            self.get_logger().error(self._failure)
 
     def _on_temperature(self, message: Temperature) -> None:
         name = message.header.frame_id
-        self._temperatures[name] = message.temperature
+        self._temperatures.hear(name, message.temperature, self.get_clock().now().nanoseconds)
         self._buffer.add_temperature(stamp_of(message.header), name, message.temperature)
         stored = self._correction.stored
         if stored is not None and stored.model.uses_derivatives and name in stored.sensors:
             rates = self._buffer.temperature_rates(name)
             if rates is not None:
                 self._rates[name] = rates
+            else:
+                self._rates.pop(name, None)
+
+    def _fresh(self) -> dict[str, float]:
+        """Temperatures of the sensors that are heard."""
+        now = self.get_clock().now().nanoseconds
+        return self._temperatures.fresh(now, self.value('temperature_timeout'))
 
     def _retrain(self) -> Future[str]:
         answer: Future[str] = Future()
@@ -229,6 +243,7 @@ class Calibrator(StageNode):
         # One assignment: a target is corrected with the old model or with the new one.
         self._correction.stored = stored
         self._adaptation = None
+        self._refusal = ''
         self._file = str(path.absolute())
 
     def _adapt(self) -> None:
@@ -272,9 +287,12 @@ class Calibrator(StageNode):
         except StageError as error:
             response.success, response.message = False, str(error)
             return response
+        self._refusal = ''
         self._announce()
         response.success = True
         response.message = 'correction active' if request.data else 'correction off'
+        if silence := self._correction.silence(self._fresh()):
+            response.message = f'{response.message}; {silence}'
         return response
 
     def _on_abort(self, _: Any, response: Any) -> Any:
@@ -310,8 +328,8 @@ class Calibrator(StageNode):
             values['adaptations rolled back'] = self._adaptation.adapter.rollbacks
         if stored:
             values['held-out RMS [m]'] = stored.metrics.get('after', {}).get('rms')
-        if self._refused:
-            return ERROR, self._failure, values
+        if refusal := self._correction.silence(self._fresh()) or self._refusal:
+            return ERROR, refusal, values
         if self._failure:
             return WARN, self._failure, values
         return OK, stored.model.describe() if stored else 'no model', values

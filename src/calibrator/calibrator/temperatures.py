@@ -1,6 +1,9 @@
-"""Temperatures of a session, and their derivatives, at the times of its samples."""
+"""Temperatures of a session at the times of its samples, and of a running stage by now."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,3 +55,35 @@ def rates_at(session: Session, at: Array) -> Array | None:
         except StageError:
             return None
     return np.stack(columns, axis=2)
+
+
+class LiveTemperatures:
+    """The newest reading [degC] of each sensor of a running stage, and when it was heard."""
+
+    def __init__(self) -> None:
+        self._newest: dict[str, tuple[int, float]] = {}
+
+    def hear(self, sensor: str, value: float, now: int) -> None:
+        """Take a reading at `now` [ns]; one that is no number counts as none."""
+        if math.isfinite(value):
+            self._newest[sensor] = now, value
+
+    def fresh(self, now: int, timeout: float) -> dict[str, float]:
+        """Readings by sensor of those heard within `timeout` [s]."""
+        return {
+            sensor: value
+            for sensor, (heard, value) in self._newest.items()
+            if 1e-9 * (now - heard) <= timeout
+        }
+
+
+def silence(wanted: Iterable[str], fresh: Iterable[str]) -> str:
+    """Line on the wanted sensors that have no fresh reading; empty where all have one."""
+    silent = ', '.join(sorted(set(wanted) - set(fresh)))
+    if not silent:
+        return ''
+    return (
+        f'temperature sensor {silent} is silent, and the model in use corrects by it: targets are '
+        'ignored until it is heard; repair it, load a model without it, or switch the correction '
+        'off with ~/activate'
+    )
