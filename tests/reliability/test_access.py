@@ -17,6 +17,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from stage_bringup import live_view_node
+from stage_bringup.client_node import SessionClient
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_node.peers import PEERS, SILENCE, PeerWatch
@@ -42,13 +44,14 @@ def emulators(graph: Callable[..., Any]) -> Iterator[tuple[Nodes, Watch]]:
     with graph(
         'stage_twin',
         'stage_driver',
+        'tracker_bridge',
         'session_recorder',
         'calibrator',
         'contour_ctrl',
         'gap_diagnosis',
     ) as (nodes, watch):
         watch.wait(lambda: len(watch.encoder) > 0, 'the driver')
-        for name in ('calibrator', 'contour_ctrl', 'gap_diagnosis', 'session_recorder'):
+        for name in set(NODES) - {'stage_twin', 'stage_driver'}:
             watch.wait(
                 lambda name=name: any(s.startswith(f'{name}:') for s in list(watch.states)), name
             )
@@ -198,14 +201,17 @@ def allowed(profile: ElementTree.Element, verb: str) -> set[str]:
     return names
 
 
-@pytest.mark.parametrize(
-    'node', ['stage_twin', 'stage_driver', 'session_recorder', 'calibrator', 'contour_ctrl']
-)
+def profile_of(node: str) -> ElementTree.Element:
+    """What a node may do."""
+    tree = ElementTree.parse(SECURITY / 'policies.xml')
+    return next(p for p in tree.iter('profile') if p.get('node') == node)
+
+
+@pytest.mark.parametrize('node', [*NODES, '_gap_diagnosis_worker'])
 def test_policies_allow_what_the_running_graph_does(
     emulators: tuple[Nodes, Watch], node: str
 ) -> None:
-    tree = ElementTree.parse(SECURITY / 'policies.xml')
-    profile = next(p for p in tree.iter('profile') if p.get('node') == node)
+    profile = profile_of(node)
     client = emulators[1].client.node
     for verb, known in (
         ('publish', client.get_publisher_names_and_types_by_node),
@@ -217,10 +223,40 @@ def test_policies_allow_what_the_running_graph_does(
         assert used <= allowed(profile, verb), (verb, used - allowed(profile, verb))
 
 
+def test_policies_allow_what_a_session_asks_for(emulators: tuple[Nodes, Watch]) -> None:
+    profile = profile_of('session')
+    with SessionClient(0.6, use_sim_time=True) as client:
+        node = client.node
+        heard = {name for name, _ in node.get_subscriber_names_and_types_by_node('session', '/')}
+        said = {name for name, _ in node.get_publisher_names_and_types_by_node('session', '/')}
+    assert topics.TARGET in said
+    assert heard <= allowed(profile, 'subscribe') and said <= allowed(profile, 'publish')
+    sources = [p.read_text() for p in (ROOT / 'src' / 'stage_bringup').rglob('*.py')]
+    services = set(re.findall(r"'(/\w+/\w+)'", ''.join(sources)))
+    services |= {
+        f'{node}/set_parameters'
+        for node in re.findall(r"parameters\(\s*'(/\w+)'", ''.join(sources))
+    }
+    assert '/stage_driver/home' in services and '/session_recorder/set_parameters' in services
+    assert services - topics.TOPIC_TYPES.keys() <= allowed(profile, 'request')
+
+
+def executables() -> set[str]:
+    """Executables of the workspace that are nodes: their module ends in `node`."""
+    found = set()
+    for setup in (ROOT / 'src').glob('*/setup.py'):
+        found |= set(re.findall(r"'(\w+) = [\w.]*node:main'", setup.read_text()))
+    return found
+
+
 def test_policies_name_every_node_and_what_moves_the_stage() -> None:
     tree = ElementTree.parse(SECURITY / 'policies.xml')
     profiles = {p.get('node'): p for p in tree.iter('profile')}
-    assert set(NODES) <= set(profiles)
+    assert {*NODES, 'excite', 'session_player', 'live_view'} <= executables() <= set(profiles)
+    # A node whose topics are one list in its module; the others are compared while they run.
+    assert set(live_view_node.SHOWN) <= allowed(profiles['live_view'], 'subscribe')
+    offered = topics.TOPIC_TYPES.keys() - {topics.SETPOINT, topics.TARGET, topics.DIAGNOSTICS}
+    assert offered <= allowed(profiles['session_player'], 'publish')
     movers = {name for name in profiles if '/stage/setpoint' in allowed(profiles[name], 'publish')}
     # Nobody else may publish set-points.
     assert movers == {'calibrator', 'contour_ctrl', 'excite'}
