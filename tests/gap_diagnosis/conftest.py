@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gap_diagnosis.diagnose import Diagnosis, diagnose
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import TrackerSpec, TwinFile
@@ -94,3 +95,12 @@ def nominal(axes: tuple[str, ...] = ('x',)) -> TwinFile:
 def planted() -> Callable[..., Session]:
     """Maker of sessions with planted effects."""
     return make_session
+
+
+@pytest.fixture(scope='session')
+def open_question(planted: Callable[..., Session]) -> Diagnosis:
+    """A diagnosis after which something remains: play that the library does not know."""
+    session = planted({'backlash.x': {'width': 20e-6}}, axes=('x', 'y'), duration=12.0)
+    found = diagnose([session], [], TwinFile.nominal_servo(), without=['backlash'])
+    assert 'unknown' in found.verdict
+    return found

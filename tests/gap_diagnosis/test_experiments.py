@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from contour_ctrl.contour_parameters import PARAMETERS, make_curve, make_reference
 from contour_ctrl.curves import check_regular
 from gap_diagnosis import experiments
-from gap_diagnosis.diagnose import Diagnosis, diagnose
-from stage_core.session import Session
-from stage_core.twin_file import TwinFile
-
-Maker = Callable[..., Session]
-
-
-@pytest.fixture(scope='module')
-def open_question(planted: Maker) -> Diagnosis:
-    """Play that the library does not know: something remains."""
-    session = planted({'backlash.x': {'width': 20e-6}}, axes=('x', 'y'), duration=12.0)
-    found = diagnose([session], [], TwinFile.nominal_servo(), without=['backlash'])
-    assert 'unknown' in found.verdict
-    return found
+from gap_diagnosis.diagnose import Diagnosis
 
 
 def test_the_contour_controller_plans_the_next_experiment(

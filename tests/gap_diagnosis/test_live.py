@@ -53,3 +53,14 @@ def test_a_band_is_known_after_its_windows() -> None:
     assert band.left
     band.take(2.0e-6)
     assert not band.left
+
+
+def test_a_machine_that_starts_again_begins_a_window(planted: Maker) -> None:
+    monitor = LiveMonitor(TwinFile.nominal_servo(), window=3.0, learn=3)
+    session = planted({})
+    feed(monitor, session)
+    judged = len(monitor.bands['encoder.x'].values)
+    assert judged == 3
+    # The same stamps again, as of an emulated machine in lockstep that was started anew.
+    assert feed(monitor, session) >= 4
+    assert not any(band.left for band in monitor.bands.values())

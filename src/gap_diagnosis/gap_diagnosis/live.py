@@ -17,6 +17,8 @@ from stage_twin.simulate import simulate
 
 Array = NDArray[np.float64]
 
+BACK = 10**9  # ns by which stamps may run backwards before another session has begun
+MOST_WINDOWS = 10  # windows of messages that are kept while a topic is silent
 SETTLING = 1.0  # s at a window's start in which the replay finds the loop's state
 
 
@@ -79,12 +81,17 @@ class LiveMonitor:
         self.bands: dict[str, Band] = {}
         self._learn, self._width = learn, width
         self._topics: dict[str, dict[int, tuple[float, ...]]] = {}
-        self._points: deque[tuple[int, float, float, float]] = deque()
+        self._points: deque[tuple[int, float, float, float]] = deque(maxlen=1_000_000)
+        self._latest = 0
 
     def add(
         self, topic: str, stamp: int, axes: tuple[str, ...], values: tuple[float, ...]
     ) -> None:
         """One message of reference, command or joint states: its columns one after the other."""
+        if stamp < self._latest - BACK:
+            # Simulated time begins anew with each start of the machine.
+            self.clear()
+        self._latest = stamp
         self.axes = axes
         self._topics.setdefault(topic, {})[stamp] = values
 
@@ -100,6 +107,9 @@ class LiveMonitor:
     def judge(self) -> bool:
         """Judge the collected window if it is full; whether one was judged."""
         if len(self._topics) < 3 or any(a not in self.twin.axes for a in self.axes):
+            most = MOST_WINDOWS * self.window / self.twin.control_period
+            if any(len(t) > most for t in self._topics.values()):
+                self.clear()
             return False
         common = set.intersection(*(set(t) for t in self._topics.values()))
         stamps = np.array(sorted(common), dtype=np.int64)

@@ -1,0 +1,81 @@
+"""Live mode in a graph of real processes, on the experiment that a report asks for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not installed')
+
+from diagnostic_msgs.msg import DiagnosticArray
+
+from gap_diagnosis import experiments
+from gap_diagnosis.diagnose import Diagnosis
+from stage_bringup.graph import Options, commands
+from stage_bringup.processes import NodeCommand, Processes
+from stage_core import topics
+from stage_core.twin_file import TwinFile
+from stage_node.client_node import GraphClient
+
+CHANGED = {'coulomb_friction.x': {'coulomb': 25.0}, 'viscous_friction.y': {'viscous': 150.0}}
+LIVE: dict[str, object] = {'window': 2.0, 'learn': 2}
+
+
+@pytest.mark.timeout(900)
+def test_live_mode_warns_when_the_machine_is_another_one(
+    open_question: Diagnosis, ros_env: dict[str, str], tmp_path: Path
+) -> None:
+    curve = experiments.write_reference(open_question, tmp_path)
+    first, second = tmp_path / 'first.yaml', tmp_path / 'second.yaml'
+    TwinFile.nominal_servo().save(first)
+    TwinFile.nominal_servo().with_effects(CHANGED).save(second)
+    nodes = {c.name: c for c in commands(Options(out=tmp_path / 'out', reality=first))}
+    plant = nodes['stage_twin']
+    changed = replace(plant, parameters={**plant.parameters, 'twin': second})
+    diagnosis = nodes['gap_diagnosis']
+    watcher = replace(diagnosis, parameters={**diagnosis.parameters, **LIVE})
+    said: list[str] = []
+    watching = Processes(tmp_path / 'watching')
+
+    def heard(message: DiagnosticArray) -> None:
+        said.extend(s.message for s in message.status if s.name == 'gap_diagnosis: gap')
+
+    def run(machine: NodeCommand, log: str, until: str) -> None:
+        """Follow the experiment on a machine until live mode says something of it."""
+        graph = Processes(tmp_path / log)
+        try:
+            for command in (machine, nodes['stage_driver'], nodes['contour_ctrl']):
+                graph.start(command)
+            with GraphClient(f'{log}_client', use_sim_time=True) as client:
+                client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=heard)
+                for service in ('/stage_driver/home', '/contour_ctrl/run'):
+                    client.wait_for_service(service, 200.0, graph.check)
+                client.trigger('/stage_driver/home', 200.0)
+                client.set_parameters(
+                    'contour_ctrl',
+                    contour='freeform',
+                    curve_file=str(curve),
+                    reduce_feed=True,
+                    feed=0.05,
+                    iterations=1,
+                    scheme='p_ff',
+                )
+                message = client.trigger('/contour_ctrl/run', 400.0)
+                assert 'tracking RMS' in message
+                client.wait_for(lambda: any(until in m for m in said), 60.0, until)
+        finally:
+            graph.end()
+
+    try:
+        watching.start(watcher)
+        run(plant, 'first', 'within its band')
+        assert not any('left its band' in m for m in said), said
+        said.clear()
+        run(changed, 'second', 'left its band')
+        watching.check()
+    finally:
+        assert watching.end() == []
+    warning = next(m for m in said if 'left its band' in m)
+    assert 'encoder.x' in warning and 'diagnose a session' in warning
