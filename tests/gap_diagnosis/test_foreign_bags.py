@@ -108,6 +108,36 @@ def changed(**columns: Callable[[np.ndarray], np.ndarray]) -> list:
     return messages(replace(plain, **arrays), Shape(temperature=False))
 
 
+def turned(points: np.ndarray, angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, s], [-s, c]])
+
+
+def test_a_tracker_anywhere_whose_points_are_late(tmp_path: Path) -> None:
+    plain = machine()
+    away = replace(plain, tracker=turned(plain.tracker, 0.6) + np.array([1.5, -2.0]))
+    bag = write_bag(tmp_path / 'bag', messages(away, Shape(tracker_offset=0.04)))
+    assert run(bag, tmp_path) == 0
+    report = found(tmp_path)
+    assert sorted(report['verdict']) == sorted(
+        [*PLANTED, 'tracker_latency', 'tracker_misalignment']
+    )
+    causes = {cause['effect']: cause for cause in report['causes']}
+    place = causes['tracker_misalignment']['parameters']
+    assert place['angle']['value'] == pytest.approx(0.6, abs=2e-5)
+    assert place['offset_x']['value'] == pytest.approx(1.5, abs=2e-6)
+    assert place['offset_y']['value'] == pytest.approx(-2.0, abs=2e-6)
+    assert 0.0 < place['angle']['std'] < 1e-4
+    assert causes['tracker_latency']['parameters']['latency']['value'] == pytest.approx(
+        0.04, abs=2e-4
+    )
+    # What was taken out first is part of the gap all the same.
+    gap = report['gap']
+    assert gap['before'] > 1.0 and gap['after'] < 1.2 * gap['noise_floor']
+    assert causes['tracker_misalignment']['gap_before'] > 1.0
+    assert 1e-4 < causes['tracker_latency']['gap_before'] < 1e-2
+
+
 def stands_half(points: np.ndarray) -> np.ndarray:
     points[len(points) // 2 :] = points[len(points) // 2]
     return points
@@ -120,11 +150,23 @@ def stands_half(points: np.ndarray) -> np.ndarray:
         (lambda: changed(tracker=lambda a: np.full_like(a, np.nan)), 'not a finite number'),
         (lambda: changed(tracker=stands_half), 'frozen 10.0 s after the start'),
         (lambda: changed(tracker=lambda a: 1e3 * a), '1e+03 times as far'),
+        (lambda: changed(tracker=lambda a: a * np.array([1.0, -1.0])), 'is mirrored'),
+        (lambda: messages(machine(), Shape(tracker_offset=0.3)), '0.30 s late'),
         (lambda: changed(encoder=lambda a: 1e6 * a), 'times as far as its reference'),
         (lambda: changed(force=lambda a: 0.0 * a), 'the force is not recorded'),
         (lambda: changed(force=lambda a: 1e6 * a), "exceed the twin's force_limit"),
     ],
-    ids=['no stamps', 'NaN', 'stands', 'mm', 'counts', 'no force', 'other force'],
+    ids=[
+        'no stamps',
+        'NaN',
+        'stands',
+        'mm',
+        'mirror',
+        'clock',
+        'counts',
+        'no force',
+        'other force',
+    ],
 )
 def test_a_topic_that_is_wrong_is_named(
     tmp_path: Path, capsys: Capture, content: Callable[[], list], words: str

@@ -88,7 +88,7 @@ def gap_channels(
                 name = f'tracker.{axis}'
                 channel = channels.setdefault(name, Channel(name, 'm', [], [], []))
                 channel.time.append(record.tracker_time[mask])
-                channel.before.append(part.problem.target[rows][mask])
+                channel.before.append(part.problem.gap[rows][mask])
                 channel.after.append(part.residual[rows][mask])
     return channels
 
@@ -112,6 +112,7 @@ def without_cause(
     if part is not None and part.name == 'tracker':
         contribution = part.problem.terms[name].columns(part.selection.fit.thetas[name])
         contribution = contribution @ part.selection.fit.coefficients[name]
+        contribution = contribution + part.problem.before.get(name, 0.0)
         at = 0
         for channel in ('tracker.x', 'tracker.y'):
             if channel not in channels:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.session import Session
 from stage_core.twin_file import ForceAxis, ServoAxis, StepperAxis, TwinFile
+
+if TYPE_CHECKING:
+    from gap_diagnosis.coarse import Coarse
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -59,6 +63,7 @@ class Record:
     rest_scatter: float | None = None  # standard deviation of repeated rests [m]
     clock: Clock | None = None  # from stamps to `time`; None where they are the same
     tracker_stamp: Array | None = None  # of the points, where `clock` makes another time of it
+    coarse: Coarse | None = None  # what was taken out of the points before
     gaps: tuple[tuple[float, float], ...] = ()  # stretches of `time` [s] without any ticks
 
     @property

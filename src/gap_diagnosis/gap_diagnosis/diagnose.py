@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from gap_diagnosis import coarse
 from gap_diagnosis import evidence as judge
 from gap_diagnosis.channels import Channel, axis_shares, gap_channels, position_rms, without_cause
 from gap_diagnosis.data import Record, held_out_windows, load_record
@@ -136,6 +137,9 @@ def diagnose(
         parts[-1].row_axis = np.full(len(parts[-1].problem.target), records[0].column(axis))
     if all(r.tracker is not None for r in records):
         progress('encoder -> table -> tracker: residual of the measurement')
+        if not set(without) & {'tracker_misalignment', 'tracker_latency'}:
+            moved = coarse.find(records)
+            records = [coarse.moved_back(r, moved) for r in records]
         kinematics = Kinematics(records, seen)
         rules, least = (REST_RULES, LEAST_RESTS) if stepper else (KINEMATIC_RULES, LEAST_ROWS)
         known = stepper and rest_scatter(twin, records) is not None
@@ -287,7 +291,7 @@ def _conditions(
             rows = (part.row_axis == i) & (part.problem.record == 0)
             if not rows.any():
                 continue
-            excess = part.problem.mean_square(rows) - part.problem.floor**2
+            excess = float(np.mean(part.problem.gap[rows] ** 2)) - part.problem.floor**2
             total[part.name, axis] = excess / part.problem.floor**2
             if excess < 0.5 * part.problem.floor**2:
                 continue
@@ -298,7 +302,7 @@ def _conditions(
             bases = features(record, axis, time[::step], lead, twin.temperature_reference)
             link = 'servo' if part.name.startswith('servo') else 'kinematic'
             found += conditions(
-                part.problem.target[rows][::step],
+                part.problem.gap[rows][::step],
                 bases,
                 part.problem.block[rows][::step],
                 axis,

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.coarse import Coarse
 from gap_diagnosis.data import Record, held_out_windows, inside, motion_step
 from gap_diagnosis.operators import play
 from gap_diagnosis.regression import Problem, Term, Theta
@@ -95,8 +96,26 @@ class Kinematics:
             floor,
             not any_held_session,
             seams=np.cumsum([0, *(len(t) for t in target[:-1])]),
+            before=self._before(),
             signatures=dict.fromkeys(('tracker_latency', 'tracker_clock_drift'), self._lateness),
         )
+
+    def _before(self) -> dict[str, Array]:
+        """Rows of what was taken out of the points: by a rotation and offset, by a latency."""
+        coarse = self.records[0].coarse
+        if coarse is None:
+            return {}
+        moved: dict[str, list[list[Array]]] = {name: [] for name in coarse.effects}
+        for record, table in zip(self.records, self._points, strict=True):
+            assert record.tracker is not None
+            if 'tracker_misalignment' in moved:
+                turn = coarse.turned(record.tracker) + np.array(coarse.offset) - record.tracker
+                moved['tracker_misalignment'].append(list(turn.T))
+            if 'tracker_latency' in moved:
+                # The stamps say that the table was there later, where it was on its way already.
+                later = self._at(record, record.point_time(latency=-coarse.latency))
+                moved['tracker_latency'].append(list((table - later).T))
+        return {name: self._rows(parts) for name, parts in moved.items()}
 
     def row_axis(self) -> NDArray[np.int64]:
         """Column of the axis to which each row of the problem belongs."""
@@ -248,13 +267,15 @@ class Kinematics:
         )
 
     def _misalignment(self) -> Term:
+        coarse = self.records[0].coarse or Coarse()
         if len(self.axes) == 1:
             key = f'offset_{self.axes[0]}'
+            away = coarse.offset[0] if coarse.offset else 0.0
             signal = self._rows([[np.ones((len(p), 1))] for p in self._points])
             return Term(
                 'tracker_misalignment',
                 lambda theta: signal,
-                lambda theta, c: {'angle': 0.0, key: float(c[0])},
+                lambda theta, c: {'angle': 0.0, key: away + float(c[0])},
                 nuisances=(0,),
             )
         parts = []
@@ -264,14 +285,19 @@ class Kinematics:
                 [np.column_stack([-p[:, 1], one, zero]), np.column_stack([p[:, 0], zero, one])]
             )
         signal = self._rows(parts)
+
+        def parameters(theta: Theta, c: Array) -> dict[str, float]:
+            away = coarse.turned(c[None, 1:])[0] + np.array(coarse.offset or (0.0, 0.0))
+            return {
+                'angle': coarse.angle + float(np.arcsin(np.clip(c[0], -1.0, 1.0))),
+                'offset_x': float(away[0]),
+                'offset_y': float(away[1]),
+            }
+
         return Term(
             'tracker_misalignment',
             lambda theta: signal,
-            lambda theta, c: {
-                'angle': float(np.arcsin(np.clip(c[0], -1.0, 1.0))),
-                'offset_x': float(c[1]),
-                'offset_y': float(c[2]),
-            },
+            parameters,
             nuisances=(1, 2),
         )
 
@@ -288,11 +314,12 @@ class Kinematics:
         def columns(theta: Theta) -> Array:
             return self._shifted([r.point_time(latency=theta[0]) for r in self.records])
 
+        coarse = self.records[0].coarse or Coarse()
         grid = [s * v for v in np.geomspace(1e-4, 0.05, 12) for s in (1.0, -1.0)]
         return Term(
             'tracker_latency',
             columns,
-            lambda theta, c: {'latency': theta[0]},
+            lambda theta, c: {'latency': coarse.latency + theta[0]},
             grid=tuple((v,) for v in grid),
             lower=(-0.1,),
             upper=(0.1,),

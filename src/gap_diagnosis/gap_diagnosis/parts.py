@@ -15,7 +15,7 @@ from gap_diagnosis.data import Record, scored_ticks
 from gap_diagnosis.evidence import Structure
 from gap_diagnosis.regression import Problem
 from gap_diagnosis.replay import replay
-from gap_diagnosis.selection import Rules, Selection, Selector, describe
+from gap_diagnosis.selection import Evidence, Rules, Selection, Selector, describe
 from stage_core.errors import StageError
 from stage_core.quantities import EFFECT_LINKS, split_effect
 from stage_core.twin_file import TwinFile
@@ -121,13 +121,24 @@ def fit_part(
         for term in [t for t in problem.terms if split_effect(t)[0] == base]:
             if axis is None or term == effect:
                 del problem.terms[term]
+    kept = tuple(effect for effect in problem.before if effect in problem.terms)
     while True:
-        part = _fit_whole(name, problem, rules, seed, known_noise)
+        part = _fit_whole(name, problem, rules, seed, known_noise, kept)
         imitations = _imitations(part) if part.structure.structured else []
-        if not imitations:
+        if all(effect in kept for effect in imitations):
+            for effect in kept:
+                _count_whole(part, effect)
             return part
         for effect in imitations:
-            del problem.terms[effect]
+            if effect not in kept:
+                del problem.terms[effect]
+
+
+def _count_whole(part: Part, effect: str) -> None:
+    """The evidence of an effect that was mostly taken out before is that of the whole of it."""
+    rows = part.problem.judged
+    gain = float(np.mean(part.problem.before[effect][rows] ** 2))
+    part.selection.evidence[effect] = Evidence(effect, gain, (gain, gain), 1.0, True)
 
 
 def _imitations(part: Part) -> list[str]:
@@ -156,9 +167,17 @@ def _imitations(part: Part) -> list[str]:
     return found
 
 
-def _fit_whole(name: str, problem: Problem, rules: Rules, seed: int, known_noise: bool) -> Part:
+def _fit_whole(
+    name: str,
+    problem: Problem,
+    rules: Rules,
+    seed: int,
+    known_noise: bool,
+    kept: tuple[str, ...] = (),
+) -> Part:
     """Selection on the rows as they are, or beside a slow remainder on whitened ones."""
-    selector = Selector(problem, KNOWN_REST_RULES if known_noise else rules, seed)
+    rules = replace(KNOWN_REST_RULES if known_noise else rules, kept=kept)
+    selector = Selector(problem, rules, seed)
     selection = selector.select()
     if known_noise:
         selection = select_backwards(selector, selection)

@@ -74,6 +74,8 @@ class Problem:
     crossable: bool = True  # False where the held-out rows are a session of their own
     signatures: dict[str, Callable[[], Array]] = field(default_factory=dict)
     whitening: float = 0.0  # ρ of rows and columns r_k - ρ r_(k-1)
+    #: Parts of the gap that were taken out of the target before, by their effect.
+    before: dict[str, Array] = field(default_factory=dict)
     seams: NDArray[np.int64] | None = None  # rows before which no row of the same series comes
 
     def whiten(self, rows: Array) -> Array:
@@ -90,6 +92,11 @@ class Problem:
         """The same problem for generalised least squares with a first-order remainder."""
         other = replace(self, whitening=rho, floor=self.floor * math.sqrt(1.0 + rho**2))
         return replace(other, target=other.whiten(self.target))
+
+    @property
+    def gap(self) -> Array:
+        """The target (n,) with what was taken out of it before."""
+        return self.target + sum(self.before.values())
 
     @property
     def judged(self) -> Mask:

@@ -62,6 +62,7 @@ class Rules:
     level : of the bootstrap interval
     largest : number of effects in a set
     given : effects that every set is grown with; they too are left out in the end if they can be
+    kept : effects that every set holds, as their larger part was taken out before
     prefer_plain : whether a special case takes its holder's place wherever the data bear it
     """
 
@@ -72,6 +73,7 @@ class Rules:
     level: float = 0.98
     largest: int = 10
     given: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
     prefer_plain: bool = False
 
 
@@ -115,6 +117,9 @@ class Selector:
         """Run forward selection, pruning and the search for rivals."""
         accepted = [name for name in self.rules.given if name in self.problem.terms]
         base = self.regression.linear({n: self.problem.terms[n].grid[0] for n in accepted})
+        for name in self.rules.kept:
+            if name not in accepted:
+                accepted, base = [*accepted, name], self._with(base, name)
         rejected: dict[str, Evidence] = {}
         while len(accepted) < self.rules.largest:
             trials = self._trials(base, accepted)
@@ -174,6 +179,7 @@ class Selector:
                 n
                 for n in thetas
                 if n not in given
+                and n not in self.rules.kept
                 and np.mean(fit.crossed[rows] ** 2)
                 > np.mean(
                     plain.linear({m: t for m, t in thetas.items() if m != n}).crossed[rows] ** 2
@@ -329,7 +335,8 @@ class Selector:
             weak = [
                 (evidence[n].gain, n)
                 for n in accepted
-                if not self._counts(evidence[n], self._without(fit, n))
+                if n not in self.rules.kept
+                and not self._counts(evidence[n], self._without(fit, n))
             ]
             if not weak:
                 return accepted, fit, evidence
@@ -341,6 +348,8 @@ class Selector:
     def _rivals(self, accepted: list[str], fit: Fit, evidence: dict[str, Evidence]) -> None:
         """Effects that do as well in the place of an accepted one."""
         for name in accepted:
+            if name in self.rules.kept:
+                continue
             less = self._without(fit, name)
             rest = max(less.mean_square(self.problem) - self.noise, 1e-300)
             for rival in self.problem.terms:

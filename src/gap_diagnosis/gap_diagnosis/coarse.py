@@ -1,0 +1,147 @@
+"""A tracker frame that is turned or far away, points that are late: taken out exactly, first.
+
+The terms of the tracker link are linear in the rotation and take the motion at the stamps: good
+for milliradians and milliseconds. What is larger is found here by a rigid fit (in the plane,
+Umeyama, IEEE Trans. Pattern Anal. Mach. Intell. 13, 1991) over a grid of lags, the points are
+moved back by it, and the small rest is fitted as ever.
+"""
+
+from __future__ import annotations
+
+import cmath
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.data import Record, held_out_windows, inside
+from stage_core import topics
+from stage_core.errors import StageError
+
+Array = NDArray[np.float64]
+Plane = NDArray[np.complexfloating]
+
+LEAST_ANGLE, LEAST_OFFSET, LEAST_LAG = 3e-3, 1e-3, 0.02  # rad, m, s; less is fitted alone
+LARGEST_LAG = 0.1  # s, of the twin's `tracker_latency`
+SEARCHED = 2.0  # s
+STEPS = (0.01, 0.001)  # s, of the two grids of lags
+MOST_POINTS = 3000
+CLEARLY = 0.3  # times the RMS that something else leaves
+
+
+@dataclass(frozen=True)
+class Coarse:
+    """Measured = R(angle) · table + offset [m], `latency` [s] after the table was there."""
+
+    angle: float = 0.0
+    offset: tuple[float, ...] = ()
+    latency: float = 0.0
+
+    def turned(self, points: Array, back: bool = False) -> Array:
+        """Directions (n, a) in the tracker's frame, or `back` in the table's."""
+        if points.shape[1] == 1:
+            return points
+        angle = -self.angle if back else self.angle
+        c, s = np.cos(angle), np.sin(angle)
+        return np.asarray(points @ np.array([[c, s], [-s, c]]))
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects that these are the larger part of."""
+        found = ('tracker_misalignment',) if self.angle or any(self.offset) else ()
+        return (*found, 'tracker_latency') if self.latency else found
+
+
+def find(records: list[Record]) -> Coarse:
+    """Rotation, offset and latency that are too large for the terms of the tracker link.
+
+    Raises
+    ------
+    StageError
+        If the points are later than any latency of the twin, or the frame is mirrored.
+    """
+    record = next(r for r in records if not r.held_out_session)
+    assert record.tracker_time is not None and record.tracker is not None
+    axes = len(record.axes)
+    rests = record.points_per_row > 1.0
+    rows = np.flatnonzero(~inside(record.tracker_time, held_out_windows(record)))
+    rows = rows[:: max(1, len(rows) // MOST_POINTS)]
+    time = record.point_time()[rows]
+    measured = _plane(record.tracker[rows])
+
+    def table(lag: float) -> Plane:
+        at = time - lag
+        return _plane(
+            np.column_stack(
+                [np.interp(at, record.time, record.encoder[:, i]) for i in range(axes)]
+            )
+        )
+
+    lag = 0.0
+    for step in () if rests else STEPS:
+        reach = SEARCHED if step == STEPS[0] else STEPS[0]
+        lags = lag + np.arange(-reach, reach + 0.5 * step, step)
+        lag = float(min(lags, key=lambda x: _rest(measured, table(float(x)), axes)))
+    if abs(lag) < LEAST_LAG or _rest(measured, table(lag), axes) > CLEARLY * _rest(
+        measured, table(0.0), axes
+    ):
+        lag = 0.0
+    if abs(lag) > LARGEST_LAG:
+        raise StageError(
+            f'{record.name}: the stamps of {topics.TRACKER_POINT} are {lag:.2f} s late against '
+            'the encoder: no latency but another clock; let the tracker bridge take its offset out'
+        )
+    where = table(lag)
+    if axes == 2 and _rest(measured.conj(), where, axes) < CLEARLY * _rest(measured, where, axes):
+        raise StageError(
+            f'{record.name}: the frame of {topics.TRACKER_POINT} is mirrored against the stage '
+            '(one of its axes points the other way): align the tracker with `~/align`'
+        )
+    turn = np.vdot(where - where.mean(), measured - measured.mean())
+    angle = cmath.phase(turn) if axes == 2 else 0.0
+    angle = angle if abs(angle) > LEAST_ANGLE else 0.0
+    away = complex(measured.mean() - cmath.exp(1j * angle) * where.mean())
+    far = bool(angle) or abs(away) > LEAST_OFFSET
+    offset = (away.real, away.imag)[:axes] if far else (0.0,) * axes
+    return Coarse(angle, offset, lag)
+
+
+def moved_back(record: Record, coarse: Coarse) -> Record:
+    """The record with its points where the table was, when it was there."""
+    if not coarse.effects:
+        return record
+    assert record.tracker_time is not None and record.tracker is not None
+    stamps = record.tracker_time if record.tracker_stamp is None else record.tracker_stamp
+    moved = replace(
+        record,
+        tracker=coarse.turned(record.tracker - np.array(coarse.offset), back=True),
+        tracker_time=record.point_time(latency=coarse.latency),
+        tracker_stamp=stamps - coarse.latency,
+        coarse=coarse,
+    )
+    assert moved.tracker_time is not None and moved.tracker_stamp is not None
+    assert moved.tracker is not None
+    margin = 5 * record.period
+    use = (moved.tracker_time > record.time[0] + margin) & (
+        moved.tracker_time < record.time[-1] - margin
+    )
+    return replace(
+        moved,
+        tracker=moved.tracker[use],
+        tracker_time=moved.tracker_time[use],
+        tracker_stamp=moved.tracker_stamp[use],
+    )
+
+
+def _plane(points: Array) -> Plane:
+    """Points (n, a) as complex numbers (n,)."""
+    return np.asarray(points[:, 0] + (1j * points[:, 1] if points.shape[1] == 2 else 0j))
+
+
+def _rest(measured: Plane, where: Plane, axes: int) -> float:
+    """RMS that the best rotation (of two axes) and offset leave [m]."""
+    z, w = measured - measured.mean(), where - where.mean()
+    if axes == 1:
+        return float(np.sqrt(np.mean(np.abs(z - w) ** 2)))
+    square = np.mean(np.abs(z) ** 2) + np.mean(np.abs(w) ** 2) - 2.0 * abs(np.mean(z * w.conj()))
+    return float(np.sqrt(max(float(square), 0.0)))
