@@ -78,8 +78,10 @@ def test_home_move_and_publish(tmp_path):
         assert recorder.controls[-1][1] == (0.01, 0.004) and recorder.controls[-1][4] == ()
         assert recorder.temperatures[0][1] == ('controller_x', 'controller_y')
         assert server.chain.devices[0].values['knob.enable'] == 0
+        assert server.chain.axes[0].values['motion.decelonly'] == 3440
         assert backend.status().state is State.READY
     assert server.chain.devices[0].values['knob.enable'] == 1
+    assert server.chain.axes[0].values['motion.decelonly'] == 205
 
 
 def test_velocity_stream_is_bounded_and_its_end_is_watched(tmp_path):
@@ -167,6 +169,58 @@ def test_cable_pulled_and_put_back_reconnects_without_moving(tmp_path):
         assert backend.reset_fault().result(timeout=20) == 'ready'
         move(backend, recorder, 0.003, 0.002)
         assert position(server)[0] == pytest.approx(0.003, abs=STEP)
+
+
+def test_cable_pulled_in_a_move_and_put_back_leaves_the_axis_at_rest(tmp_path):
+    # A busy machine holds up both ends of the wire, which live in this process.
+    with rig(tmp_path, link_timeout=2.0, reply_timeout=0.5) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        backend.submit(0, ['x'], [0.045], [])
+        wait(lambda: position(server)[0] > 0.001)
+        server.unplug()
+        recorder.wait(lambda: recorder.said('fault'))
+        # The protocol knows no dead host: the axis ends at its target, no further.
+        server.plug()
+        recorder.wait(lambda: recorder.said('is back'))
+        wait(lambda: not server.chain.axes[0].busy)
+        rest = position(server)
+        assert rest[0] <= 0.045 + STEP
+        backend.submit(0, ['x'], [0.001], [])
+        recorder.wait(lambda: recorder.said('~/reset_fault, then'))
+        assert position(server) == rest
+        assert backend.status().state is State.FAULT
+        assert backend.reset_fault().result(timeout=20) == 'ready'
+        assert position(server) == rest
+        move(backend, recorder, 0.003, 0.0)
+        assert position(server)[0] == pytest.approx(0.003, abs=STEP)
+
+
+def test_stop_brakes_at_its_deceleration_and_not_past_the_target(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result(timeout=20)
+        backend.submit(0, ['x'], [0.04], [])
+        axis = server.chain.axes[0]
+        wait(lambda: server.chain.plant.velocity_steps(0) * STEP > 0.08)
+        backend.stop()
+        wait(lambda: not axis.busy)
+        # From 0.1 m/s at 1 m/s^2; with the device's own 0.06 m/s^2 it would be 84 mm.
+        assert position(server)[0] < 0.04 + STEP
+        wait(lambda: backend.status().state is State.READY)
+
+
+def test_stop_ends_homing(tmp_path):
+    patient = {'link_timeout': 5.0, 'reply_timeout': 1.0}
+    with rig(tmp_path, start=(900_000, 2000), **patient) as (server, backend, recorder):
+        homing = backend.home()
+        wait(lambda: server.chain.axes[0].busy)
+        backend.stop()
+        with pytest.raises(StageError, match='homing ended: stopped by request'):
+            homing.result(timeout=20)
+        wait(lambda: not server.chain.axes[0].busy)
+        assert not backend.status().homed
+        backend.submit(0, ['x'], [0.01], [])
+        recorder.wait(lambda: recorder.said('not homed'))
+        assert backend.home().result(timeout=20) == 'homed: x, y'
 
 
 def test_power_cycle_asks_for_homing(tmp_path):

@@ -80,7 +80,8 @@ def check_setpoint(
     """
     unknown = [name for name in names if name not in axes]
     if unknown or not names or len(set(names)) != len(names):
-        shown = ', '.join(map(repr, unknown or names)) or 'none'
+        # Made up names may be many.
+        shown = ', '.join(map(repr, (unknown or list(names))[:4])) or 'none'
         raise StageError(f'set-point refused: its axes ({shown}) are not among {", ".join(axes)}')
     for field, values in (('positions', positions), ('velocities', velocities)):
         if len(values) not in (0, len(names)):

@@ -45,11 +45,14 @@ class ZaberStage:
         self._answered_at = time.monotonic()
 
     def close(self) -> None:
-        """Stop the axes, give the knobs back, close the port."""
+        """Stop the axes, give knobs and settings back, close the port."""
         with contextlib.suppress(LinkLost, NoAnswer):
             for device in sorted(set(self.config.devices)):
                 self.link.ask('stop', device)
                 self.link.ask('set knob.enable 1', device)
+            for handle in self.handles:
+                words = f'set {handle.braking} {handle.former_braking}'
+                self.link.ask(words, handle.device, handle.axis)
         self.link.close()
 
     def metres(self, steps: Sequence[float]) -> list[float]:
