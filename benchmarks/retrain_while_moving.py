@@ -20,8 +20,11 @@ from pathlib import Path
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from domains import reserve_domain
 from std_srvs.srv import Trigger
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
+
+from domains import reserve_domain
 
 from session_bags.writer import write_session
 from stage_bringup.graph import Options, commands
@@ -33,6 +36,12 @@ from stage_node.client_node import GraphClient
 NODES = ('stage_twin', 'stage_driver', 'calibrator', 'contour_ctrl')
 COUNTED = ('missed_ticks', 'held_ticks', 'watchdog_stops')
 PATIENCE = 300.0
+#: In lockstep a tick may take what a loaded machine needs for it [s of wall time].
+CHANGED: dict[str, dict[str, object]] = {
+    'stage_twin': {'tracker_protocol': 'none', 'lockstep_watchdog': 120.0},
+    'stage_driver': {'lockstep_timeout': 60.0},
+    'contour_ctrl': {'lockstep_timeout': 240.0},
+}
 
 
 def training_bag(folder: Path) -> Path:
@@ -79,11 +88,9 @@ def follow(
     options = Options(clock=clock, out=folder / 'out', iterations=iterations)
     try:
         for command in commands(options):
-            if command.name == 'stage_twin':
-                quiet = {**command.parameters, 'tracker_protocol': 'none'}
-                command = replace(command, parameters=quiet)
             if command.name in NODES:
-                processes.start(command)
+                changed = {**command.parameters, **CHANGED.get(command.name, {})}
+                processes.start(replace(command, parameters=changed))
         with GraphClient('retrain_while_moving', use_sim_time=clock == 'lockstep') as client:
             client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=keep)
             for service in ('/contour_ctrl/run', '/stage_driver/home', '/calibrator/retrain'):
@@ -112,6 +119,9 @@ def follow(
                     steps = (begun, 0)
                 client.trigger('/calibrator/abort', PATIENCE)
                 client.wait_for(answer.done, PATIENCE, 'the abort')
+        for line in (folder / 'log' / 'stage_driver.log').read_text(errors='replace').splitlines():
+            if 'stream ended' in line:
+                print(f'  driver: {line}')
         return message, counts, steps
     finally:
         processes.end()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -204,3 +206,27 @@ def test_excitation_is_consistent_and_stays_within_its_limits() -> None:
     assert np.abs(ref.velocity[[0, -1]]).max() < 1e-4
     with pytest.raises(StageError, match='speed limit of axis x'):
         excitation((0.05, 0.05), speeds=(0.3,), limits=limits)
+
+
+COMPILED_IN_TIME = """
+from contour_ctrl import contour_error, sequence, tick
+from tests.contour_ctrl import test_sequence as small
+
+kernels = (tick.tick, contour_error.estimates)
+assert not any(kernel.signatures for kernel in kernels)
+sequence.compile_kernels()
+ready = [len(kernel.signatures) for kernel in kernels]
+assert all(ready)
+stage = small.Stage()
+controller = small.Controller(small.REFERENCE, small.GAINS)
+run = sequence.ContourRun(controller, small.learner(), 2)
+stage.take(run.begin(stage.stamp))
+stage.drive(run)
+assert run.success
+assert [len(kernel.signatures) for kernel in kernels] == ready
+"""
+
+
+def test_nothing_is_compiled_while_a_contour_runs() -> None:
+    root = Path(__file__).resolve().parents[2]
+    subprocess.run([sys.executable, '-c', COMPILED_IN_TIME], cwd=root, check=True, timeout=300)

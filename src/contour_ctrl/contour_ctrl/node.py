@@ -14,13 +14,12 @@ from std_srvs.srv import Trigger
 
 from contour_ctrl import contour_parameters as parameters
 from contour_ctrl import storage
-from contour_ctrl.curves import circle
 from contour_ctrl.figures import Figures
 from contour_ctrl.learning import Learner
-from contour_ctrl.reference import Reference, plan
+from contour_ctrl.reference import Reference
 from contour_ctrl.sequence import ContourRun
 from contour_ctrl.streaming_node import StreamingNode
-from contour_ctrl.tick import Controller, Gains
+from contour_ctrl.tick import Controller
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_node.deferred_service import create_deferred_service
@@ -43,8 +42,6 @@ class ContourCtrl(StreamingNode):
         create_deferred_service(self, Trigger, '~/run', lambda _: self._run())
         self.create_service(Trigger, '~/abort', self._on_abort)
         self.diagnostics.task('contour', self._contour_status)
-        # Compiles every kernel now, so that the first tick does not.
-        Controller(plan(circle(0.001), 0.01), Gains())
 
     def shutdown(self) -> None:
         """Leave the stage with a target to rest at."""

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contour_ctrl.contour_error import of_record
+from contour_ctrl.curves import circle
 from contour_ctrl.figures import Figures, figures
 from contour_ctrl.learning import Learner
-from contour_ctrl.tick import EX, QX, Controller
+from contour_ctrl.reference import plan
+from contour_ctrl.tick import EX, QX, Controller, Gains
 from stage_core import topics
 from stage_core.clocks import NANOSECONDS
 
@@ -305,3 +307,14 @@ class ContourRun:
 
 def _pair(values: FloatArray) -> Pair:
     return float(values[0]), float(values[1])
+
+
+def compile_kernels() -> None:
+    """Compile everything that a run calls, before there is one.
+
+    The first tick must be answered at once, and so must the first after an iteration: the driver
+    would take the seconds of a compiler for a stream that has broken off.
+    """
+    controller = Controller(plan(circle(0.001), 0.01), Gains())
+    reference = controller.reference
+    of_record(reference.path, reference.arc, controller.table[:, :2])

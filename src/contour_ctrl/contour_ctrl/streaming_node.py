@@ -12,7 +12,7 @@ from geometry_msgs.msg import Vector3Stamped
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 
-from contour_ctrl.sequence import ContourRun, SetPoint
+from contour_ctrl.sequence import ContourRun, SetPoint, compile_kernels
 from contour_ctrl.tick import CONTOUR, EX
 from stage_core import topics
 from stage_core.errors import StageError
@@ -43,6 +43,7 @@ class StreamingNode(StageNode):
 
     def __init__(self, name: str, parameters: Sequence[Parameter]) -> None:
         super().__init__(name, parameters)
+        compile_kernels()
         self.course: ContourRun | None = None
         self._answer: Future[str] | None = None
         self._arrived = time.monotonic()
