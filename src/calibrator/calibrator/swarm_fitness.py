@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 from calibrator.swarm_loops import (
     BLOCK,
     Tag,
+    add_one,
+    add_six,
+    add_three,
     exponents,
-    one_sum,
     plain_error,
     plain_weights,
     signed_error,
-    six_sums,
     strengths,
-    three_sums,
 )
 
 Array = NDArray[np.float64]
@@ -39,52 +39,27 @@ _ROW = np.uint64(BLOCK)
 
 
 @njit(cache=True, nogil=True)
-def _add_rows(
-    a: Array, at: Any, b: Array, bt: Any, pairs: Array, moments: Array, size: Any
+def _add(
+    rules: Tag, a: Array, b: Array, square: bool, pairs: Array, sums: Array, size: Any
 ) -> None:
-    """Add the sums of a b x over one block to the moments, one for each row x of pairs."""
-    count = len(moments)
-    sixes = count - count % 6
-    for q in range(0, sixes, 6):
-        s = six_sums(a, at, b, bt, pairs, np.uint64(q) * _ROW, size)
-        moments[q] += s[0]
-        moments[q + 1] += s[1]
-        moments[q + 2] += s[2]
-        moments[q + 3] += s[3]
-        moments[q + 4] += s[4]
-        moments[q + 5] += s[5]
-    for q in range(sixes, count - 2, 3):
-        first, second, third = three_sums(a, at, b, bt, pairs, np.uint64(q) * _ROW, size)
-        moments[q] += first
-        moments[q + 1] += second
-        moments[q + 2] += third
-    for q in range(count - count % 3, count):
-        moments[q] += one_sum(a, at, b, bt, pairs, np.uint64(q) * _ROW, size)
-
-
-@njit(cache=True, nogil=True)
-def _add_normal(rules: Tag, weights: Array, pairs: Array, gram: Array, size: Any) -> None:
-    """Add a block to the moments gram[j, k, pair] = sum nu_j nu_k x_a x_b, k <= j."""
-    for j in range(len(rules)):
-        for k in range(j + 1):
-            at, bt = np.uint64(j) * _ROW, np.uint64(k) * _ROW
-            _add_rows(weights, at, weights, bt, pairs, gram[j, k], size)
-
-
-@njit(cache=True, nogil=True)
-def _add_right(
-    rules: Tag, weights: Array, pairs: Array, target: Array, right: Array, size: Any
-) -> None:
-    """Add a block to right[j, a] = sum nu_j x_a t; the first rows of pairs are x_0 = 1 .. x_n."""
-    for j in range(len(rules)):
-        at = np.uint64(j) * _ROW
-        _add_rows(weights, at, target, np.uint64(0), pairs, right[j], size)
+    """Add a block to sums[j, k, q] = sum a_j b_k x_q, see `swarm_loops.add_six`."""
+    count = sums.shape[2]
+    q = 0
+    while q + 6 <= count:
+        add_six(rules, a, b, square, pairs, q, sums, size)
+        q += 6
+    while q + 3 <= count:
+        add_three(rules, a, b, square, pairs, q, sums, size)
+        q += 3
+    while q < count:
+        add_one(rules, a, b, square, pairs, q, sums, size)
+        q += 1
 
 
 @njit(cache=True, nogil=True)
 def _solve(moments: Array, right: Array, matrix: Array, theta: Array) -> None:
     """Cholesky solution theta ((n+1)·M,), row by row (n+1, M), of the ridge normal equations."""
-    rules, blocks = right.shape
+    rules, _, blocks = right.shape
     size = blocks * rules
     diagonal = 0.0
     for a in range(blocks):
@@ -113,7 +88,7 @@ def _solve(moments: Array, right: Array, matrix: Array, theta: Array) -> None:
     flat = theta
     for a in range(blocks):
         for j in range(rules):
-            flat[a * rules + j] = right[j, a]
+            flat[a * rules + j] = right[j, 0, a]
     for i in range(size):
         for k in range(i):
             flat[i] -= matrix[i, k] * flat[k]
@@ -161,9 +136,9 @@ def swarm_errors(
     weights = np.empty(2 * rule_count * BLOCK)
     strongest = np.empty(BLOCK)
     moments = np.empty((rule_count, rule_count, terms * (terms + 1) // 2))
-    right = np.empty((outputs, rule_count, terms))
+    right = np.empty((outputs, rule_count, 1, terms))
     signed_moments = np.empty_like(moments)
-    signed_right = np.empty((rule_count, terms))
+    signed_right = np.empty((rule_count, 1, terms))
     matrix = np.empty((terms * rule_count, terms * rule_count))
     theta = np.empty(terms * rule_count)
     for p in range(len(particles)):
@@ -181,9 +156,9 @@ def swarm_errors(
             strengths(rules, low, strongest, size)
             strengths(rules, up, strongest, size)
             plain_weights(rules, 2 if code == 2 else 0, lower[b], upper[b], weights, size)
-            _add_normal(rules, weights, pairs[b], moments, size)
+            _add(rules, weights, weights, True, pairs[b], moments, size)
             for o in range(outputs):
-                _add_right(rules, weights, pairs[b], targets[b, o], right[o], size)
+                _add(rules, weights, targets[b, o], False, pairs[b], right[o], size)
         for o in range(outputs):
             _solve(moments, right[o], matrix, theta)
             best = np.inf
@@ -200,8 +175,8 @@ def swarm_errors(
                         total += signed_error(
                             rules, axes, low, up, x, target, theta, weights, size
                         )
-                        _add_normal(rules, weights, x, signed_moments, size)
-                        _add_right(rules, weights, x, target, signed_right, size)
+                        _add(rules, weights, weights, True, x, signed_moments, size)
+                        _add(rules, weights, target, False, x, signed_right, size)
                     elif code == 1:
                         total += signed_error(rules, axes, low, up, x, target, theta, None, size)
                     else:

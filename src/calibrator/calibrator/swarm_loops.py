@@ -108,39 +108,68 @@ def strengths(rules: Tag, rows: Array, strongest: Array, size: Any) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
-def six_sums(a: Array, at: Any, b: Array, bt: Any, pairs: Array, q: Any, size: Any) -> Any:
-    """Sums of a b x over six rows of pairs from offset q; a and b from their offsets."""
-    first, second, third, fourth, fifth, sixth = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(size):
-        product = a[at + i] * b[bt + i]
-        first += product * pairs[q + i]
-        second += product * pairs[q + _ROW + i]
-        third += product * pairs[q + np.uint64(2) * _ROW + i]
-        fourth += product * pairs[q + np.uint64(3) * _ROW + i]
-        fifth += product * pairs[q + np.uint64(4) * _ROW + i]
-        sixth += product * pairs[q + np.uint64(5) * _ROW + i]
-    return first, second, third, fourth, fifth, sixth
+def add_six(
+    rules: Tag, a: Array, b: Array, square: bool, pairs: Array, q: Any, sums: Array, size: Any
+) -> None:
+    """Add the sums of a_j b_k x over rows q .. q + 5 of pairs to sums[j, k, q:].
+
+    For all rows j of a, and of b the rows k <= j where the result is `square` (b is a then) or
+    else its one row. The loops over rows are in here because a call costs what 20 samples do.
+    """
+    at = np.uint64(q) * _ROW
+    for j in range(len(rules)):
+        for k in range(j + 1 if square else 1):
+            aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
+            first, second, third, fourth, fifth, sixth = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for i in range(size):
+                product = a[aj + i] * b[bk + i]
+                first += product * pairs[at + i]
+                second += product * pairs[at + _ROW + i]
+                third += product * pairs[at + np.uint64(2) * _ROW + i]
+                fourth += product * pairs[at + np.uint64(3) * _ROW + i]
+                fifth += product * pairs[at + np.uint64(4) * _ROW + i]
+                sixth += product * pairs[at + np.uint64(5) * _ROW + i]
+            sums[j, k, q] += first
+            sums[j, k, q + 1] += second
+            sums[j, k, q + 2] += third
+            sums[j, k, q + 3] += fourth
+            sums[j, k, q + 4] += fifth
+            sums[j, k, q + 5] += sixth
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
-def three_sums(a: Array, at: Any, b: Array, bt: Any, pairs: Array, q: Any, size: Any) -> Any:
-    """Sums of a b x over three rows of pairs from offset q; a and b from their offsets."""
-    first, second, third = 0.0, 0.0, 0.0
-    for i in range(size):
-        product = a[at + i] * b[bt + i]
-        first += product * pairs[q + i]
-        second += product * pairs[q + _ROW + i]
-        third += product * pairs[q + _ROW + _ROW + i]
-    return first, second, third
+def add_three(
+    rules: Tag, a: Array, b: Array, square: bool, pairs: Array, q: Any, sums: Array, size: Any
+) -> None:
+    """`add_six` for three rows."""
+    at = np.uint64(q) * _ROW
+    for j in range(len(rules)):
+        for k in range(j + 1 if square else 1):
+            aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
+            first, second, third = 0.0, 0.0, 0.0
+            for i in range(size):
+                product = a[aj + i] * b[bk + i]
+                first += product * pairs[at + i]
+                second += product * pairs[at + _ROW + i]
+                third += product * pairs[at + np.uint64(2) * _ROW + i]
+            sums[j, k, q] += first
+            sums[j, k, q + 1] += second
+            sums[j, k, q + 2] += third
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
-def one_sum(a: Array, at: Any, b: Array, bt: Any, pairs: Array, q: Any, size: Any) -> float:
-    """Sum of a b x over one row of pairs."""
-    total = 0.0
-    for i in range(size):
-        total += a[at + i] * b[bt + i] * pairs[q + i]
-    return total
+def add_one(
+    rules: Tag, a: Array, b: Array, square: bool, pairs: Array, q: Any, sums: Array, size: Any
+) -> None:
+    """`add_six` for one row."""
+    at = np.uint64(q) * _ROW
+    for j in range(len(rules)):
+        for k in range(j + 1 if square else 1):
+            aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
+            total = 0.0
+            for i in range(size):
+                total += a[aj + i] * b[bk + i] * pairs[at + i]
+            sums[j, k, q] += total
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
