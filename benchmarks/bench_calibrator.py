@@ -90,6 +90,17 @@ def bench_swarm(full: bool) -> None:
             f'one iteration of 1000 particles, 2000 samples, both axes, {threads} thread(s): '
             f'{one:.3f} s, 200 of them {200 * one:.1f} s'
         )
+        # Other work on the machine stretches a second; some of many moments it leaves alone.
+        few = swarm[: 20 * threads]
+        seconds = []
+        for _ in range(100):
+            started = time.perf_counter()
+            fitness(few)
+            seconds.append(time.perf_counter() - started)
+        print(
+            f'least of 100 batches of {len(few)}, {threads} thread(s): '
+            f'{1e6 * min(seconds) / len(few):.0f} us per particle'
+        )
     if full:
         fitness = SwarmFitness(inputs, targets, 'maclaurin')
         started, used = time.perf_counter(), time.process_time()

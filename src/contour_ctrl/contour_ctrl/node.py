@@ -134,7 +134,13 @@ class ContourCtrl(StreamingNode):
                 'a calibration model is active but the package calibrator is missing: '
                 'build it or set use_model to false'
             ) from None
-        return model_file.load(path).invert
+        stored = model_file.load(path)
+        if stored.sensors:
+            self.get_logger().warning(
+                f'the active model corrects by temperature ({", ".join(stored.sensors)}): the '
+                'contour is planned for the mean temperatures of its training'
+            )
+        return stored.invert
 
     def _on_iteration(self, index: int, result: Figures) -> None:
         self._progress.append(result)
