@@ -139,6 +139,13 @@ def show(title: str, found: Diagnosis) -> None:
         if cause.status == 'accepted' and cause.parameters:
             values = ', '.join(f'{k} {v:.4g} ± {s:.1g}' for k, (v, s) in cause.parameters.items())
             print(f'  {cause.effect}: {values}; not to be told from {cause.alternatives}')
+            for rung in cause.contains:
+                values = ', '.join(
+                    f'{k} {v:.4g} ± {s:.1g}' for k, (v, s) in rung.parameters.items()
+                )
+                low, high = (100.0 * share for share in rung.interval)
+                gain = f'{100.0 * rung.shrink:.1f} % [{low:.1f}, {high:.1f}]'
+                print(f'    {rung.effect}: {gain} of the force residual; {values}')
     where = [(c.name, c.axis, round(c.share, 2), c.p_value) for c in found.conditions[:4]]
     print(f'  where: {where}\n  unexplained: {found.unexplained:.3f}, {found.structured}')
 

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from gap_diagnosis import coarse
 from gap_diagnosis import evidence as judge
 from gap_diagnosis.channels import Channel, axis_shares, gap_channels, position_rms, without_cause
+from gap_diagnosis.contained import contained
 from gap_diagnosis.data import Record, held_out_windows, load_record
 from gap_diagnosis.kinematics import Kinematics
 from gap_diagnosis.localise import Condition, conditions, features
@@ -277,6 +278,7 @@ def _cause(
         status='accepted',
         alternatives=list(found.alternatives) if found is not None else [],
         strength=judge.strength(part, name),
+        contains=contained(part, name, seed),
     )
 
 

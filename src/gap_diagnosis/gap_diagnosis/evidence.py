@@ -41,6 +41,27 @@ class Structure:
     structured: bool
 
 
+@dataclass(frozen=True)
+class Rung:
+    """One part of an effect: RMS of the residual without and with it, in the residual's unit."""
+
+    effect: str
+    before: float
+    after: float
+    interval: tuple[float, float]  # of the share by which the RMS shrinks
+    parameters: dict[str, tuple[float, float]]
+
+    @property
+    def shrink(self) -> float:
+        """1 - after / before."""
+        return 1.0 - self.after / self.before if self.before > 0.0 else 0.0
+
+    @property
+    def supported(self) -> bool:
+        """Whether the data show this part."""
+        return self.interval[0] > 0.0
+
+
 @dataclass
 class Cause:
     """One entry of the report's list of causes."""
@@ -54,6 +75,7 @@ class Cause:
     status: str
     alternatives: list[str] = field(default_factory=list)
     strength: float = 0.0
+    contains: list[Rung] = field(default_factory=list)
 
     @property
     def shrink(self) -> float:

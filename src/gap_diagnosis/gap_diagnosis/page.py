@@ -35,6 +35,7 @@ def render(diagnosis: Diagnosis) -> str:
         _image(figures.shares(diagnosis), 'share by condition'),
         '<h2>Evidence for each candidate</h2>',
         _causes(diagnosis),
+        _contains(diagnosis),
         '<h2>What to do next</h2>',
         _next(diagnosis),
     ]
@@ -125,6 +126,25 @@ def _causes(diagnosis: Diagnosis) -> str:
         'effect', 'probability', 'status', 'parameters', 'closes [95 %]', 'cannot be told from',
     ]  # fmt: skip
     return _table(head, rows)
+
+
+def _contains(diagnosis: Diagnosis) -> str:
+    """What effects that hold special cases are made of."""
+    parts = []
+    for cause in diagnosis.causes:
+        if not cause.contains:
+            continue
+        rows = []
+        for rung in cause.contains:
+            low, high = rung.interval
+            values = ', '.join(f'{n} = {v:.4g} ± {s:.1g}' for n, (v, s) in rung.parameters.items())
+            shrink = f'{100 * rung.shrink:.1f} % [{100 * low:.0f}, {100 * high:.0f}]'
+            seen = 'yes' if rung.supported else 'no'
+            style = 'accepted' if rung.supported else ''
+            rows.append(_row([rung.effect, shrink, seen, values], style=style))
+        parts.append(f'<h3>{_text(cause.effect)} contains, added one by one</h3>')
+        parts.append(_table(['part', 'shrinks the rest by [95 %]', 'seen', 'parameters'], rows))
+    return ''.join(parts)
 
 
 def _next(diagnosis: Diagnosis) -> str:

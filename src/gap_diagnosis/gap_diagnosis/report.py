@@ -58,23 +58,40 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _cause(cause: Cause) -> dict[str, Any]:
-    units = {}
-    definition = EFFECTS.get(split_effect(cause.effect)[0])
-    if definition is not None:
-        units = {p.name: p.unit for p in definition.parameters}
+    contains = [
+        {
+            'part': rung.effect,
+            'supported': rung.supported,
+            'shrink': rung.shrink,
+            'shrink_ci95': list(rung.interval),
+            'parameters': _parameters(cause.effect, rung.effect, rung.parameters),
+        }
+        for rung in cause.contains
+    ]
     return {
         'effect': cause.effect,
         'probability': cause.probability,
-        'parameters': {
-            name: {'value': value, 'std': std, 'unit': units.get(name, '')}
-            for name, (value, std) in cause.parameters.items()
-        },
+        'parameters': _parameters(cause.effect, cause.effect, cause.parameters),
         'gap_before': cause.gap_before,
         'gap_after': cause.gap_after,
         'shrink': cause.shrink,
         'shrink_ci95': list(cause.interval),
         'status': cause.status,
         'alternatives': cause.alternatives,
+        **({'contains': contains} if contains else {}),
+    }
+
+
+def _parameters(
+    cause: str, effect: str, parameters: dict[str, tuple[float, float]]
+) -> dict[str, dict[str, Any]]:
+    units: dict[str, str] = {}
+    for name in (cause, effect):
+        definition = EFFECTS.get(split_effect(name)[0])
+        units |= {p.name: p.unit for p in definition.parameters} if definition else {}
+    return {
+        name: {'value': value, 'std': std, 'unit': units.get(name, '')}
+        for name, (value, std) in parameters.items()
     }
 
 
