@@ -198,8 +198,9 @@ def test_what_is_no_bag_is_refused(tmp_path: Path, capsys: Capture) -> None:
         ('kind: servo\naxes: {x: {mass: .nan, viscous: 1}}', 'axes.x.mass'),
         ({**twin(), 'control_period': 0.002}, 'control period'),
         (twin(('x',)), 'no axis y'),
+        ({**twin(), 'effects': {'gremlins.x': {'size': 1.0}}}, 'gremlins.x is unknown'),
     ],
-    ids=['garbage', 'words', 'NaN', 'period', 'axes'],
+    ids=['garbage', 'words', 'NaN', 'period', 'axes', 'effects'],
 )
 def test_a_twin_that_is_none_is_refused(
     tmp_path: Path, capsys: Capture, content: object, words: str

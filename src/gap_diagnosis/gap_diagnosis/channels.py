@@ -110,8 +110,8 @@ def without_cause(
     """Gap of every channel with one cause taken out of the corrected twin, not refitted."""
     out = {c.name: list(c.after) for c in channels.values()}
     if part is not None and part.name == 'tracker':
-        contribution = part.problem.terms[name].columns(part.selection.fit.thetas[name])
-        contribution = contribution @ part.selection.fit.coefficients[name]
+        fit = part.selection.fit
+        contribution = part.problem.terms[name].share(fit.thetas[name], fit.coefficients[name])
         contribution = contribution + part.problem.before.get(name, 0.0)
         at = 0
         for channel in ('tracker.x', 'tracker.y'):

@@ -36,6 +36,7 @@ class Coarse:
     angle: float = 0.0
     offset: tuple[float, ...] = ()
     latency: float = 0.0
+    drift: float = 0.0
 
     def turned(self, points: Array, back: bool = False) -> Array:
         """Directions (n, a) in the tracker's frame, or `back` in the table's."""
@@ -44,6 +45,10 @@ class Coarse:
         angle = -self.angle if back else self.angle
         c, s = np.cos(angle), np.sin(angle)
         return np.asarray(points @ np.array([[c, s], [-s, c]]))
+
+    def away(self, axes: int) -> Array:
+        """Offset (axes,) [m]."""
+        return np.asarray((self.offset or (0.0, 0.0))[:axes])
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -108,16 +113,15 @@ def find(records: list[Record]) -> Coarse:
 
 def moved_back(record: Record, coarse: Coarse) -> Record:
     """The record with its points where the table was, when it was there."""
-    if not coarse.effects:
+    if coarse == Coarse() or not (coarse.effects or coarse.drift):
         return record
     assert record.tracker_time is not None and record.tracker is not None
     stamps = record.tracker_time if record.tracker_stamp is None else record.tracker_stamp
     moved = replace(
         record,
-        tracker=coarse.turned(record.tracker - np.array(coarse.offset), back=True),
-        tracker_time=record.point_time(latency=coarse.latency),
-        tracker_stamp=stamps - coarse.latency,
-        coarse=coarse,
+        tracker=coarse.turned(record.tracker - coarse.away(len(record.axes)), back=True),
+        tracker_time=record.point_time(coarse.latency, coarse.drift),
+        tracker_stamp=stamps / (1.0 + coarse.drift) - coarse.latency,
     )
     assert moved.tracker_time is not None and moved.tracker_stamp is not None
     assert moved.tracker is not None

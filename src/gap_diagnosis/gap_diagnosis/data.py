@@ -63,7 +63,8 @@ class Record:
     rest_scatter: float | None = None  # standard deviation of repeated rests [m]
     clock: Clock | None = None  # from stamps to `time`; None where they are the same
     tracker_stamp: Array | None = None  # of the points, where `clock` makes another time of it
-    coarse: Coarse | None = None  # what was taken out of the points before
+    frame: Coarse | None = None  # of the nominal twin's tracker, taken out of the points
+    coarse: Coarse | None = None  # what was taken out of them after that
     gaps: tuple[tuple[float, float], ...] = ()  # stretches of `time` [s] without any ticks
 
     @property

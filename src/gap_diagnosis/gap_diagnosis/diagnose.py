@@ -17,6 +17,7 @@ from gap_diagnosis.contained import contained
 from gap_diagnosis.data import Record, held_out_windows, load_record
 from gap_diagnosis.kinematics import Kinematics
 from gap_diagnosis.localise import Condition, conditions, features
+from gap_diagnosis.nominal import merged, sensor_frame, with_counted_steps
 from gap_diagnosis.parts import (
     KINEMATIC_RULES,
     LEAST_RESTS,
@@ -37,6 +38,7 @@ from stage_core.errors import StageError
 from stage_core.quantities import EFFECT_LINKS, UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TrackerSpec, TwinFile
+from stage_twin.packing import pack
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -75,7 +77,7 @@ class Diagnosis:
     @property
     def corrected_twin(self) -> TwinFile:
         """The nominal twin with the accepted effects in it."""
-        return self.twin.with_effects(self.effects)
+        return merged(self.twin, self.effects)
 
 
 def silent(message: str) -> None:
@@ -104,7 +106,7 @@ def diagnose(
     Parameters
     ----------
     sessions, holdout : what the fit sees, and what only the judgement sees
-    twin : the nominal twin, without effects
+    twin : the nominal twin; effects that it has are part of its prediction
     seed : of the bootstrap and of the permutations
     without : effects taken out of the library (for the leave-one-effect-out check)
 
@@ -113,11 +115,8 @@ def diagnose(
     StageError
         If a session cannot be diagnosed; see :func:`gap_diagnosis.data.load_record`.
     """
-    if twin.effects:
-        raise StageError(
-            f'{twin_name} already holds effects ({", ".join(twin.effects)}): diagnose with the '
-            'nominal twin, which has none'
-        )
+    pack(twin)  # refuses effects that there are not
+    counted_twin = with_counted_steps(twin)
     stepper = twin.kind == 'stepper'
     load = load_stepper_record if stepper else load_record
     records = [load(s, twin) for s in sessions]
@@ -127,8 +126,8 @@ def diagnose(
         raise StageError('the sessions have different axes: diagnose them one by one')
     parts: list[Part] = []
     counted = stepper or 'encoder_quantisation' in without
-    quantisation = {} if counted else judge.encoder_steps(records, twin)
-    seen = with_mean_points(with_steps(twin, quantisation), records)
+    quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
+    seen = with_mean_points(with_steps(counted_twin, quantisation), records)
     for axis in axes:
         if stepper or not any(r.moving[records[0].column(axis)] for r in records):
             continue
@@ -138,9 +137,11 @@ def diagnose(
         parts[-1].row_axis = np.full(len(parts[-1].problem.target), records[0].column(axis))
     if all(r.tracker is not None for r in records):
         progress('encoder -> table -> tracker: residual of the measurement')
+        frame = sensor_frame(twin)
+        records = [replace(coarse.moved_back(r, frame), frame=frame) for r in records]
         if not set(without) & {'tracker_misalignment', 'tracker_latency'}:
             moved = coarse.find(records)
-            records = [coarse.moved_back(r, moved) for r in records]
+            records = [replace(coarse.moved_back(r, moved), coarse=moved) for r in records]
         kinematics = Kinematics(records, seen)
         rules, least = (REST_RULES, LEAST_RESTS) if stepper else (KINEMATIC_RULES, LEAST_ROWS)
         known = stepper and rest_scatter(twin, records) is not None
@@ -202,7 +203,8 @@ def _conclude(
     shares, worst = axis_shares(records[0].axes, channels, replace(twin, tracker=tracker))
     link = EFFECT_LINKS[split_effect(accepted[0])[0]] if accepted else worst
     others = judge.rejected_causes(parts, accepted, structured, before, after)
-    floor = judge.noise_floor(replace(twin, tracker=tracker), channels, effects)
+    counted = replace(with_counted_steps(twin), tracker=tracker)
+    floor = judge.noise_floor(counted, channels, effects)
     return Diagnosis(
         sessions=[r.name for r in records],
         twin_name=twin_name,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.coarse import Coarse
 from gap_diagnosis.data import Record, held_out_windows, inside, motion_step
+from gap_diagnosis.nominal import Prediction, re_estimated
 from gap_diagnosis.operators import play
 from gap_diagnosis.regression import Problem, Term, Theta
 from stage_core.twin_file import TwinFile
@@ -81,18 +82,29 @@ class Kinematics:
                 block.append(labels)
                 time.append(record.tracker_time)
                 number.append(np.full(len(mask), session))
+        terms, rows = self.terms(), np.concatenate(target)
+        if self.twin.effects:
+            own = [Prediction(r, self.twin) for r in self.records]
+
+            def nominal(without: tuple[str, ...]) -> Array:
+                return self._rows([list(p.table(without).T) for p in own])
+
+            whole = nominal(())
+            rows -= whole
+            names = own[0].names('kinematic')
+            terms = re_estimated(terms, names, lambda some: whole - nominal(some))
         tracker = self.twin.tracker
         noise = tracker.noise if tracker is not None else 1.0e-6
         resolution = np.array([motion_step(self.twin, axis) for axis in self.axes])
         floor = math.sqrt(noise**2 + float(np.mean(resolution**2)) / 12.0)
         return Problem(
-            np.concatenate(target),
+            rows,
             np.concatenate(fit),
             np.concatenate(held),
             np.concatenate(block),
             np.concatenate(time),
             np.concatenate(number),
-            self.terms(),
+            terms,
             floor,
             not any_held_session,
             seams=np.cumsum([0, *(len(t) for t in target[:-1])]),
@@ -109,7 +121,8 @@ class Kinematics:
         for record, table in zip(self.records, self._points, strict=True):
             assert record.tracker is not None
             if 'tracker_misalignment' in moved:
-                turn = coarse.turned(record.tracker) + np.array(coarse.offset) - record.tracker
+                turn = coarse.turned(record.tracker) - record.tracker
+                turn = turn + coarse.away(len(self.axes))
                 moved['tracker_misalignment'].append(list(turn.T))
             if 'tracker_latency' in moved:
                 # The stamps say that the table was there later, where it was on its way already.
@@ -267,10 +280,10 @@ class Kinematics:
         )
 
     def _misalignment(self) -> Term:
-        coarse = self.records[0].coarse or Coarse()
+        coarse, frame = self.records[0].coarse or Coarse(), self.records[0].frame or Coarse()
         if len(self.axes) == 1:
             key = f'offset_{self.axes[0]}'
-            away = coarse.offset[0] if coarse.offset else 0.0
+            away = float(coarse.away(1)[0] + frame.away(1)[0])
             signal = self._rows([[np.ones((len(p), 1))] for p in self._points])
             return Term(
                 'tracker_misalignment',
@@ -287,9 +300,10 @@ class Kinematics:
         signal = self._rows(parts)
 
         def parameters(theta: Theta, c: Array) -> dict[str, float]:
-            away = coarse.turned(c[None, 1:])[0] + np.array(coarse.offset or (0.0, 0.0))
+            away = coarse.turned(c[None, 1:]) + coarse.away(2)
+            away = (frame.turned(away) + frame.away(2))[0]
             return {
-                'angle': coarse.angle + float(np.arcsin(np.clip(c[0], -1.0, 1.0))),
+                'angle': frame.angle + coarse.angle + float(np.arcsin(np.clip(c[0], -1.0, 1.0))),
                 'offset_x': float(away[0]),
                 'offset_y': float(away[1]),
             }
@@ -314,12 +328,13 @@ class Kinematics:
         def columns(theta: Theta) -> Array:
             return self._shifted([r.point_time(latency=theta[0]) for r in self.records])
 
-        coarse = self.records[0].coarse or Coarse()
+        coarse, frame = self.records[0].coarse or Coarse(), self.records[0].frame or Coarse()
+        known = coarse.latency + frame.latency
         grid = [s * v for v in np.geomspace(1e-4, 0.05, 12) for s in (1.0, -1.0)]
         return Term(
             'tracker_latency',
             columns,
-            lambda theta, c: {'latency': coarse.latency + theta[0]},
+            lambda theta, c: {'latency': known + theta[0]},
             grid=tuple((v,) for v in grid),
             lower=(-0.1,),
             upper=(0.1,),
@@ -340,11 +355,12 @@ class Kinematics:
         def columns(theta: Theta) -> Array:
             return self._shifted([r.point_time(drift=theta[0]) for r in self.records])
 
+        known = (self.records[0].frame or Coarse()).drift
         grid = [s * v for v in np.geomspace(2e-6, 1e-3, 12) for s in (1.0, -1.0)]
         return Term(
             'tracker_clock_drift',
             columns,
-            lambda theta, c: {'drift': theta[0]},
+            lambda theta, c: {'drift': known + theta[0]},
             grid=tuple((v,) for v in grid),
             lower=(-1e-3,),
             upper=(1e-3,),

@@ -159,8 +159,8 @@ def _imitations(part: Part) -> list[str]:
         scale = np.linalg.norm(basis, axis=0)
         basis = basis[:, scale > 0.0] / scale[scale > 0.0]
         solution, *_ = np.linalg.lstsq(basis, part.residual[rows], rcond=1e-8)
-        columns = problem.terms[name].columns(selection.fit.thetas[name])[rows]
-        own = columns @ selection.fit.coefficients[name]
+        fit = selection.fit
+        own = problem.terms[name].share(fit.thetas[name], fit.coefficients[name])[rows]
         least = UNEXHAUSTED[EFFECT_LINKS[split_effect(name)[0]]]
         if np.sum((basis @ solution) ** 2) > least * np.sum(own**2):
             found.append(name)
@@ -214,7 +214,7 @@ def _modelled(problem: Problem, selection: Selection, residual: Array) -> Array:
     out = residual.copy()
     for name, theta in selection.fit.thetas.items():
         if EFFECT_LINKS[split_effect(name)[0]] != 'sensor':
-            out += problem.terms[name].columns(theta) @ selection.fit.coefficients[name]
+            out += problem.terms[name].share(theta, selection.fit.coefficients[name])
     return out
 
 
@@ -222,7 +222,7 @@ def _residual(problem: Problem, selection: Selection) -> Array:
     """Residual of a selection that was fitted to whitened rows."""
     residual = problem.target.copy()
     for name, theta in selection.fit.thetas.items():
-        residual -= problem.terms[name].columns(theta) @ selection.fit.coefficients[name]
+        residual -= problem.terms[name].share(theta, selection.fit.coefficients[name])
     return residual
 
 

@@ -38,6 +38,7 @@ class Term:
     fixed : whether θ says everything (a width, a delay): the one column has coefficient 1
     noisy : whether its columns hold the same measurement noise as the target, so that it can
         seem to explain as much as the noise
+    base : share (n,) of the effect that the nominal twin has already, left out of the target
     nuisances : indices of the columns whose coefficients belong to a session
     phase : whether the nuisance is the phase of a sine and a cosine, not their amplitude
     """
@@ -51,8 +52,14 @@ class Term:
     admissible: Callable[[Theta, Array], bool] = lambda theta, coefficients: True
     fixed: bool = False
     noisy: bool = False
+    base: Array | None = None
     nuisances: tuple[int, ...] = ()
     phase: bool = False
+
+    def share(self, theta: Theta, coefficients: Array) -> Array:
+        """What the effect explains of the target (n,): all of it, less what the twin has."""
+        whole = self.columns(theta) @ coefficients
+        return whole if self.base is None else whole - self.base
 
 
 @dataclass(frozen=True)
@@ -153,6 +160,11 @@ class Regression:
             self._cache[key] = self.problem.whiten(columns)
         return self._cache[key]
 
+    def _base(self, name: str) -> Array | float:
+        """What goes back into the target with a term; whitened as it is."""
+        base = self.problem.terms[name].base
+        return 0.0 if base is None else self.problem.whiten(base)
+
     def linear(self, thetas: dict[str, Theta], judged: bool = True) -> Fit:
         """Coefficients of a set with its nonlinear parameters held.
 
@@ -167,6 +179,7 @@ class Regression:
         free: list[tuple[str, Array]] = []
         for name, theta in thetas.items():
             part = self.columns(name, theta)
+            target += self._base(name)
             if problem.terms[name].fixed:
                 target -= part[:, 0]
             else:
@@ -250,7 +263,7 @@ class Regression:
         if len(term.grid) == 1:
             return term.grid[0]
         rows = self.problem.fit
-        residual = base.residual[rows]
+        residual = (base.residual + self._base(name))[rows]
         orthonormal: Array | None = None
         free = [n for n in base.thetas if not self.problem.terms[n].fixed]
         if free:

@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from gap_diagnosis.data import Record
+from gap_diagnosis.nominal import merged
 from stage_core.quantities import EFFECT_LINKS, split_effect
 from stage_core.twin_file import ForceAxis, TwinFile
 from stage_twin.measured_force import simulate_measured_force, smooth_motion
@@ -90,7 +91,8 @@ def replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]
         and (EFFECT_LINKS[split_effect(name)[0]] == 'servo' or name.startswith('encoder'))
     }
     machine = replace(twin, axes={a: twin.axes[a] for a in record.axes}, tracker=None)
-    machine = machine.with_effects(mine)
+    own = {n: v for n, v in twin.effects.items() if split_effect(n)[1] in (None, *record.axes)}
+    machine = merged(replace(machine, effects=own), mine)
     if twin.kind == 'measured_force':
         units = [axis.effort_unit for axis in machine.axes.values() if isinstance(axis, ForceAxis)]
         result = simulate_measured_force(machine, record.encoder, record.force / np.array(units))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.data import Record, held_out_windows, inside, nominal_mass
+from gap_diagnosis.nominal import Prediction, re_estimated
 from gap_diagnosis.operators import (
     band_limited,
     carried_mass,
@@ -53,6 +54,7 @@ class Servo:
         self.measured_force = twin.kind == 'measured_force'
         self.corner = CORNER
         self._signals = [self._prepare(r) for r in records]
+        self._predictions = [Prediction(r, twin) for r in records] if twin.effects else []
         keep = [self._used(r, s) for r, s in zip(records, self._signals, strict=True)]
         self.keep = keep
         self.position = np.concatenate(
@@ -118,6 +120,12 @@ class Servo:
         target = self._columns(
             [f - self.mass * ai - self.viscous * vi for f, ai, vi in zip(force, a, v, strict=True)]
         )[:, 0]
+        terms = self.terms()
+        if self._predictions:
+            target -= self._nominal(())
+            terms = re_estimated(
+                terms, self._predictions[0].names('servo', self.axis), self._share
+            )
         fit, held, block, time, number = [], [], [], [], []
         offset = 0
         any_held_session = any(r.held_out_session for r in self.records)
@@ -139,13 +147,21 @@ class Servo:
             np.concatenate(block),
             np.concatenate(time),
             np.concatenate(number),
-            self.terms(),
+            terms,
             self.floor(),
             not any_held_session,
             signatures=dict.fromkeys(
                 (f'{name}.{self.axis}' for name in FRICTIONS), self._friction_curve
             ),
         )
+
+    def _nominal(self, without: tuple[str, ...]) -> Array:
+        """Force rows that the twin's own effects need [N]."""
+        return self._columns([p.force(self.axis, without) for p in self._predictions])[:, 0]
+
+    def _share(self, names: tuple[str, ...]) -> Array:
+        """Force rows that some of the twin's own effects need beside the others [N]."""
+        return self._nominal(()) - self._nominal(names)
 
     def floor(self) -> float:
         """Standard deviation of the residual that the encoder's quantisation makes [N]."""

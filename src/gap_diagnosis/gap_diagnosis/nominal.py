@@ -1,0 +1,147 @@
+"""Effects that the nominal twin has already: part of its prediction, free to be re-estimated.
+
+A corrected twin is the nominal one of the next diagnosis. What its effects predict is taken out of
+the residuals by the twin's own model; a candidate of the same name puts its share back and is
+fitted anew, so that it is named where its parameters have changed, and replaces the old one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.coarse import Coarse
+from gap_diagnosis.data import Record
+from gap_diagnosis.regression import Term, Theta
+from gap_diagnosis.selection import HOLDS
+from stage_core.quantities import EFFECT_LINKS, split_effect
+from stage_core.twin_file import TwinFile
+from stage_twin.effects import EFFECTS
+from stage_twin.kinematics import carry
+from stage_twin.measured_force import required_force
+
+Array = NDArray[np.float64]
+Effects = Mapping[str, Mapping[str, float]]
+
+QUANTISATION = 'encoder_quantisation'
+NOTHING = 0.05  # of what the twin's effect does, below which the machine does not have it
+
+
+def merged(twin: TwinFile, effects: Effects) -> TwinFile:
+    """The twin with these effects; those of its own that one of them holds go."""
+    gone = {held for name in effects for held in holds(name)}
+    own = {n: v for n, v in twin.effects.items() if n not in gone}
+    return replace(twin, effects=own).with_effects(effects)
+
+
+def holds(name: str) -> tuple[str, ...]:
+    """Names of the effects that this one has as special cases, on its axis."""
+    effect, axis = split_effect(name)
+    return tuple(f'{held}.{axis}' for held in HOLDS.get(effect, ()))
+
+
+def with_counted_steps(twin: TwinFile) -> TwinFile:
+    """The twin with the encoder steps that its own effects say."""
+    axes = dict(twin.axes)
+    for name, values in twin.effects.items():
+        effect, axis = split_effect(name)
+        if effect == QUANTISATION and axis in axes:
+            axes[axis] = replace(axes[axis], encoder_resolution=values['resolution'])  # type: ignore[arg-type]
+    return replace(twin, axes=axes)
+
+
+def sensor_frame(twin: TwinFile) -> Coarse:
+    """Frame and clock of the tracker as the twin's effects have them."""
+    place = twin.effects.get('tracker_misalignment', {})
+    return Coarse(
+        place.get('angle', 0.0),
+        tuple(place.get(f'offset_{axis}', 0.0) for axis in ('x', 'y')),
+        twin.effects.get('tracker_latency', {}).get('latency', 0.0),
+        twin.effects.get('tracker_clock_drift', {}).get('drift', 0.0),
+    )
+
+
+def re_estimated(
+    terms: dict[str, Term], own: list[str], share: Callable[[tuple[str, ...]], Array]
+) -> dict[str, Term]:
+    """The candidates, where the twin has some of them already.
+
+    A candidate puts back the `share` of the effects that it would replace: its own and those that
+    it holds as special cases. What one of the twin's effects holds is estimated with that one.
+    """
+    out = {}
+    held = {name for effect in own for name in holds(effect)}
+    for name, term in terms.items():
+        if name in held and name not in own:
+            continue
+        replaced = tuple(n for n in own if n == name or n in holds(name))
+        out[name] = _over(term, share(replaced)) if replaced else term
+    return out
+
+
+def _over(term: Term, base: Array) -> Term:
+    """The candidate over what the twin has; next to nothing of it is an answer, too."""
+    nothing = NOTHING * float(np.linalg.norm(base))
+    limits = EFFECTS[split_effect(term.name)[0]].parameters
+
+    def admissible(theta: Theta, coefficients: Array) -> bool:
+        if term.admissible(theta, coefficients):
+            return True
+        return float(np.linalg.norm(term.columns(theta) @ coefficients)) < nothing
+
+    def parameters(theta: Theta, coefficients: Array) -> dict[str, float]:
+        found = term.parameters(theta, coefficients)
+        for known in limits:
+            if known.name in found:
+                found[known.name] = float(np.clip(found[known.name], known.minimum, known.maximum))
+        return found
+
+    return replace(term, base=base, admissible=admissible, parameters=parameters)
+
+
+class Prediction:
+    """What the twin's effects add to the residuals, of one record."""
+
+    def __init__(self, record: Record, twin: TwinFile) -> None:
+        self.record = record
+        axes = {a: twin.axes[a] for a in record.axes}
+        own = {n: dict(v) for n, v in twin.effects.items() if split_effect(n)[1] in (None, *axes)}
+        self.twin = replace(twin, axes=axes, effects=own)
+
+    def names(self, link: str, axis: str | None = None) -> list[str]:
+        """The twin's effects of a link, of one axis where it is named."""
+        return [
+            name
+            for name in self.twin.effects
+            if EFFECT_LINKS[split_effect(name)[0]] == link
+            and axis in (None, split_effect(name)[1])
+            and split_effect(name)[0] != QUANTISATION
+        ]
+
+    def table(self, without: tuple[str, ...] = ()) -> Array:
+        """Table minus encoder (m, a) [m] at the tracker's points."""
+        record = self.record
+        kept = {n: v for n, v in self.twin.effects.items() if n in self.names('kinematic')}
+        twin = replace(
+            self.twin, effects={n: v for n, v in kept.items() if n not in without}, tracker=None
+        )
+        warm = record.temperature
+        if warm is None:
+            warm = np.full_like(record.encoder, twin.temperature_reference)
+        path = carry(twin, record.encoder, temperatures=warm, tracker_times=np.zeros(0)).table
+        assert record.tracker_time is not None
+        moved = path - record.encoder
+        return np.column_stack(
+            [np.interp(record.tracker_time, record.time, column) for column in moved.T]
+        )
+
+    def force(self, axis: str, without: tuple[str, ...] = ()) -> Array:
+        """Force (n,) [N] that the twin's effects need for the recorded motion of an axis."""
+        names = [n for n in self.names('servo', axis) if n not in without]
+        twin = replace(self.twin, effects={n: self.twin.effects[n] for n in names})
+        i = self.record.column(axis)
+        plain = required_force(replace(twin, effects={}), self.record.encoder)
+        return np.asarray((required_force(twin, self.record.encoder) - plain)[:, i])
