@@ -47,9 +47,11 @@ class LiveAdaptation:
         Raises
         ------
         StageError
-            If the buffer holds no pair of reference and tracker point.
+            If the buffer holds no pair of reference and tracker point, or a sensor of the model
+            was silent.
         """
-        session = buffer.session(NEWEST)
+        # A sensor that the model does not use may fall silent.
+        session = buffer.session(NEWEST, self._stored.sensors)
         samples = rest_samples(session)
         stamps = session.start_ns + (samples.times * 1e9).astype('int64')
         fresh = samples.take(stamps > self._seen_until)

@@ -92,8 +92,10 @@ class LiveBuffer:
         held = 0 if self._reference is None else len(self._reference)
         return {'references': held, 'points': len(self._points)}
 
-    def session(self, newest: int | None = None) -> Session:
-        """The buffer as a session, of the `newest` messages per topic or of all.
+    def session(self, newest: int | None = None, sensors: Sequence[str] | None = None) -> Session:
+        """The buffer as a session: the `newest` messages per topic, these temperature sensors.
+
+        None stands for all of them.
 
         Raises
         ------
@@ -118,6 +120,8 @@ class LiveBuffer:
             topics.TRACKER_POINT, stamps, {a: rows[:, i] for i, a in enumerate('xyz')}
         )
         for sensor, ring in self._sensors.items():
+            if sensors is not None and sensor not in sensors:
+                continue
             key = topics.temperature_key(sensor)
             stamps, rows = ring.content(newest)
             series[key] = Series(key, stamps, {'temperature': rows[:, 0]})

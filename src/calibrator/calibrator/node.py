@@ -69,6 +69,8 @@ PARAMETERS = (
     ),
 )
 
+NO_ADAPTATION = 'no adaptation: '
+
 
 class Calibrator(StageNode):
     """Subscribes what training needs, answers ``~/retrain`` and corrects ``/stage/target``."""
@@ -258,12 +260,15 @@ class Calibrator(StageNode):
                     self.value('adapt_noise'),
                     self.value('adapt_forgetting'),
                 )
-            if not self._adaptation.step(self._buffer):
+            learned = self._adaptation.step(self._buffer)
+            if self._failure.startswith(NO_ADAPTATION):
+                self._failure = ''
+            if not learned:
                 return
             adapted = Path(self.value('model_folder')).absolute() / 'adapted.json'
             model_file.save(self._adaptation.stored, adapted)
         except StageError as error:
-            self._failure = f'no adaptation: {error}'
+            self._failure = NO_ADAPTATION + str(error)
             return
         self._correction.stored = self._adaptation.stored
         self._file = str(adapted)
