@@ -19,7 +19,6 @@ import paper3_rig as rig
 from contour_ctrl.figures import Figures
 
 DISTURBED = 6
-PULSE_FORCE, PULSE_TIME = 60.0, 0.3
 
 
 def x_rms(results: list[Figures]) -> np.ndarray:
@@ -52,12 +51,10 @@ def main() -> None:
     axes[1].set(xlabel='iteration', ylabel='learning rate / L_initial', ylim=(0, 1.05))
     save(figure, given.out / 'paper3_figure_9.png')
 
-    count = len(controller)
-    pulse = np.zeros((count, 2))
-    ticks = int(PULSE_TIME / rig.PERIOD)
-    shape = PULSE_FORCE * np.sin(np.pi * np.arange(ticks) / ticks) ** 2
-    pulse[count // 3 : count // 3 + ticks, 0] = shape
-    disturbed, reacting, _ = rig.learn(0, gains, fuzzy, 16, {DISTURBED - 1: pulse})
+    pulse = rig.pulse(len(controller))
+    disturbed, reacting, _ = rig.learn(
+        0, gains, fuzzy, 16, rig.Situation(extra={DISTURBED - 1: pulse})
+    )
     assert reacting is not None
     factors = np.array([f[0] for f in reacting.factors])
     print('figure 10, X RMS um:', np.round(x_rms(disturbed), 2))

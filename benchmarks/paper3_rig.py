@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,6 +26,8 @@ NOISE = (1.0, 0.5)
 #: Zero-phase filter Q [Hz] of the learning as printed, without lead: about twice the bandwidth
 #: of the position loop, K_p / 2 pi.
 PLAIN_CUTOFF = 50.0
+#: Somebody pushes the table along x: largest force [N] and duration [s].
+PULSE_FORCE, PULSE_TIME = 60.0, 0.3
 NOMINAL = TwinFile.nominal_servo()
 
 
@@ -34,8 +36,11 @@ def contour() -> Reference:
     return reference.plan(curves.circle(RADIUS), FEED, PERIOD)
 
 
-def machine(seed: int) -> TwinFile:
-    """A reality of the servo twin: friction, ripple and inertia that the nominal one lacks."""
+def machine(seed: int, load: float = 0.0) -> TwinFile:
+    """A reality of the servo twin: friction, ripple and inertia that the nominal one lacks.
+
+    `load` is what rides on the table, as a share of the nominal mass of each axis.
+    """
     rng = np.random.default_rng(seed)
 
     def about(value: float) -> float:
@@ -57,8 +62,8 @@ def machine(seed: int) -> TwinFile:
             },
             'force_ripple.x': {'amplitude': about(3.0), 'phase': float(rng.uniform(0, 6.28))},
             'force_ripple.y': {'amplitude': about(1.5), 'phase': float(rng.uniform(0, 6.28))},
-            'inertia_mismatch.x': {'ratio': float(rng.uniform(-0.1, 0.1))},
-            'inertia_mismatch.y': {'ratio': float(rng.uniform(0.1, 0.3))},
+            'inertia_mismatch.x': {'ratio': load + float(rng.uniform(-0.1, 0.1))},
+            'inertia_mismatch.y': {'ratio': load + float(rng.uniform(0.1, 0.3))},
         }
     )
 
@@ -67,6 +72,14 @@ def disturbances(seed: int, count: int, iterations: int = ITERATIONS) -> list[np
     """Random forces (n, 2) [N] of each run: what does not repeat."""
     rng = np.random.default_rng(10_000 + seed)
     return [rng.normal(size=(count, 2)) * NOISE for _ in range(iterations)]
+
+
+def pulse(count: int) -> np.ndarray:
+    """Force (count, 2) [N] of a push after a third of an iteration."""
+    force, ticks = np.zeros((count, 2)), int(PULSE_TIME / PERIOD)
+    shape = PULSE_FORCE * np.sin(np.pi * np.arange(ticks) / ticks) ** 2
+    force[count // 3 : count // 3 + ticks, 0] = shape
+    return force
 
 
 def position_gain(axis: str) -> float:
@@ -148,31 +161,62 @@ def tune() -> Tuned:
     return Tuned(base, scheme_1, feed_forward)
 
 
+@dataclass(frozen=True)
+class Situation:
+    """What an experiment changes: load (see `machine`), random force, forces by iteration [N]."""
+
+    load: float = 0.0
+    noise: float = 1.0
+    extra: dict[int, np.ndarray] = field(default_factory=dict)
+
+    def forces(self, seed: int, count: int, iterations: int) -> list[np.ndarray]:
+        """Forces (count, 2) [N] of each iteration."""
+        forces = [self.noise * force for force in disturbances(seed, count, iterations)]
+        for index, force in self.extra.items():
+            forces[index] = forces[index] + force
+        return forces
+
+
+NORMAL = Situation()
+
+
 def learn(
     seed: int,
     gains: Gains,
     settings: LearningSettings | None,
     iterations: int = ITERATIONS,
-    extra: dict[int, np.ndarray] | None = None,
+    situation: Situation = NORMAL,
 ) -> tuple[list[Figures], Learner | None, Controller]:
-    """Run a scheme on the machine of a seed; `extra` adds forces (n, 2) to some iterations."""
+    """Run a scheme on the machine of a seed."""
     ref = contour()
-    forces = disturbances(seed, len(ref), iterations)
-    for index, force in (extra or {}).items():
-        forces[index] = forces[index] + force
+    forces = situation.forces(seed, len(ref), iterations)
     controller = Controller(ref, gains)
     learner = None if settings is None else Learner(len(ref), PERIOD, settings)
-    results = Rehearsal(machine(seed)).iterate(controller, learner, iterations, forces)
-    return results, learner, controller
+    rig = Rehearsal(machine(seed, situation.load))
+    return rig.iterate(controller, learner, iterations, forces), learner, controller
+
+
+def change_weight(gains: Gains, iterations: int = ITERATIONS) -> float:
+    """Rule: the weight w_d with the smallest contour RMS in the last iteration, tuning seed."""
+    weights = (1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
+
+    def last(weight: float) -> float:
+        return norm_optimal(TUNING_SEED, gains, weight, iterations)[-1].contour_rms
+
+    return min(weights, key=last)
 
 
 def norm_optimal(
-    seed: int, gains: Gains, effort: float, change: float, iterations: int = ITERATIONS
+    seed: int,
+    gains: Gains,
+    change: float,
+    iterations: int = ITERATIONS,
+    situation: Situation = NORMAL,
 ) -> list[Figures]:
-    """Plain norm-optimal learning on the nominal model of each axis."""
+    """Plain norm-optimal learning on the nominal model of each axis; no weight on the effort."""
     ref = contour()
-    forces = disturbances(seed, len(ref), iterations)
-    rig, controller = Rehearsal(machine(seed)), Controller(ref, gains)
+    forces = situation.forces(seed, len(ref), iterations)
+    rig, controller = Rehearsal(machine(seed, situation.load)), Controller(ref, gains)
     models = [nominal_impulse(axis, gains.position[i], 1000) for i, axis in enumerate(('x', 'y'))]
     results = []
     for index in range(iterations):
@@ -182,7 +226,7 @@ def norm_optimal(
                 controller.learned[:, axis].copy(),
                 controller.record[:, EX + axis].copy(),
                 models[axis],
-                effort,
+                0.0,
                 change,
                 1e-6,
             )

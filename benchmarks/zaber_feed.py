@@ -1,97 +1,86 @@
 """What contour error 50 Hz over the Zaber wire can reach, at which feed.
 
-    python benchmarks/zaber_feed.py
+    python benchmarks/zaber_feed.py [--lockstep] [--radius 4] [--feeds 2 4 8 16]
+        [--iterations 5] [--set x.position_gain=8.0 ...]
 
-Stage twin (stepper, pseudo-terminal), driver and contour controller as processes, in real time.
-Each feed: a circle of 4 mm radius, two iterations of `ccc+rilc` from the settings of
-ros_ws/config/contour_ctrl_zaber.yaml. The error is that of the motor steps.
+Stage twin (stepper, pseudo-terminal), driver and contour controller as processes, in real time or
+in lockstep. Each feed [mm/s]: a circle of that radius [mm], followed as often as asked with
+`ccc+rilc` and the settings of ros_ws/config/contour_ctrl_zaber.yaml. The error is that of the
+motor steps.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
-import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
 
 from domains import reserve_domain
 
+from stage_bringup.graph import Options, commands, zaber_port
+from stage_bringup.processes import Processes
 from stage_core.errors import StageError
 from stage_node.client_node import GraphClient
 
-CONFIG = Path(__file__).resolve().parents[1] / 'ros_ws' / 'config'
-FEEDS = (0.002, 0.004, 0.008, 0.016)
+NODES = ('stage_twin', 'stage_driver', 'contour_ctrl')
+#: Longest wait for a service and for its answer [s].
+PATIENCE = 600.0
 
 
-def start(module: str, *arguments: str) -> subprocess.Popen[bytes]:
-    """Start a node."""
-    command = [sys.executable, '-m', module, '--ros-args', '--log-level', 'fatal', *arguments]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+def start(processes: Processes, options: Options, overrides: dict[str, str]) -> None:
+    """Start the three nodes; the driver opens its port at once, so the twin must be there."""
+    own = {'stage_twin': {'tracker_protocol': 'none'}, 'contour_ctrl': overrides}
+    for command in commands(options):
+        if command.name in NODES:
+            parameters = {**command.parameters, **own.get(command.name, {})}
+            processes.start(replace(command, parameters=parameters))
+            while command.name == 'stage_twin' and not zaber_port(options).exists():
+                processes.check()
+                time.sleep(0.1)
 
 
 def main() -> int:
     """Print one line per feed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--lockstep', action='store_true')
+    parser.add_argument('--radius', type=float, default=4.0, help='mm')
+    parser.add_argument('--feeds', type=float, nargs='+', default=[2.0, 4.0, 8.0, 16.0])
+    parser.add_argument('--iterations', type=int, default=5)
+    parser.add_argument('--set', nargs='*', default=[], help='parameters of contour_ctrl')
+    given = parser.parse_args()
+    overrides = {'radius': str(1e-3 * given.radius)}
+    overrides |= dict(pair.split('=', 1) for pair in given.set)
     reserve_domain()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    processes = []
-    with tempfile.TemporaryDirectory() as folder, GraphClient('zaber_feed') as client:
-        link = Path(folder) / 'zaber'
+    with tempfile.TemporaryDirectory() as folder:
+        processes = Processes(Path(folder) / 'log')
+        options = Options(
+            backend='zaber',
+            clock='lockstep' if given.lockstep else 'realtime',
+            out=Path(folder),
+            iterations=given.iterations,
+        )
         try:
-            processes.append(
-                start(
-                    'stage_twin.node',
-                    '-p',
-                    f'twin:={CONFIG / "twin_stepper_reality.yaml"}',
-                    '-p',
-                    f'pty_link:={link}',
-                    '-p',
-                    'tracker_protocol:=none',
-                )
-            )
-            deadline = time.monotonic() + 40.0
-            while not link.exists() and time.monotonic() < deadline:
-                time.sleep(0.1)
-            processes.append(
-                start(
-                    'stage_driver.node',
-                    '--params-file',
-                    str(CONFIG / 'stage_driver_zaber.yaml'),
-                    '-p',
-                    f'port:={link}',
-                )
-            )
-            processes.append(
-                start(
-                    'contour_ctrl.node',
-                    '--params-file',
-                    str(CONFIG / 'contour_ctrl_zaber.yaml'),
-                    '-p',
-                    'radius:=0.004',
-                    '-p',
-                    'iterations:=2',
-                )
-            )
-            client.wait_for_service('/contour_ctrl/run', 60.0)
-            print(client.trigger('/stage_driver/home', 60.0), flush=True)
-            for feed in FEEDS:
-                client.set_parameters('/contour_ctrl', feed=feed)
-                try:
-                    message = client.trigger('/contour_ctrl/run', 90.0)
-                except StageError as error:
-                    message = str(error)
-                print(f'{1e3 * feed:g} mm/s: {message}', flush=True)
+            start(processes, options, overrides)
+            with GraphClient('zaber_feed', use_sim_time=given.lockstep) as client:
+                for service in ('/stage_driver/home', '/contour_ctrl/run'):
+                    client.wait_for_service(service, PATIENCE, processes.check)
+                print(client.trigger('/stage_driver/home', PATIENCE), flush=True)
+                for feed in given.feeds:
+                    client.set_parameters('/contour_ctrl', feed=1e-3 * feed)
+                    try:
+                        message = client.trigger('/contour_ctrl/run', PATIENCE)
+                    except StageError as error:
+                        message = str(error)
+                    print(f'{feed:g} mm/s: {message}', flush=True)
         finally:
-            for process in reversed(processes):
-                process.terminate()
-            for process in processes:
-                try:
-                    process.wait(10.0)
-                except subprocess.TimeoutExpired:
-                    process.kill()
+            processes.end()
     return 0
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 from scipy.integrate import solve_ivp
 from scipy.signal import butter, filtfilt
 
@@ -221,6 +224,37 @@ def test_designed_lead_and_cutoff_are_the_highest_that_halve_every_error() -> No
     assert factor < 0.6 * ilc.convergence_factor(impulse, 40.0, settings.cutoff, 1e-3)
     with pytest.raises(StageError, match='raise position_gain'):
         ilc.design(impulse, 40.0, 1e-3, 0.01)
+
+
+def wire_impulse(gain: float, delay: int, period: float) -> np.ndarray:
+    """A stage that follows its velocity command `delay` ticks late, position loop closed."""
+    place = np.zeros(600)
+    for k in range(delay, len(place) - 1):
+        place[k + 1] = place[k] + period * (float(k == delay) - gain * place[k - delay])
+    return place
+
+
+def test_settings_of_the_zaber_stage_follow_from_its_delay_of_one_to_two_ticks() -> None:
+    config = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config' / 'contour_ctrl_zaber.yaml'
+    values = yaml.safe_load(config.read_text())['contour_ctrl']['ros__parameters']
+    period = 1.0 / values['control_rate']
+    gain = values['x.position_gain']
+    assert {values[f'{a}.{n}_gain'] for a in 'xy' for n in ('position', 'ilc')} == {gain}
+
+    def sensitivity(gain: float) -> float:
+        impulse = wire_impulse(gain, 2, period)
+        return float(np.abs(1.0 - gain * np.fft.rfft(impulse)).max())
+
+    # K_p: the largest whole number with max |S| <= 1.6, as for the servo stage.
+    assert sensitivity(gain) <= 1.6 + 1e-3 < sensitivity(gain + 1.0)
+
+    def factor(lead: int, cutoff: float) -> float:
+        impulses = (wire_impulse(gain, delay, period) for delay in (1, 2))
+        return max(ilc.convergence_factor(i, gain, cutoff, period, lead) for i in impulses)
+
+    # Q: the highest cutoff at which some lead halves every error, and that lead.
+    lead, cutoff = values['ilc_lead'], values['ilc_cutoff']
+    assert factor(lead, cutoff) <= 0.5 < min(factor(m, cutoff + 0.5) for m in range(10))
 
 
 def test_rule_table_at_its_corners_and_between() -> None:

@@ -137,6 +137,14 @@ def test_a_feed_too_high_names_the_limit_and_the_highest_feed() -> None:
         reference.plan(ALL['circle'], 0.03, limits=AxisLimits(speed=(0.01, 1.0)))
 
 
+def test_a_search_or_a_contour_without_end_is_refused_soon() -> None:
+    limits = AxisLimits(jerk=(1e-9, 1e-9))
+    with pytest.raises(StageError, match='no feed of 0.03 m/s or more keeps the jerk limit of'):
+        reference.plan(curves.circle(0.02), 0.03, 0.02, limits)
+    with pytest.raises(StageError, match='ticks, more than 2e.06: raise feed'):
+        reference.plan(curves.circle(0.02), 1e-7)
+
+
 def test_bad_curves_are_refused() -> None:
     with pytest.raises(StageError, match='zero-length segment between points 1 and 2'):
         curves.freeform([(0, 0), (1, 0), (1, 0), (2, 1), (3, 0), (4, 2)], closed=False)

@@ -127,6 +127,12 @@ class Reference:
         return reference, faded
 
 
+#: Most ticks of one iteration; half an hour at 1 kHz.
+LONGEST = 2_000_000
+#: The highest possible feed is not looked for where an iteration takes more ticks than this.
+SLOWEST = 200_000
+
+
 def plan(
     curve: Curve,
     feed: float,
@@ -169,6 +175,15 @@ def plan(
     arc = ArcLength(curve)
     path = PathTable.from_curve(arc)
 
+    def ticks(wanted: float) -> float:
+        return laps * arc.length / (wanted * period)
+
+    if feed > 0.0 and ticks(feed) > LONGEST:
+        raise StageError(
+            f'at a feed of {feed:g} m/s the contour takes {ticks(feed):.2g} ticks, more than '
+            f'{LONGEST:.2g}: raise feed, or lower control_rate or laps'
+        )
+
     def attempt(wanted: float) -> Reference:
         profile = SCurve.plan(laps * arc.length, wanted, path_acceleration, path_jerk)
         return _sample(arc, path, profile, period)
@@ -180,12 +195,19 @@ def plan(
     low, high = 0.0, feed
     for _ in range(14):
         middle = 0.5 * (low + high)
+        # Nothing falls faster than the jerk, with the third power of the feed.
+        if ticks(min(middle, feed * excess ** (-1.0 / 3.0))) > SLOWEST:
+            break
         if _excess(attempt(middle), bounds)[0] <= 1.0:
             low = middle
         else:
             high = middle
     if low == 0.0:
-        raise StageError(f'no feed keeps the {name}: lower path_acceleration and path_jerk')
+        raise StageError(
+            f'no feed of {high:.2g} m/s or more keeps the {name} at arc '
+            f'{np.mod(reference.arc[tick], arc.length):.4g} m: smooth the curve there, or lower '
+            'path_acceleration and path_jerk'
+        )
     if reduce_feed:
         return attempt(low)
     raise StageError(
