@@ -146,6 +146,15 @@ def show(title: str, found: Diagnosis) -> None:
                 low, high = (100.0 * share for share in rung.interval)
                 gain = f'{100.0 * rung.shrink:.1f} % [{low:.1f}, {high:.1f}]'
                 print(f'    {rung.effect}: {gain} of the force residual; {values}')
+    for part in found.parts:
+        # An axis of which nothing is named: what came nearest, and why that is not enough.
+        nearest = sorted(part.selection.rejected.values(), key=lambda e: -e.gain)[:3]
+        for evidence in nearest if not part.selection.accepted else []:
+            low, high = evidence.interval
+            print(
+                f'  not named: {evidence.name}, {100.0 * evidence.share:.0f} % of the mean '
+                f'square, gain of the RMS per block [{low:.3f}, {high:.3f}] N'
+            )
     where = [(c.name, c.axis, round(c.share, 2), c.p_value) for c in found.conditions[:4]]
     print(f'  where: {where}\n  unexplained: {found.unexplained:.3f}, {found.structured}')
 

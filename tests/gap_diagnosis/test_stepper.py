@@ -94,6 +94,12 @@ def test_a_nominal_stepper_has_no_gap() -> None:
     assert found.verdict == []
 
 
+def test_a_stepper_twin_that_has_the_effects_has_no_gap() -> None:
+    found = diagnose([stepper_session(EFFECTS)], [], nominal().with_effects(EFFECTS))
+    assert found.verdict == []
+    assert found.before < 1.4 * SCATTER
+
+
 def test_the_reference_stands_in_for_a_missing_count() -> None:
     session = stepper_session(EFFECTS)
     series = {k: s for k, s in session.series.items() if k != topics.JOINT_STATES}
