@@ -6,10 +6,40 @@ A million frames: `benchmarks/fuzz_parsers.py`.
 from __future__ import annotations
 
 import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from calibrator import model_file
+from calibrator.node import _options
+from contour_ctrl import nurbs, storage
+from session_bags.bag import open_bag
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+
 from .fuzz import PARSERS, frames
+
+FILES: dict[str, Callable[[Path], Any]] = {
+    'twin file': TwinFile.load,
+    'model file': model_file.load,
+    'options of a method': lambda path: _options(path.read_text()),
+    'curve': lambda path: nurbs.from_text(path.read_text(), 'the curve'),
+    'learned signals': lambda path: storage.load(path, '', ''),
+    'bag': lambda path: open_bag(path.rename(path.with_name('metadata.yaml')).parent),
+}
+
+
+@pytest.mark.parametrize('text', ['[' * 3000, '{"a":' * 3000, '- ' * 3000])
+@pytest.mark.parametrize('kind', FILES)
+def test_nesting_deeper_than_the_interpreter_bears_is_refused(
+    tmp_path: Path, kind: str, text: str
+) -> None:
+    path = tmp_path / 'deep'
+    path.write_text(text)
+    with pytest.raises(StageError):
+        FILES[kind](path)
 
 
 @pytest.mark.parametrize('name', PARSERS)

@@ -6,6 +6,7 @@ import hashlib
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -23,6 +24,7 @@ from stage_core.errors import StageError
 from stage_node.node import STATE_QOS, joint_state
 
 PERIOD_NS = 2_000_000
+SOAK = Path(__file__).resolve().parents[2] / 'benchmarks' / 'soak_recorder.py'
 
 
 @pytest.fixture
@@ -86,6 +88,18 @@ def digest(path: Path) -> str:
     return hashlib.sha256(
         b''.join(file.read_bytes() for file in sorted(path.rglob('*')) if file.is_file())
     ).hexdigest()
+
+
+def test_a_recorder_that_got_no_processor_for_a_while_loses_nothing() -> None:
+    # The socket holds a tenth of it; the rest is asked for before the publisher forgets it.
+    done = subprocess.run(
+        [sys.executable, str(SOAK), '--minutes', '0.1', '--rate', '500', '--held', '0.4'],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert 'recorder suspended' in done.stdout and ' 0 lost' in done.stdout
 
 
 def test_nothing_overwrites_a_bag(graph: Callable[..., Any], tmp_path: Path) -> None:

@@ -157,7 +157,8 @@ def controller(ready: Watch) -> Iterator[Callable[..., Controller]]:
     def make(*arguments: Any) -> Controller:
         # Known before anything can fail, so that its process is ended whatever happens.
         made.append(Controller(*arguments))
-        made[-1].follow(ready, -0.02)
+        if len(made) == 1:
+            made[-1].follow(ready, -0.02)
         return made[-1]
 
     yield make
@@ -229,6 +230,25 @@ def test_watchdog_stops_within_the_deceleration_distance(
         count = len(ready.encoder)
         ready.wait(lambda: len(ready.encoder) > count + 300, 'ticks')
         assert abs(ready.encoder[-1][1] - here) < 1e-4
+    ready.wait(ready.says('stage_driver: state', 'ready', 'fault'), 'the state')
+
+
+@pytest.mark.parametrize('kind', ['velocity', 'both'])
+def test_two_controllers_at_once_move_it_within_its_limits_and_not_after_their_end(
+    ready: Watch, controller: Callable[..., Controller], kind: str
+) -> None:
+    one = controller(kind, SPEED)
+    two = controller(kind, -SPEED)
+    since = len(ready.encoder)
+    ready.wait(lambda: len(ready.encoder) > since + 1500, 'ticks of the quarrel')
+    one.end()
+    two.end()
+    ready.wait(lambda: at_rest(ready), 'rest')
+    rows = np.array(list(ready.encoder)[since:], dtype=float)
+    assert np.abs(rows[:, 1]).max() < LIMIT + 1e-4
+    speeds = np.diff(rows[:, 1]) / (1e-9 * np.diff(rows[:, 0]))
+    # Each stream alone is at 0.1 m/s; the loop may overshoot, the limit of the axis is 0.2 m/s.
+    assert np.abs(speeds).max() < 0.2
     ready.wait(ready.says('stage_driver: state', 'ready', 'fault'), 'the state')
 
 

@@ -236,6 +236,19 @@ def test_long_rest_is_used_up_to_its_limit_and_memory_is_bounded():
     assert len(pairs) == 3
 
 
+def test_a_stage_whose_clock_begins_anew_and_one_with_other_axes_give_pairs_again():
+    pairs = RestPairs()
+    for begin in (500 * SECOND, 0):
+        # Another publisher's single message, far ahead and with another number of axes.
+        pairs.add_stage(begin + 900 * SECOND, (0.0,))
+        for k, q in stage_path(PLACES):
+            pairs.add_stage(begin + k * MS, q)
+            pairs.add_point(begin + k * MS, (0.0, 0.0, 0.0))
+        pairs.add_stage(begin + 2000 * MS, (0.0,))
+        newest = [pair for pair in pairs.pairs() if begin <= pair.begin < begin + 10 * SECOND]
+        assert np.allclose([pair.stage[:2] for pair in newest], PLACES, atol=0.0)
+
+
 # Registration
 
 

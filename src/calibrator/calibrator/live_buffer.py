@@ -16,6 +16,9 @@ from stage_core.session import Series, Session
 
 Array = NDArray[np.float64]
 
+#: Names come from the graph: made up ones must not fill the memory.
+MOST_SENSORS = 64
+
 
 class Ring:
     """The newest `capacity` rows of numbers with their stamps."""
@@ -65,13 +68,17 @@ class LiveBuffer:
         self._points.add(stamp, point)
 
     def add_temperature(self, stamp: int, sensor: str, value: float) -> None:
-        """Take a temperature [degC]."""
+        """Take a temperature [degC]; of more than `MOST_SENSORS` the first ones are kept."""
         if sensor not in self._sensors:
+            if len(self._sensors) >= MOST_SENSORS:
+                return
             self._sensors[sensor] = Ring(min(self._capacity, 20_000), 1)
         self._sensors[sensor].add(stamp, (value,))
 
     def temperature_rates(self, sensor: str) -> tuple[float, float] | None:
         """Derivatives [K/s] and [K/s2] at the newest reading; None while too few were heard."""
+        if sensor not in self._sensors:
+            return None
         stamps, rows = self._sensors[sensor].content()
         known = np.isfinite(rows[:, 0])
         times = 1e-9 * (stamps[known] - stamps[-1])

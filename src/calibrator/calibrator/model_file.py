@@ -142,10 +142,9 @@ def load(path: str | Path, machine: str = '') -> StoredModel:
         raise StageError(f'the model file {source} cannot be read: {error}') from error
     try:
         document = json.loads(text)
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, RecursionError) as error:
         raise StageError(
-            f'the model file {source} is truncated or no JSON (line {error.lineno}): '
-            'train the model again'
+            f'the model file {source} is truncated or no JSON ({error}): train the model again'
         ) from error
     if not isinstance(document, dict) or document.get('format') != FORMAT:
         raise StageError(f'{source} is no calibration model: choose a file that retraining wrote')

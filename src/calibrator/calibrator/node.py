@@ -148,8 +148,9 @@ class Calibrator(StageNode):
         self.get_logger().error(reason)
 
     def _on_reference(self, message: JointState) -> None:
-        if len(message.position) == len(message.name):
-            axes = tuple(message.name)
+        axes = tuple(message.name)
+        named_once = len(set(axes)) == len(axes) and set(axes) <= set(AXES)
+        if axes and named_once and len(message.position) == len(axes):
             self._buffer.add_reference(stamp_of(message.header), axes, message.position)
 
     def _on_point(self, message: PointStamped) -> None:
@@ -343,8 +344,8 @@ class Calibrator(StageNode):
 def _options(text: str) -> dict[str, Any]:
     try:
         content = json.loads(text or '{}')
-    except json.JSONDecodeError as error:
-        raise StageError(f'the parameter options is no JSON: {error.msg}') from error
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise StageError(f'the parameter options is no JSON: {error}') from error
     if not isinstance(content, dict):
         raise StageError('the parameter options must be a JSON object like {"degree": 7}')
     return content

@@ -34,9 +34,9 @@ def _axis_parameters(axis: str) -> list[Parameter]:
         Parameter(f'{axis}.velocity_feedforward', 1.0, 'K_f', '', 0.0, 2.0),
         Parameter(f'{axis}.acceleration_feedforward', 0.0, 'K_a', 's', 0.0, 1.0),
         Parameter(f'{axis}.ilc_gain', 40.0, 'L_initial of the learning', '1/s', 0.0, 1e3),
-        Parameter(f'{axis}.max_velocity', 0.2, 'limit of the plan', 'm/s', 1e-6),
-        Parameter(f'{axis}.max_acceleration', 2.0, 'limit of the plan', 'm/s^2', 1e-4),
-        Parameter(f'{axis}.max_jerk', 500.0, 'limit of the plan', 'm/s^3', 1e-3),
+        Parameter(f'{axis}.max_velocity', 0.2, 'limit of the plan', 'm/s', 1e-6, 1e2),
+        Parameter(f'{axis}.max_acceleration', 2.0, 'limit of the plan', 'm/s^2', 1e-4, 1e4),
+        Parameter(f'{axis}.max_jerk', 500.0, 'limit of the plan', 'm/s^3', 1e-3, 1e7),
         Parameter(
             f'{axis}.velocity_gain',
             3600.0 if heavy else 1600.0,
@@ -70,10 +70,10 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter('width', 0.05, 'eight', 'm', 1e-6),
     Parameter('height', 0.025, 'eight', 'm', 1e-6),
     Parameter('curve_file', '', 'freeform, nurbs, hra: YAML file; empty: the topic ~/curve'),
-    Parameter('feed', 0.03, 'feed along the contour', 'm/s', 1e-6),
+    Parameter('feed', 0.03, 'feed along the contour', 'm/s', 1e-6, 1e2),
     Parameter('reduce_feed', False, 'take the highest possible feed instead of refusing'),
-    Parameter('path_acceleration', 0.5, 'of the ramps along the contour', 'm/s^2', 1e-4),
-    Parameter('path_jerk', 20.0, 'of the ramps along the contour', 'm/s^3', 1e-3),
+    Parameter('path_acceleration', 0.5, 'of the ramps along the contour', 'm/s^2', 1e-4, 1e4),
+    Parameter('path_jerk', 20.0, 'of the ramps along the contour', 'm/s^3', 1e-3, 1e7),
     Parameter('laps', 1, 'laps of a closed contour per iteration', '', 1, 1000),
     Parameter('iterations', 1, 'how often ~/run follows the contour', '', 1, 1000),
     Parameter('scheme', 'ccc', 'control scheme', choices=SCHEMES),
@@ -163,7 +163,7 @@ def _curve_through_points(kind: str, text: str, origin: str) -> curves.Curve:
     try:
         content = yaml.safe_load(text)
         points = np.asarray(content['points'], dtype=float)
-    except (yaml.YAMLError, KeyError, TypeError, ValueError):
+    except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError):
         raise StageError(
             f'{origin}: give points as a list of [x, y] in metres under the key points'
         ) from None

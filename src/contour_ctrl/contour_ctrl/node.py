@@ -125,7 +125,7 @@ class ContourCtrl(StreamingNode):
         if not (self.value('use_model') and self._model.get('active')):
             return None
         path = self._model.get('file')
-        if not path:
+        if not isinstance(path, str) or not path:
             raise StageError(f'{topics.MODEL} is active but names no file: retrain the calibrator')
         try:
             from calibrator import model_file
@@ -149,7 +149,7 @@ class ContourCtrl(StreamingNode):
     def _on_model(self, message: String) -> None:
         try:
             content = json.loads(message.data)
-        except ValueError:
+        except (ValueError, RecursionError):
             content = None
         if not isinstance(content, dict):
             self.get_logger().error(f'{topics.MODEL} holds no JSON object: it is ignored')

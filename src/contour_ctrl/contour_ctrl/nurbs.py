@@ -137,7 +137,7 @@ def from_text(text: str, origin: str) -> NurbsCurve:
     """Make a NURBS curve from YAML text; `origin` names it in errors."""
     try:
         content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, RecursionError) as error:
         line = str(error).splitlines()[0]
         raise StageError(f'{origin} is not YAML ({line}): correct it') from None
     try:

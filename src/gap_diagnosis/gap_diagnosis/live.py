@@ -92,7 +92,9 @@ class LiveMonitor:
             # Simulated time begins anew with each start of the machine.
             self.clear()
         self._latest = stamp
-        self.axes = axes
+        if axes != self.axes:
+            self.clear()
+            self.axes = axes
         self._topics.setdefault(topic, {})[stamp] = values
 
     def add_point(self, stamp: int, x: float, y: float, z: float) -> None:
@@ -106,7 +108,8 @@ class LiveMonitor:
 
     def judge(self) -> bool:
         """Judge the collected window if it is full; whether one was judged."""
-        if len(self._topics) < 3 or any(a not in self.twin.axes for a in self.axes):
+        unknown = set(self.axes) - set(self.twin.axes)
+        if len(self._topics) < 3 or unknown or len(set(self.axes)) < len(self.axes):
             most = MOST_WINDOWS * self.window / self.twin.control_period
             if any(len(t) > most for t in self._topics.values()):
                 self.clear()

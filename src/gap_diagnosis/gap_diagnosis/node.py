@@ -111,9 +111,12 @@ class GapDiagnosisNode(StageNode):
     def _on_alignment(self, message: TransformStamped) -> None:
         assert self.monitor is not None
         q, t = message.transform.rotation, message.transform.translation
-        self.monitor.alignment = RigidTransform.from_quaternion(
-            (q.x, q.y, q.z, q.w), (t.x, t.y, t.z)
-        )
+        try:
+            self.monitor.alignment = RigidTransform.from_quaternion(
+                (q.x, q.y, q.z, q.w), (t.x, t.y, t.z)
+            )
+        except StageError as error:
+            self.get_logger().warning(str(error))
 
     def _on_judge(self) -> None:
         assert self.monitor is not None

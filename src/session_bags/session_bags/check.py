@@ -142,7 +142,7 @@ def _check_twin(bag: Bag) -> Iterator[Finding]:
         if not isinstance(content, dict):
             raise StageError('it is no mapping')
         TwinFile.from_dict(content)
-    except (yaml.YAMLError, StageError) as error:
+    except (yaml.YAMLError, StageError, RecursionError) as error:
         yield Finding(ERROR, 'custom_data', f'its twin is no twin file ({error})')
     else:
         yield Finding(OK, 'custom_data', f'carries a twin of kind {content.get("kind")}')

@@ -138,6 +138,7 @@ def load(directory: Path) -> BagMetadata | None:
         TypeError,
         ValueError,
         AttributeError,
+        RecursionError,
     ) as error:
         raise StageError(
             f'{path} is not the description of a bag: run `ros2 run session_bags repair '
@@ -149,7 +150,7 @@ def parse_inner(text: str) -> BagMetadata | None:
     """Metadata from the ``rosbag2`` record of an mcap file; None where it cannot be read."""
     try:
         return _parse(_load_yaml(text))
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError):
+    except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
 
 
@@ -194,6 +195,6 @@ def parse_qos(profiles: Any) -> list[dict[str, Any]]:
     if isinstance(profiles, str):
         try:
             profiles = _load_yaml(profiles)
-        except yaml.YAMLError:
+        except (yaml.YAMLError, RecursionError):
             return []
     return [dict(p) for p in profiles or () if isinstance(p, Mapping)]

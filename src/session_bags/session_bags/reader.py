@@ -127,7 +127,7 @@ def _twin(bag: Bag, warnings: list[str]) -> dict[str, Any] | None:
         return None
     try:
         content = yaml.safe_load(text)
-    except yaml.YAMLError:
+    except (yaml.YAMLError, RecursionError):
         content = None
     if not isinstance(content, dict):
         warnings.append('custom_data.twin is not the YAML of a twin file; it was ignored')

@@ -122,7 +122,8 @@ class SessionRecorder(StageNode):
         self, topic: str, type_name: str, data: bytes, header: bool, info: dict[str, int]
     ) -> None:
         assert self._writer is not None
-        stamp = stamp_in(data) if header else info['source_timestamp']
+        # A bag has no time before the epoch.
+        stamp = max(stamp_in(data), 0) if header else info['source_timestamp']
         log_time = info['received_timestamp']
         if self.value('use_sim_time'):
             # On one time line with the stamps, whatever the pace of the simulation.

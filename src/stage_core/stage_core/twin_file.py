@@ -120,7 +120,7 @@ class TwinFile:
             content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
         except OSError as error:
             raise StageError(f'cannot read twin file {path}: {error.strerror}') from error
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
+        except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
             reason = ' '.join(str(error).split())[:120]
             raise StageError(f'twin file {path} is not valid YAML: {reason}') from error
         if not isinstance(content, dict):

@@ -23,7 +23,13 @@ def create_deferred_service(
     waiting: dict[int, Future[str]] = {}
 
     def callback(request: Any, response: Any) -> Any:
-        waiting[id(response)] = begin(request)
+        try:
+            waiting[id(response)] = begin(request)
+        except Exception as error:
+            # A mistake in here is the caller's to hear, not the end of the node.
+            failed: Future[str] = Future()
+            waiting[id(response)] = failed
+            failed.set_exception(error)
         return response
 
     service = node.create_service(service_type, name, callback)

@@ -16,6 +16,8 @@ from stage_core.clocks import NANOSECONDS
 from tracker_bridge.samples import Point
 
 MAXIMUM_POINTS = 20_000
+#: Stamps of the stage that go back by this much [ns] begin anew.
+RESTARTED = 1_000_000_000
 FEWEST_POINTS = 3
 
 
@@ -99,14 +101,25 @@ class RestPairs:
         return len(self._pairs)
 
     def add_stage(self, stamp: int, position: tuple[float, ...]) -> None:
-        """Take an encoder reading [m] of a stamp [ns]; stamps that do not increase are ignored."""
+        """Take an encoder reading [m] of a stamp [ns]; stamps that do not increase are ignored.
+
+        A stamp that is much older than the last one is that of a stage that was started again.
+        """
         if self.last_stage is not None and stamp <= self.last_stage:
-            return
+            if self.last_stage - stamp < RESTARTED:
+                return
+            self._rest = None
+            self._waiting.clear()
+            self._points.clear()
         self.last_stage = stamp
         rest, tolerance = self._rest, self.rules.tolerance
-        if rest is None or any(
-            abs(value - anchor) > tolerance
-            for value, anchor in zip(position, rest.anchor, strict=True)
+        if (
+            rest is None
+            or len(position) != len(rest.anchor)
+            or any(
+                abs(value - anchor) > tolerance
+                for value, anchor in zip(position, rest.anchor, strict=True)
+            )
         ):
             if rest is not None:
                 self._close(rest)
