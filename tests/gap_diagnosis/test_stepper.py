@@ -134,6 +134,18 @@ def test_many_effects_are_named_from_few_rests() -> None:
     assert found.after < 1.5 * found.noise_floor
 
 
+def test_many_effects_are_named_where_nobody_states_the_scatter() -> None:
+    many = {
+        **MANY,
+        'cyclic_pitch_error.x': {'amplitude': 2e-6, 'phase': 0.4},
+        'straightness.x': {'quadratic': 3e-6},
+    }
+    found = diagnose([stepper_session(many, moves=72)], [], nominal())
+    # The mean of a straightness over a part of its range is an offset of the tracker.
+    assert set(many) <= set(found.verdict) <= {*many, 'tracker_misalignment'}
+    assert found.after < 1.5 * SCATTER
+
+
 def test_what_too_few_rests_leave_is_unknown_and_no_noise() -> None:
     found = diagnose([stepper_session(MANY, moves=20)], [], known_scatter())
     assert 'unknown' in found.verdict

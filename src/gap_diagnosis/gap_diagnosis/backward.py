@@ -7,21 +7,35 @@ shows by what is lost without it.
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 from gap_diagnosis.regression import Fit
-from gap_diagnosis.selection import HOLDS, Selection, Selector
+from gap_diagnosis.selection import HOLDS, Rules, Selection, Selector
 
 #: Rows for each free coefficient, below which all effects at once explain anything.
 ROWS_PER_COEFFICIENT = 2.5
 
 
-def select_backwards(selector: Selector, forward: Selection) -> Selection:
+def select_backwards(
+    selector: Selector, forward: Selection, unknown_noise: Rules | None = None
+) -> Selection:
     """The better of a forward selection and of one that starts from all effects.
 
     Better is the one that predicts rows better that did not fit it (`Fit.crossed`).
+
+    Parameters
+    ----------
+    unknown_noise : where the rows scatter by more than the problem's floor, and nobody knows by
+        how much: what all effects together leave is the noise then, judged by these rules
     """
     fit = _everything(selector)
     if fit is None:
         return forward
+    if unknown_noise is not None:
+        floor = max(selector.problem.floor, math.sqrt(fit.mean_square(selector.problem)))
+        problem = replace(selector.problem, floor=floor)
+        selector = Selector(problem, unknown_noise, selector.seed, selector.raw)
     accepted, fit, evidence = selector._prune(list(fit.thetas), fit)
     problem = selector.problem
     if not accepted or fit.mean_square(problem) >= forward.fit.mean_square(problem):

@@ -181,6 +181,9 @@ def _fit_whole(
     selection = selector.select()
     if known_noise:
         selection = select_backwards(selector, selection)
+    elif rules.given:  # rests too, whose scatter nobody stated
+        unknown = replace(KNOWN_REST_RULES, kept=kept)
+        selection = select_backwards(selector, selection, unknown)
     residual = selection.fit.residual
     found = judge.structure(problem, residual, _modelled(problem, selection, residual), name)
     if known_noise and not found.structured:
