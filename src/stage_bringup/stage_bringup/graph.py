@@ -144,7 +144,9 @@ def commands(options: Options) -> list[NodeCommand]:
         NodeCommand(
             'gap_diagnosis',
             'gap_diagnosis.node',
-            {'twin': nominal, 'out': options.out / 'diagnosis', **clock},
+            # The world in lockstep waits for its slowest node, and live mode reads every topic of
+            # every tick: the session is diagnosed from its bag.
+            {'twin': nominal, 'out': options.out / 'diagnosis', 'live': not lockstep, **clock},
             config / 'gap_diagnosis.yaml',
         ),
     ]
