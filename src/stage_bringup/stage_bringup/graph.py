@@ -19,13 +19,14 @@ class Options:
     clock: str = 'lockstep'
     seed: int = 1
     out: Path = Path('bags/session')
-    grid: int = 7
-    heldout: int = 20
+    grid: int = 5
+    heldout: int = 10
     iterations: int = 3
     method: str = 'structured'
     diagnose: bool = True
     reality: Path | None = None
     nominal: Path | None = None
+    live: bool = True
 
 
 def config_folder() -> Path:
@@ -144,9 +145,7 @@ def commands(options: Options) -> list[NodeCommand]:
         NodeCommand(
             'gap_diagnosis',
             'gap_diagnosis.node',
-            # The world in lockstep waits for its slowest node, and live mode reads every topic of
-            # every tick: the session is diagnosed from its bag.
-            {'twin': nominal, 'out': options.out / 'diagnosis', 'live': not lockstep, **clock},
+            {'twin': nominal, 'out': options.out / 'diagnosis', 'live': options.live, **clock},
             config / 'gap_diagnosis.yaml',
         ),
     ]

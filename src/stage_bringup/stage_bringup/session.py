@@ -43,8 +43,8 @@ def parse(arguments: Sequence[str] | None) -> Options:
     )
     parser.add_argument('--seed', type=int, default=1, help='seed of noise and held-out points')
     parser.add_argument('--out', type=Path, help='folder of the session (default bags/<time>)')
-    parser.add_argument('--grid', type=int, default=5, help='points per side of the grid')
-    parser.add_argument('--heldout', type=int, default=10, help='held-out points')
+    parser.add_argument('--grid', type=int, default=Options.grid, help='points per side of the grid')
+    parser.add_argument('--heldout', type=int, default=Options.heldout, help='held-out points')
     parser.add_argument('--iterations', type=int, default=3, help='runs of the circle')
     parser.add_argument('--method', default='structured', help='calibration method')
     parser.add_argument('--no-diagnosis', action='store_true', help='skip the gap diagnosis')
@@ -68,6 +68,9 @@ def parse(arguments: Sequence[str] | None) -> Options:
         diagnose=not given.no_diagnosis,
         reality=given.reality,
         nominal=given.nominal,
+        # The world in lockstep waits for its slowest node, and live mode reads every topic of
+        # every tick: the session is diagnosed from its bag.
+        live=given.clock != 'lockstep',
     )
 
 
