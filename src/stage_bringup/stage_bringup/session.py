@@ -43,7 +43,9 @@ def parse(arguments: Sequence[str] | None) -> Options:
     )
     parser.add_argument('--seed', type=int, default=1, help='seed of noise and held-out points')
     parser.add_argument('--out', type=Path, help='folder of the session (default bags/<time>)')
-    parser.add_argument('--grid', type=int, default=Options.grid, help='points per side of the grid')
+    parser.add_argument(
+        '--grid', type=int, default=Options.grid, help='points per side of the grid'
+    )
     parser.add_argument('--heldout', type=int, default=Options.heldout, help='held-out points')
     parser.add_argument('--iterations', type=int, default=3, help='runs of the circle')
     parser.add_argument('--method', default='structured', help='calibration method')
