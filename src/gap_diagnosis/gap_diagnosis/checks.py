@@ -149,8 +149,8 @@ def reversals(position: Array, threshold: float) -> int:
 def controller_force(record: Record, axis: ServoAxis, i: int) -> tuple[Array, Array]:
     """Increment of velocity_gain · ev + I per tick that the law of section 5 asks for [N].
 
-    Returned beside the mask of the ticks at which the recorded force is not clipped. The
-    difference of consecutive ticks needs no knowledge of the integrator's start.
+    Returned beside the increment of the recorded force [N]; both (n - 1,). The difference of
+    consecutive ticks needs no knowledge of the integrator's start.
     """
     q = record.encoder[:, i]
     decay = np.exp(-record.period * axis.velocity_filter)
