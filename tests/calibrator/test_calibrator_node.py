@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -115,8 +116,42 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
     assert calibrator.wait(20.0) == 0
 
 
+@pytest.fixture
+def contour(ros_env):
+    """The contour controller in real time, with a circle that begins at (35, 0) mm."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'contour_ctrl.node', '--ros-args', '-p', 'radius:=0.035'],
+        env=ros_env,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def contour_start(client):
+    """Start point (2,) [m] that a contour asked for now moves to; the run is aborted there."""
+    from stage_node.node import stamp_of
+
+    def moved():
+        message = client.latest(topics.SETPOINT)
+        return message is not None and stamp_of(message.header) >= asked
+
+    with ThreadPoolExecutor(1) as pool:
+        asked = time.time_ns()
+        run = pool.submit(client.trigger, '/contour_ctrl/run', 60.0)
+        client.wait_for(lambda: run.done() or moved(), 30.0, 'a move to the start')
+        assert moved(), run.result()
+        move = client.latest(topics.SETPOINT)
+        client.trigger('/contour_ctrl/abort', 30.0)
+        with pytest.raises(StageError, match='aborted by request'):
+            run.result()
+    return np.array(move.position)
+
+
 def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
-    calibrator, tmp_path, warming_session, warm_stage
+    calibrator, contour, tmp_path, warming_session, warm_stage
 ):
     from diagnostic_msgs.msg import DiagnosticArray
     from sensor_msgs.msg import JointState, Temperature
@@ -201,6 +236,22 @@ def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
             assert np.abs(warm_stage(goal, degrees) - goal).max() > 8e-7
             corrected(goal, degrees)
         told(b'\x00', 'thermal')
+
+        # A contour is planned for what the sensors say when it is asked for.
+        client.wait_for_service('/contour_ctrl/run', 60.0)
+        client.wait_for(
+            lambda: client.node.count_publishers(topics.SETPOINT) == 2, 30.0, 'discovery'
+        )
+        for degrees in ((23.5, 20.5), (21.5, 22.5)):
+            start = np.array([0.035, 0.0])
+            assert np.abs(warm_stage(start, degrees) - start).max() > 8e-7
+
+            def planned(degrees=degrees, start=start):
+                warm(*degrees)
+                move = contour_start(client)
+                return np.abs(warm_stage(move, degrees) - start).max() < 3e-7
+
+            client.wait_for(planned, 60.0, f'a contour planned at {degrees} degC')
 
         before = client.latest(topics.SETPOINT).header.stamp.sec
         client.set_parameters('/calibrator', temperature_timeout=1.0)

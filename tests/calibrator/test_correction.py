@@ -12,9 +12,10 @@ import pytest
 
 from calibrator import model_file
 from calibrator.correction import Correction
-from calibrator.live_buffer import LiveBuffer, Ring, load_session, save_session
+from calibrator.live_buffer import LiveBuffer, load_session, save_session
 from calibrator.models import make_model
 from calibrator.prepare import prepare
+from calibrator.ring import Ring
 from calibrator.temperatures import LiveTemperatures
 from calibrator.trainer import Trainer
 from calibrator.training_job import Job, run_job
@@ -67,21 +68,21 @@ def test_correction_by_temperature_needs_every_sensor_it_was_trained_with():
     correction = Correction(1e-3)
     correction.stored = model_file.StoredModel(model, sensors=('screw_x', 'screw_y'))
     heard = LiveTemperatures()
-    heard.hear('screw_x', 22.0, 0)
-    heard.hear('screw_y', 19.0, 0)
+    heard.hear('screw_x', 22.0, 0, 0)
+    heard.hear('screw_y', 19.0, 0, 0)
     goal = np.array([0.05, 0.05])
     # Without the correction nothing needs a temperature.
     np.testing.assert_array_equal(correction.apply(goal), goal)
     correction.activate(True)
     command = correction.apply(goal, heard.fresh(50 * 10**9, 60.0))
     np.testing.assert_allclose(command * (1.0 + 1e-5 * np.array([2.0, -1.0])), goal, atol=1e-9)
-    heard.hear('screw_x', 21.0, 40 * 10**9)
-    heard.hear('screw_y', np.nan, 40 * 10**9)
+    heard.hear('screw_x', 21.0, 40 * 10**9, 40 * 10**9)
+    heard.hear('screw_y', np.nan, 40 * 10**9, 40 * 10**9)
     late = heard.fresh(70 * 10**9, 60.0)
     assert late == {'screw_x': 21.0}
     with pytest.raises(StageError, match='sensor screw_y is silent'):
         correction.apply(goal, late)
-    heard.hear('screw_y', 20.0, 71 * 10**9)
+    heard.hear('screw_y', 20.0, 71 * 10**9, 71 * 10**9)
     correction.apply(goal, heard.fresh(72 * 10**9, 60.0))
 
 
@@ -106,7 +107,7 @@ def test_live_buffer_gives_the_same_samples_as_the_session(grid_session, tmp_pat
     points = session.series[topics.TRACKER_POINT]
     for i, stamp in enumerate(points.stamps):
         buffer.add_point(int(stamp), [points.values[a][i] for a in 'xyz'])
-    buffer.add_temperature(int(reference.stamps[0]), 'air', 21.0)
+    buffer.temperatures.hear('air', 21.0, int(reference.stamps[0]), 0)
     save_session(buffer.session(), tmp_path / 'live.npz')
     loaded = load_session(tmp_path / 'live.npz')
     expected = prepare(session)

@@ -126,7 +126,7 @@ def test_live_rests_are_learned_once_and_followed(grid_session, planted_map):
     adaptation = LiveAdaptation(StoredModel(model), 5e-6, 5e-7, 0.98)
     buffer = LiveBuffer(100_000)
     # Silent ever since, and none of the model's.
-    buffer.add_temperature(int(reference.stamps[0]) - 100 * 10**9, 'air', 20.0)
+    buffer.temperatures.hear('air', 20.0, int(reference.stamps[0]) - 100 * 10**9, 0)
     learned = 0
     for i, stamp in enumerate(reference.stamps):
         buffer.add_reference(int(stamp), ('x', 'y'), rows[i])

@@ -187,7 +187,8 @@ def test_derivatives_of_irregular_readings_are_those_of_a_parabola():
 
 def test_thermal_training_uses_the_derivatives_of_a_bag(grid_session, tmp_path):
     from calibrator.correction import Correction
-    from calibrator.live_buffer import LiveBuffer, save_session
+    from calibrator.live_buffer import save_session
+    from calibrator.temperatures import LiveTemperatures
     from calibrator.training_job import Job, run_job
 
     session = warming_session(grid_session, 1)
@@ -202,22 +203,21 @@ def test_thermal_training_uses_the_derivatives_of_a_bag(grid_session, tmp_path):
     # The live inverse: the same temperature, warming or cooling, asks for another command.
     commands = []
     for at in (0.0, 1200.0):  # sin = 0, rising and falling
-        buffer, beat = LiveBuffer(1000), 2 * np.pi / 2400.0
+        heard, beat = LiveTemperatures(), 2 * np.pi / 2400.0
         clock = at + np.arange(-400.0, 1.0)
         heat = 22.0 + 2.0 * np.sin(beat * clock)
         for k, value in zip(clock, heat, strict=True):
-            buffer.add_temperature(10**12 + int(k * 1e9), 'screw_x', value)
+            heard.hear('screw_x', value, 10**12 + int(k * 1e9), 0)
         correction = Correction(1e-3)
         correction.stored = with_rates
         correction.activate(True)
-        rates = {'screw_x': buffer.temperature_rates('screw_x')}
+        rates = heard.rates(['screw_x'])
         goal = np.array([0.02, 0.03])
         commands.append(correction.apply(goal, {'screw_x': float(heat[-1])}, rates))
         unknown = correction.apply(goal, {'screw_x': float(heat[-1])})
         assert abs(unknown[0] - commands[-1][0]) > 2e-6
     difference = commands[1][0] - commands[0][0]
     assert abs(difference - 8e-5) < 1.2e-5
-    assert LiveBuffer(10).empty
 
 
 def test_thermal_training_names_what_is_missing(grid_session):

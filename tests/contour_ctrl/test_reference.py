@@ -12,7 +12,10 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import ellipe
 
+from calibrator.model_file import StoredModel
+from calibrator.models import make_model
 from contour_ctrl import curves, nurbs, reference
+from contour_ctrl.calibration import inverse, temperatures_line
 from contour_ctrl.feedrate import AxisLimits, SCurve
 from contour_ctrl.path import ArcLength, PathTable
 from stage_core.errors import StageError
@@ -214,6 +217,32 @@ def test_corrected_reference_follows_the_inverse_model() -> None:
     assert fixed.velocity @ forward.T == pytest.approx(ref.velocity, abs=1e-5)
     with pytest.raises(StageError, match='cannot be inverted'):
         ref.corrected(lambda points: points * np.nan)
+
+
+def test_a_thermal_model_is_inverted_at_the_temperatures_heard_else_at_their_means() -> None:
+    generator = np.random.default_rng(0)
+    command = generator.uniform(0.0, 0.1, (200, 2))
+    heat = generator.uniform(18.0, 24.0, (200, 2))
+    measured = command * (1.0 + 1e-5 * (heat - 20.0))
+    model = make_model('thermal').fit(command, measured, None, heat)
+    stored = StoredModel(model, sensors=('screw_x', 'screw_y'))
+    goals = np.array([[0.05, 0.05], [0.02, 0.08]])
+    mean = heat.mean(axis=0)
+    for readings, degrees in (
+        ({'screw_x': 23.0, 'air': 19.0, 'screw_y': 19.0}, (23.0, 19.0)),
+        ({'screw_x': 23.0}, (23.0, mean[1])),
+        ({}, mean),
+    ):
+        table = inverse(stored, readings, {})(goals) * (1.0 + 1e-5 * (np.array(degrees) - 20.0))
+        np.testing.assert_allclose(table, goals, atol=2e-9)
+    both = temperatures_line(stored, {'screw_x': 23.0, 'screw_y': 19.0})
+    assert both.endswith('heard now: screw_x 23.00 °C, screw_y 19.00 °C')
+    one = temperatures_line(stored, {'screw_x': 23.0})
+    assert f'not heard, so the mean of the training: screw_y {mean[1]:.2f} °C' in one
+    assert 'heard now' not in temperatures_line(stored, {})
+    # No temperature is asked of a model without sensors.
+    plain = StoredModel(make_model('affine').fit(command, 1.01 * command))
+    np.testing.assert_allclose(1.01 * inverse(plain, {}, {})(goals), goals, atol=1e-9)
 
 
 def test_path_table_holds_unit_tangents() -> None:

@@ -62,7 +62,10 @@ class Correction:
         self._follow(wanted)
         if not self.active or self.stored is None:
             return wanted
-        heat = self._heat(self.stored, temperatures or {}, rates or {})
+        if reason := self.silence(temperatures or {}):
+            raise StageError(reason)
+        # The means of the training until enough readings were heard for a derivative.
+        heat = self.stored.temperature_row(temperatures or {}, rates or {})
         command = self.stored.invert(wanted[None], self._direction, heat)[0]
         correction = float(np.max(np.abs(command - wanted)))
         if correction > self.max_correction:
@@ -93,24 +96,3 @@ class Correction:
         if not self.active or self.stored is None:
             return ''
         return silence(self.stored.sensors, temperatures)
-
-    def _heat(
-        self,
-        stored: StoredModel,
-        temperatures: dict[str, float],
-        rates: dict[str, tuple[float, float]],
-    ) -> Array | None:
-        if not stored.sensors:
-            return None
-        if reason := self.silence(temperatures):
-            raise StageError(reason)
-        row = [temperatures[sensor] for sensor in stored.sensors]
-        if stored.model.uses_derivatives:
-            # The means of the training until enough readings were heard for a derivative.
-            usual = stored.model.mean_temperatures[len(row) :].reshape(2, -1)
-            for order in (0, 1):
-                row += [
-                    rates[sensor][order] if sensor in rates else usual[order, k]
-                    for k, sensor in enumerate(stored.sensors)
-                ]
-        return np.array([row])

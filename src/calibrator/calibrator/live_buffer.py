@@ -8,42 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrator.thermal import DERIVATIVE_SPAN, derivatives_at
+from calibrator.ring import Ring
+from calibrator.temperatures import LiveTemperatures
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.session import Series, Session
-
-Array = NDArray[np.float64]
-
-#: Names come from the graph: made up ones must not fill the memory.
-MOST_SENSORS = 64
-
-
-class Ring:
-    """The newest `capacity` rows of numbers with their stamps."""
-
-    def __init__(self, capacity: int, width: int) -> None:
-        self._stamps = np.zeros(capacity, dtype=np.int64)
-        self._rows = np.zeros((capacity, width))
-        self._count = 0
-
-    def __len__(self) -> int:
-        return min(self._count, len(self._stamps))
-
-    def add(self, stamp: int, row: Sequence[float]) -> None:
-        """Append a row stamped `stamp` [ns]."""
-        at = self._count % len(self._stamps)
-        self._stamps[at] = stamp
-        self._rows[at] = row
-        self._count += 1
-
-    def content(self, newest: int | None = None) -> tuple[NDArray[np.int64], Array]:
-        """Stamps and rows by time, of the `newest` rows or of all."""
-        wanted = len(self) if newest is None else min(newest, len(self))
-        at = np.arange(self._count - wanted, self._count) % len(self._stamps)
-        at = at[np.argsort(self._stamps[at], kind='stable')]
-        return self._stamps[at], self._rows[at]
 
 
 class LiveBuffer:
@@ -54,7 +24,7 @@ class LiveBuffer:
         self._reference: Ring | None = None
         self._axes: tuple[str, ...] = ()
         self._points = Ring(capacity, 3)
-        self._sensors: dict[str, Ring] = {}
+        self.temperatures = LiveTemperatures(capacity)
         self.alignment: RigidTransform | None = None
 
     def add_reference(self, stamp: int, axes: tuple[str, ...], position: Sequence[float]) -> None:
@@ -66,28 +36,6 @@ class LiveBuffer:
     def add_point(self, stamp: int, point: Sequence[float]) -> None:
         """Take a raw tracker point (x, y, z) [m]."""
         self._points.add(stamp, point)
-
-    def add_temperature(self, stamp: int, sensor: str, value: float) -> None:
-        """Take a temperature [degC]; of more than `MOST_SENSORS` the first ones are kept."""
-        if sensor not in self._sensors:
-            if len(self._sensors) >= MOST_SENSORS:
-                return
-            self._sensors[sensor] = Ring(min(self._capacity, 20_000), 1)
-        self._sensors[sensor].add(stamp, (value,))
-
-    def temperature_rates(self, sensor: str) -> tuple[float, float] | None:
-        """Derivatives [K/s] and [K/s2] at the newest reading; None while too few were heard."""
-        if sensor not in self._sensors:
-            return None
-        stamps, rows = self._sensors[sensor].content()
-        known = np.isfinite(rows[:, 0])
-        times = 1e-9 * (stamps[known] - stamps[-1])
-        recent = times >= -2.0 * DERIVATIVE_SPAN
-        try:
-            first, second = derivatives_at(times[recent], rows[known, 0][recent], np.zeros(1))
-        except StageError:
-            return None
-        return float(first[0]), float(second[0])
 
     @property
     def empty(self) -> bool:
@@ -126,12 +74,7 @@ class LiveBuffer:
         series[topics.TRACKER_POINT] = Series(
             topics.TRACKER_POINT, stamps, {a: rows[:, i] for i, a in enumerate('xyz')}
         )
-        for sensor, ring in self._sensors.items():
-            if sensors is not None and sensor not in sensors:
-                continue
-            key = topics.temperature_key(sensor)
-            stamps, rows = ring.content(newest)
-            series[key] = Series(key, stamps, {'temperature': rows[:, 0]})
+        series.update(self.temperatures.series(newest, sensors))
         return Session('the live buffer', series, None, self.alignment)
 
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,27 @@ class StoredModel:
     metrics: dict[str, Any] = field(default_factory=dict)
     seed: int = 0
     sensors: tuple[str, ...] = ()
+
+    def temperature_row(
+        self,
+        readings: Mapping[str, float],
+        rates: Mapping[str, tuple[float, float]],
+    ) -> Array | None:
+        """Temperatures of one point as `invert` takes them, (1, columns); None without sensors.
+
+        Readings [degC] and their derivatives [K/s], [K/s2] by sensor; what is not given is the
+        mean of the training.
+        """
+        if not self.sensors:
+            return None
+        usual = self.model.mean_temperatures.reshape(-1, len(self.sensors))
+        row = [readings.get(sensor, usual[0, k]) for k, sensor in enumerate(self.sensors)]
+        for order in range(1, len(usual)):
+            row += [
+                rates[sensor][order - 1] if sensor in rates else usual[order, k]
+                for k, sensor in enumerate(self.sensors)
+            ]
+        return np.array([row])
 
     def predict(
         self,

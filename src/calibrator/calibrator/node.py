@@ -22,7 +22,7 @@ from calibrator.correction import Correction
 from calibrator.live_buffer import LiveBuffer, save_session
 from calibrator.models import METHODS, make_model
 from calibrator.prepare import INPUTS, TARGETS
-from calibrator.temperatures import LiveTemperatures
+from calibrator.temperatures import STALE, Rates
 from calibrator.trainer import Trainer
 from calibrator.training_job import Job
 from stage_core import topics
@@ -58,7 +58,7 @@ PARAMETERS = (
     Parameter('model_file', '', 'model to load at the start and with ~/load'),
     Parameter('max_correction', 1e-3, 'larger corrections are refused', 'm', 0.0, 1.0),
     Parameter(
-        'temperature_timeout', 60.0, 'a sensor not heard for longer is silent', 's', 1.0, 86_400.0
+        'temperature_timeout', STALE, 'a sensor not heard for longer is silent', 's', 1.0, 86_400.0
     ),
     Parameter('adapt', False, 'adapt the model to the rests heard while the stage runs'),
     Parameter('adapt_drift', 1e-6, 'size of the drift to follow', 'm', 1e-12, 1e-2),
@@ -80,8 +80,6 @@ class Calibrator(StageNode):
         self._correction = Correction(self.value('max_correction'))
         self._buffer = LiveBuffer(self.value('buffer_size'))
         self._trainer = Trainer()
-        self._temperatures = LiveTemperatures()
-        self._rates: dict[str, tuple[float, float]] = {}
         self._file = ''
         self._failure = ''
         self._refusal = ''
@@ -134,7 +132,7 @@ class Calibrator(StageNode):
             return
         target = np.array([message.position[axes.index(axis)] for axis in known])
         try:
-            command = self._correction.apply(target, self._fresh(), self._rates)
+            command = self._correction.apply(target, self._fresh(), self._rates())
         except StageError as error:
             self._refuse(str(error))
             return
@@ -168,21 +166,22 @@ class Calibrator(StageNode):
             self.get_logger().error(self._failure)
 
     def _on_temperature(self, message: Temperature) -> None:
-        name = message.header.frame_id
-        self._temperatures.hear(name, message.temperature, self.get_clock().now().nanoseconds)
-        self._buffer.add_temperature(stamp_of(message.header), name, message.temperature)
-        stored = self._correction.stored
-        if stored is not None and stored.model.uses_derivatives and name in stored.sensors:
-            rates = self._buffer.temperature_rates(name)
-            if rates is not None:
-                self._rates[name] = rates
-            else:
-                self._rates.pop(name, None)
+        now = self.get_clock().now().nanoseconds
+        self._buffer.temperatures.hear(
+            message.header.frame_id, message.temperature, stamp_of(message.header), now
+        )
 
     def _fresh(self) -> dict[str, float]:
         """Temperatures of the sensors that are heard."""
         now = self.get_clock().now().nanoseconds
-        return self._temperatures.fresh(now, self.value('temperature_timeout'))
+        return self._buffer.temperatures.fresh(now, self.value('temperature_timeout'))
+
+    def _rates(self) -> dict[str, Rates]:
+        """Derivatives of the temperatures that the model in use corrects by."""
+        stored = self._correction.stored
+        if stored is None or not stored.model.uses_derivatives:
+            return {}
+        return self._buffer.temperatures.rates(stored.sensors)
 
     def _retrain(self) -> Future[str]:
         answer: Future[str] = Future()

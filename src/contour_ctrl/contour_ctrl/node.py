@@ -9,11 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sensor_msgs.msg import Temperature
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from calibrator import model_file
+from calibrator.temperatures import LiveTemperatures
 from contour_ctrl import contour_parameters as parameters
 from contour_ctrl import storage
+from contour_ctrl.calibration import inverse, temperatures_line
 from contour_ctrl.figures import Figures
 from contour_ctrl.learning import Learner
 from contour_ctrl.reference import Reference
@@ -23,7 +27,7 @@ from contour_ctrl.tick import Controller
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_node.deferred_service import create_deferred_service
-from stage_node.node import ERROR, LATCHED_QOS, OK, run
+from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, run, stamp_of
 
 
 class ContourCtrl(StreamingNode):
@@ -32,12 +36,14 @@ class ContourCtrl(StreamingNode):
     def __init__(self) -> None:
         super().__init__('contour_ctrl', parameters.PARAMETERS)
         self._model: dict[str, Any] = {}
+        self._temperatures = LiveTemperatures()
         self._curve_text: str | None = None
         self._progress: list[Figures] = []
         self._last_message = ''
         self._last_failed = False
         self._digest = ''
         self.create_subscription(String, topics.MODEL, self._on_model, LATCHED_QOS)
+        self.create_subscription(Temperature, topics.TEMPERATURE, self._on_temperature, STATE_QOS)
         self.create_subscription(String, '~/curve', self._on_curve, LATCHED_QOS)
         create_deferred_service(self, Trigger, '~/run', lambda _: self._run())
         self.create_service(Trigger, '~/abort', self._on_abort)
@@ -127,20 +133,20 @@ class ContourCtrl(StreamingNode):
         path = self._model.get('file')
         if not isinstance(path, str) or not path:
             raise StageError(f'{topics.MODEL} is active but names no file: retrain the calibrator')
-        try:
-            from calibrator import model_file
-        except ImportError:
-            raise StageError(
-                'a calibration model is active but the package calibrator is missing: '
-                'build it or set use_model to false'
-            ) from None
         stored = model_file.load(path)
+        readings = self._temperatures.fresh(self.now())
         if stored.sensors:
-            self.get_logger().warning(
-                f'the active model corrects by temperature ({", ".join(stored.sensors)}): the '
-                'contour is planned for the mean temperatures of its training'
-            )
-        return stored.invert
+            line = temperatures_line(stored, readings)
+            if set(stored.sensors) <= set(readings):
+                self.get_logger().info(line)
+            else:
+                self.get_logger().warning(line)
+        return inverse(stored, readings, self._temperatures.rates(readings))
+
+    def _on_temperature(self, message: Temperature) -> None:
+        self._temperatures.hear(
+            message.header.frame_id, message.temperature, stamp_of(message.header), self.now()
+        )
 
     def _on_iteration(self, index: int, result: Figures) -> None:
         self._progress.append(result)
