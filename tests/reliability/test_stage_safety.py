@@ -241,6 +241,8 @@ def test_two_controllers_at_once_move_it_within_its_limits_and_not_after_their_e
     two = controller(kind, -SPEED)
     since = len(ready.encoder)
     ready.wait(lambda: len(ready.encoder) > since + 1500, 'ticks of the quarrel')
+    quarrel = ready.says('stage_driver: set-points', 'more than one controller streams')
+    ready.wait(quarrel, 'the word of two controllers')
     one.end()
     two.end()
     ready.wait(lambda: at_rest(ready), 'rest')

@@ -18,7 +18,7 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.twin_file import StepperAxis, TwinFile
 from stage_node.client_node import GraphClient
-from stage_node.node import SETPOINT_QOS, joint_state
+from stage_node.node import SETPOINT_QOS, joint_state, stamp_of
 from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
 from stage_twin.stepper import StepperPlant
@@ -105,6 +105,20 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
 
             client.wait_for(refusal_shown, 30, 'the refusal on /diagnostics')
             assert abs(client.latest(topics.JOINT_STATES).position[0]) < 1e-5
+
+            rivals = [setpoints]
+            rivals.append(client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS))
+            client.wait_for(lambda: rivals[1].get_subscription_count() > 0, 30, 'the driver')
+
+            def rivals_shown():
+                stamp = stamp_of(client.latest(topics.JOINT_STATES).header)
+                for rival, speed in zip(rivals, (0.001, -0.001), strict=True):
+                    rival.publish(joint_state(stamp, ['x', 'y'], velocity=[speed, 0.0]))
+                status = statuses(client.latest(topics.DIAGNOSTICS))['stage_driver: set-points']
+                words = 'streams set-points: end all but one of test_client, test_client'
+                return words in status.message
+
+            client.wait_for(rivals_shown, 30, 'the second controller on /diagnostics')
             assert client.set_bool('/stage_driver/enable', False) == 'disabled'
     finally:
         plant.close()

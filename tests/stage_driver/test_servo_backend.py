@@ -138,10 +138,16 @@ def test_stream_of_both_follows_reference_and_ignores_duplicates():
         stream(backend, recorder, 300, circle)
         stamp = recorder.states[-1][0]
         assert plant.tick == 300
-        backend.submit(recorder.controls[-1][0], ['x', 'y'], [0.0, 0.0], [0.0, 0.0])
+        assert backend.status().details['rival_setpoints'] == '0'
+        last = recorder.controls[-1]
+        # The same again got lost, another one for the same tick is another controller's.
+        for position in (last[1], [0.0, 0.0]):
+            backend.submit(last[0], ['x', 'y'], position, last[3])
+        backend.enable(True).result(timeout=10)  # served after both
+        assert backend.status().details['rival_setpoints'] == '1'
         time.sleep(0.05)
         assert recorder.states[-1][0] == stamp
-        last = recorder.controls[-1]
+        assert recorder.controls[-1] == last
         assert last[1] == pytest.approx(circle(299, (0, 0))[0])
         assert plant.position == pytest.approx(last[1], abs=2e-4)
 
@@ -403,11 +409,31 @@ def test_a_homing_that_waits_ends_on_request(end, words):
 
 
 def test_a_stage_disabled_on_purpose_refuses_to_home_at_once():
-    with (
-        lonely(enable_on_start=False) as (backend, _),
-        pytest.raises(StageError, match='the stage is disabled: call ~/enable'),
-    ):
-        backend.home().result(timeout=10)
+    for requested in (False, True):
+        with lonely(enable_on_start=requested) as (backend, _):
+            if requested:
+                assert backend.enable(False).result(timeout=10) == 'disabled'
+            with pytest.raises(StageError, match='the stage is disabled: call ~/enable'):
+                backend.home().result(timeout=10)
+
+
+def test_a_request_to_disable_outlasts_the_first_contact_and_a_reset():
+    plant = SmallPlant()
+    try:
+        with lonely(plant.port, home_required=False, lockstep_timeout=0.3) as (backend, recorder):
+            assert backend.enable(False).result(timeout=10) == 'disabled'
+            plant.start()
+            recorder.wait(lambda: recorder.said('drive found at tick 0'))
+            assert backend.enable(False).result(timeout=10) == 'disabled'
+            plant.muted = True
+            recorder.wait(lambda: recorder.said('no encoder datagram'))
+            plant.muted = False
+            recorder.wait(lambda: recorder.said('drive back'))
+            assert backend.reset_fault().result(timeout=10) == 'disabled'
+            assert backend.enable(True).result(timeout=10) == 'ready'
+            move(backend, recorder, 0.001, 0.0)
+    finally:
+        plant.close()
 
 
 def test_homing_after_a_loss_waits_until_what_brakes_is_at_rest():

@@ -67,7 +67,11 @@ PARAMETERS: tuple[Parameter, ...] = (
         'backend', 'servo', 'what drives the stage', choices=('servo', 'zaber'), read_only=True
     ),
     _fixed('axes', list(AXES), 'axes of the stage, of x and y'),
-    _fixed('enable_on_start', True, 'enable when the stage is found and after ~/reset_fault'),
+    _fixed(
+        'enable_on_start',
+        True,
+        'enable when the stage is found and after ~/reset_fault, unless ~/enable said no',
+    ),
     _fixed('home_required', True, 'refuse to move before homing'),
     _fixed('homing_velocity', 0.05, 'speed of homing (servo)', 'm/s', minimum=1e-5),
     _fixed(

@@ -24,7 +24,9 @@ class InboxBackend(ABC):
         self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._homing: Future[str] | None = None
         self._homed = False
-        self._counts = {'refused': 0, 'watchdog_stops': 0}
+        #: Whether `~/enable` asked last for a disabled stage, which nothing else may enable.
+        self._kept_disabled = False
+        self._counts = {'refused': 0, 'watchdog_stops': 0, 'rival_setpoints': 0}
         self._last_refusal = ''
         self._last_setpoint: Setpoint | None = None
         self._ending = threading.Event()
@@ -66,7 +68,12 @@ class InboxBackend(ABC):
 
     def enable(self, on: bool) -> Future[str]:
         """See `Backend.enable`."""
-        return self._request(lambda: self._switch(on))
+
+        def switch() -> str:
+            self._kept_disabled = not on
+            return self._switch(on)
+
+        return self._request(switch)
 
     def _request(self, action: Callable[[], str]) -> Future[str]:
         """Future of an action in the backend's thread."""
@@ -136,9 +143,13 @@ class InboxBackend(ABC):
     def _repeats(self, setpoint: Setpoint) -> bool:
         """Whether this is the last set-point again, sent for the case that it got lost."""
         previous = self._last_setpoint
+        if previous is None or setpoint.stamp > previous.stamp or setpoint.stamp == 0:
+            return False
+        if setpoint.streams and previous.streams and setpoint != previous:
+            # A controller's stamps rise, and it sends one set-point for a tick.
+            self._counts['rival_setpoints'] += 1
         return (
-            previous is not None
-            and setpoint.stamp == previous.stamp != 0
+            setpoint.stamp == previous.stamp
             and setpoint.kind is previous.kind
             and (setpoint.streams or setpoint == previous)
         )

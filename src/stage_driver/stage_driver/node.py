@@ -60,6 +60,7 @@ class StageDriver(StageNode):
         self._log_lock = threading.Lock()
         self._logged: dict[str, float] = {}
         self._refused_at = -1e9
+        self._rivals = 0
         self._backend: Backend = self._make_backend()
         self.create_subscription(JointState, topics.SETPOINT, self._on_setpoint, SETPOINT_QOS)
         create_deferred_service(self, Trigger, '~/home', lambda _: self._backend.home())
@@ -192,7 +193,17 @@ class StageDriver(StageNode):
 
     def _setpoint_status(self) -> tuple[bytes, str, dict[str, Any]]:
         details = self._backend.status().details
-        values = {name: details.get(name, '') for name in ('refused', 'last_refusal')}
+        shown = ('refused', 'last_refusal', 'rival_setpoints')
+        values = {name: details.get(name, '') for name in shown}
+        # Once a second: a name per publisher, also of a node that only could publish.
+        publishers = self.get_publishers_info_by_topic(topics.SETPOINT)
+        names = ', '.join(sorted(publisher.node_name for publisher in publishers))
+        values['publishers'] = names
+        before, self._rivals = self._rivals, int(details['rival_setpoints'])
+        if self._rivals > before and len(publishers) > 1:
+            text = f'more than one controller streams set-points: end all but one of {names}'
+            self.on_event(WARNING, text)
+            return WARN, text, values
         if time.monotonic() - self._refused_at < 2.0 * LOG_PERIOD:
             return WARN, values['last_refusal'], values
         return OK, 'no set-point refused of late', values

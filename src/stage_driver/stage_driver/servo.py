@@ -226,7 +226,7 @@ class ServoBackend(InboxBackend):
                 self._abandon('the drive was restarted during a motion')
             return
         self._listener.on_event(INFO, f'drive found at tick {datagram.tick}')
-        if self.config.enable_on_start and self._states.state is State.DISABLED:
+        if self._enables_itself and self._states.state is State.DISABLED:
             self._states.handle(Event.ENABLE)
 
     def _wait_in_lockstep(self) -> None:
@@ -318,7 +318,7 @@ class ServoBackend(InboxBackend):
 
     def _start_homing(self, done: Future[str]) -> None:
         # A drive that was never met yet enables the stage when it comes.
-        coming = self._tick < 0 and self.config.enable_on_start
+        coming = self._tick < 0 and self._enables_itself
         coming = coming and self._homing is None and self._states.state is State.DISABLED
         refused = None if coming else self._move_refusal(None)
         if refused is None and self.motion.streaming:
@@ -374,6 +374,10 @@ class ServoBackend(InboxBackend):
     def _streaming(self) -> bool:
         return self.motion.streaming
 
+    @property
+    def _enables_itself(self) -> bool:
+        return self.config.enable_on_start and not self._kept_disabled
+
     def _limits(self) -> Sequence[AxisLimits]:
         return self.config.limits
 
@@ -388,7 +392,7 @@ class ServoBackend(InboxBackend):
     def _reset(self) -> str:
         """Clear the fault; enable again where the stage does so at the start."""
         state = self._states.handle(Event.RESET)
-        if state is State.DISABLED and self.config.enable_on_start and self._link.connected:
+        if state is State.DISABLED and self._enables_itself and self._link.connected:
             return self._switch(True)
         return state.value
 

@@ -316,7 +316,8 @@ class ZaberBackend(InboxBackend):
             raise StageError(f'the fault stays: {fault}')
         self._flags = None
         state = self._states.handle(Event.RESET)
-        if self.config.enable_on_start and state is State.DISABLED:
+        enable = self.config.enable_on_start and not self._kept_disabled
+        if enable and state is State.DISABLED:
             return self._switch(True)
         return state.value
 
