@@ -67,10 +67,11 @@ def test_tampering_other_version_and_other_machine_are_refused(stored, tmp_path)
     with pytest.raises(StageError, match='machine stage-7, this one is stage-8'):
         model_file.load(path, 'stage-8')
 
-    path.write_text('[1, 2]')
-    with pytest.raises(StageError, match='no calibration model'):
-        model_file.load(path)
-    with pytest.raises(StageError, match='cannot be read'):
+    for text, words in (('[1, 2]', 'holds no JSON object'), ('{}', 'is no calibration model')):
+        path.write_text(text)
+        with pytest.raises(StageError, match=words):
+            model_file.load(path)
+    with pytest.raises(StageError, match='cannot read'):
         model_file.load(tmp_path / 'absent.json')
 
 

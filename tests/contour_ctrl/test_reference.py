@@ -185,7 +185,7 @@ def test_nurbs_files(tmp_path: Path) -> None:
     for text, words in (
         ('degree: 2\nknots: [0, 1]\ncontrol_points: [[0, 0], [1, 1], [2, 0]]', 'need 6 knots'),
         ('degree: 2', 'missing'),
-        ('a: [', 'not YAML'),
+        ('a: [', 'not valid YAML'),
         ('degree: 1\nknots: [0,0,1,1]\ncontrol_points: [[0, 0], [.nan, 1]]', 'not finite'),
         ('degree: x\nknots: [0,0,1,1]\ncontrol_points: [[0, 0], [1, 1]]', 'numbers'),
     ):

@@ -194,7 +194,7 @@ def test_what_is_no_bag_is_refused(tmp_path: Path, capsys: Capture) -> None:
     ('content', 'words'),
     [
         ('\x00\x01{{{ : [', 'not valid YAML'),
-        ('just words', 'no mapping'),
+        ('just words', 'no YAML mapping'),
         ('kind: servo\naxes: {x: {mass: .nan, viscous: 1}}', 'axes.x.mass'),
         ({**twin(), 'control_period': 0.002}, 'control period'),
         (twin(('x',)), 'no axis y'),

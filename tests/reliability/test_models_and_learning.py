@@ -96,12 +96,12 @@ def damage(path: Path, kind: str) -> None:
 @pytest.mark.parametrize(
     ('kind', 'words'),
     [
-        ('truncated', 'truncated'),
+        ('truncated', 'not valid JSON'),
         ('tampered', 'checksum'),
         ('other version', 'format version'),
         ('other machine', 'trained on machine lathe'),
-        ('absent', 'cannot be read'),
-        ('pickle', 'no JSON|cannot be read'),
+        ('absent', 'cannot read'),
+        ('pickle', 'not valid JSON|cannot read'),
     ],
 )
 def test_bad_model_files_leave_the_old_model(

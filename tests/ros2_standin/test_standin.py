@@ -271,7 +271,7 @@ def test_messages_from_yaml_and_back() -> None:
     [
         ('std_srvs/srv/SetBool', '{data: [1]}', 'data is a boolean'),
         ('std_srvs/srv/SetBool', '{datum: true}', 'has no field datum'),
-        ('std_srvs/srv/SetBool', '{data: ', 'not YAML'),
+        ('std_srvs/srv/SetBool', '{data: ', 'not valid YAML'),
         ('std_srvs/srv/SetBool', '3', 'dictionary'),
     ],
 )

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from calibrator.models import model_from_dict
 from calibrator.models.base import Array, CalibrationModel
 from stage_core.errors import StageError
+from stage_core.untrusted import file_text, json_object
 
 FORMAT = 'stage-calibration-model'
 FORMAT_VERSION = 1
@@ -158,17 +159,9 @@ def load(path: str | Path, machine: str = '') -> StoredModel:
         If the file is absent, truncated, altered, of another format version or machine.
     """
     source = Path(path)
-    try:
-        text = source.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        raise StageError(f'the model file {source} cannot be read: {error}') from error
-    try:
-        document = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise StageError(
-            f'the model file {source} is truncated or no JSON ({error}): train the model again'
-        ) from error
-    if not isinstance(document, dict) or document.get('format') != FORMAT:
+    what, remedy = f'the model file {source}', 'train the model again, or name another file'
+    document = json_object(file_text(source, what, remedy), what, remedy)
+    if document.get('format') != FORMAT:
         raise StageError(f'{source} is no calibration model: choose a file that retraining wrote')
     if document.get('format_version') != FORMAT_VERSION:
         raise StageError(

@@ -30,6 +30,7 @@ from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.parameters import Parameter
 from stage_core.quantities import AXES
+from stage_core.untrusted import json_object
 from stage_node.deferred_service import create_deferred_service
 from stage_node.node import (
     ERROR,
@@ -341,13 +342,7 @@ class Calibrator(StageNode):
 
 
 def _options(text: str) -> dict[str, Any]:
-    try:
-        content = json.loads(text or '{}')
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise StageError(f'the parameter options is no JSON: {error}') from error
-    if not isinstance(content, dict):
-        raise StageError('the parameter options must be a JSON object like {"degree": 7}')
-    return content
+    return json_object(text or '{}', 'the parameter options', 'write {"degree": 7}, for example')
 
 
 def _version_of(path: Path) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -29,7 +28,8 @@ from calibrator.training import (
 )
 from calibrator.training_job import Job, run_job
 from session_bags.archive import add_arguments, where_from
-from stage_core.errors import StageError, command_line
+from stage_core.errors import command_line
+from stage_core.untrusted import json_object
 
 
 @command_line
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     settings = {
         **default_options(options.method, gathered.leads),
-        **_json_object(options.options),
+        **json_object(options.options, '--options', 'write {"degree": 7}, for example'),
     }
     if options.compare:
         shared = {m: default_options(m, gathered.leads) for m in METHODS}
@@ -131,18 +131,6 @@ def _progress() -> Any:
         print(f'\riteration {iteration}, error {best:.5g} ', end='', file=sys.stderr, flush=True)
 
     return show
-
-
-def _json_object(text: str) -> dict[str, Any]:
-    try:
-        content = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise StageError(
-            f'--options is no JSON ({error.msg}): write {{"degree": 7}}, for example'
-        ) from error
-    if not isinstance(content, dict):
-        raise StageError('--options must be a JSON object: write {"degree": 7}, for example')
-    return content
 
 
 def _parser() -> argparse.ArgumentParser:

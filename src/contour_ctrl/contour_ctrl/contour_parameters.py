@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from contour_ctrl import cmac, curves, nurbs, reinforcement
 from contour_ctrl.feedrate import AxisLimits
@@ -19,6 +17,7 @@ from contour_ctrl.tick import Gains
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter
 from stage_core.quantities import AXES
+from stage_core.untrusted import file_text, yaml_mapping
 
 Values = Callable[[str], Any]
 
@@ -142,13 +141,7 @@ def make_curve(value: Values, text: str | None = None) -> curves.Curve:
         return curves.eight(value('width'), value('height'), centre)
     origin = value('curve_file') or 'the curve on the topic ~/curve'
     if value('curve_file'):
-        try:
-            text = Path(value('curve_file')).read_text(encoding='utf-8')
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, 'strerror', None) or str(error)
-            raise StageError(
-                f'cannot read the curve {origin} ({reason}): check the parameter curve_file'
-            ) from None
+        text = file_text(origin, f'the curve {origin}', 'check the parameter curve_file')
     if text is None:
         raise StageError(
             f'the contour {kind} needs a curve: set curve_file or publish YAML on ~/curve'
@@ -160,13 +153,12 @@ def make_curve(value: Values, text: str | None = None) -> curves.Curve:
 
 def _curve_through_points(kind: str, text: str, origin: str) -> curves.Curve:
     """Contours from a YAML mapping: points [[x, y], ...] [m], closed (freeform), basis (hra)."""
+    remedy = 'give points as a list of [x, y] in metres under the key points'
+    content = yaml_mapping(text, origin, remedy)
     try:
-        content = yaml.safe_load(text)
         points = np.asarray(content['points'], dtype=float)
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError):
-        raise StageError(
-            f'{origin}: give points as a list of [x, y] in metres under the key points'
-        ) from None
+    except (KeyError, TypeError, ValueError):
+        raise StageError(f'{origin}: {remedy}') from None
     if kind == 'freeform':
         return curves.freeform(points, bool(content.get('closed', True)))
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
@@ -26,6 +25,7 @@ from contour_ctrl.streaming_node import StreamingNode
 from contour_ctrl.tick import Controller
 from stage_core import topics
 from stage_core.errors import StageError
+from stage_core.untrusted import json_object
 from stage_node.deferred_service import create_deferred_service
 from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, run, stamp_of
 
@@ -154,13 +154,9 @@ class ContourCtrl(StreamingNode):
 
     def _on_model(self, message: String) -> None:
         try:
-            content = json.loads(message.data)
-        except (ValueError, RecursionError):
-            content = None
-        if not isinstance(content, dict):
-            self.get_logger().error(f'{topics.MODEL} holds no JSON object: it is ignored')
-            return
-        self._model = content
+            self._model = json_object(message.data, topics.MODEL, 'it is ignored')
+        except StageError as error:
+            self.get_logger().error(str(error))
 
     def _on_curve(self, message: String) -> None:
         self._curve_text = message.data

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import comb
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from stage_core.errors import StageError
+from stage_core.untrusted import file_text, yaml_mapping
 
 FloatArray = NDArray[np.float64]
 
@@ -111,10 +112,8 @@ class NurbsCurve:
         return hashlib.sha256(b''.join(part.tobytes() for part in content)).hexdigest()
 
 
-def from_mapping(content: Any) -> NurbsCurve:
+def from_mapping(content: Mapping[str, Any]) -> NurbsCurve:
     """Make a NURBS curve from a mapping with degree, knots, control_points [m] and weights."""
-    if not isinstance(content, dict):
-        raise StageError('a NURBS curve is a mapping of degree, knots and control_points')
     unknown = set(content) - {'degree', 'knots', 'control_points', 'weights'}
     missing = {'degree', 'knots', 'control_points'} - set(content)
     if unknown or missing:
@@ -135,11 +134,7 @@ def from_mapping(content: Any) -> NurbsCurve:
 
 def from_text(text: str, origin: str) -> NurbsCurve:
     """Make a NURBS curve from YAML text; `origin` names it in errors."""
-    try:
-        content = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError) as error:
-        line = str(error).splitlines()[0]
-        raise StageError(f'{origin} is not YAML ({line}): correct it') from None
+    content = yaml_mapping(text, origin, 'give degree, knots and control_points')
     try:
         return from_mapping(content)
     except StageError as error:
@@ -148,12 +143,7 @@ def from_text(text: str, origin: str) -> NurbsCurve:
 
 def load(path: str | Path) -> NurbsCurve:
     """Read a NURBS curve from a YAML file."""
-    try:
-        text = Path(path).read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or str(error)
-        raise StageError(f'cannot read the curve {path} ({reason}): check the path') from None
-    return from_text(text, str(path))
+    return from_text(file_text(path, f'the curve {path}', 'check the path'), str(path))
 
 
 def bezier_chain(segments: FloatArray) -> NurbsCurve:

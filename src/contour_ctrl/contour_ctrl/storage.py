@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stage_core.errors import StageError
+from stage_core.untrusted import json_object
 
 FloatArray = NDArray[np.float64]
 
 FORMAT = 'contour-learning/1'
 FILE_NAME = 'learned.npz'
+#: What a file that is no archive of arrays raises.
+_UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 
 @dataclass(frozen=True)
@@ -64,11 +67,11 @@ def load(path: str | Path, contour: str, machine: str) -> Learned:
     """
     try:
         with np.load(path, allow_pickle=False) as content:
-            header = json.loads(str(content['header']))
+            header = json_object(str(content['header']), 'its header', 'delete the file')
             signal = np.asarray(content['signal'], dtype=float)
             weights = np.asarray(content['weights'], dtype=float)
         known = header['format'], header['contour'], header['machine']
-    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
+    except (*_UNREADABLE, StageError) as error:
         raise StageError(
             f'{path} holds no learned signal ({type(error).__name__}): '
             'delete it or set reuse_learned to false'

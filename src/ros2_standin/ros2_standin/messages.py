@@ -12,6 +12,7 @@ import numpy as np
 import yaml
 
 from stage_core.errors import StageError
+from stage_core.untrusted import yaml_value
 
 
 def interface(name: str, kind: str) -> Any:
@@ -42,10 +43,7 @@ def fill(message: Any, text: str) -> Any:
     StageError
         If the text is no YAML mapping, or names a field or value that does not fit.
     """
-    try:
-        values = yaml.safe_load(text) if text.strip() else {}
-    except yaml.YAMLError as error:
-        raise StageError(f'the values are not YAML: {" ".join(str(error).split())}') from error
+    values = yaml_value(text, f'the text {text!r}', "write a mapping, as '{data: true}'")
     if values is None:
         values = {}
     if not isinstance(values, Mapping):

@@ -11,6 +11,7 @@ import yaml
 from ros2_standin.graph_node import call, node, node_names, parameter_message, require_node, settle
 from ros2_standin.messages import interface
 from stage_core.errors import StageError
+from stage_core.untrusted import yaml_value
 
 #: ROS type number -> field of a ParameterValue, word for one value.
 _FIELDS = {
@@ -106,8 +107,8 @@ def set_parameter(arguments: argparse.Namespace) -> int:
     """Set one parameter; its text is read as YAML."""
     kind = interface('rcl_interfaces/srv/SetParameters', 'srv')
     try:
-        value = yaml.safe_load(arguments.value)
-    except yaml.YAMLError:
+        value = yaml_value(arguments.value, 'the value', 'it is taken as text')
+    except StageError:
         value = None
     if isinstance(value, (dict, type(None))):
         value = arguments.value

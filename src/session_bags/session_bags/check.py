@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from session_bags.arrivals import arrivals
@@ -25,6 +24,7 @@ from stage_core.errors import StageError, command_line
 from stage_core.quantities import AXES
 from stage_core.session import Series
 from stage_core.twin_file import TwinFile
+from stage_core.untrusted import yaml_mapping
 
 OK, WARNING, ERROR = 'ok', 'warning', 'error'
 _JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -138,11 +138,9 @@ def _check_twin(bag: Bag) -> Iterator[Finding]:
         yield Finding(OK, 'custom_data', 'carries no twin')
         return
     try:
-        content = yaml.safe_load(text)
-        if not isinstance(content, dict):
-            raise StageError('it is no mapping')
+        content = yaml_mapping(text, 'the text', 'record with a twin file')
         TwinFile.from_dict(content)
-    except (yaml.YAMLError, StageError, RecursionError) as error:
+    except StageError as error:
         yield Finding(ERROR, 'custom_data', f'its twin is no twin file ({error})')
     else:
         yield Finding(OK, 'custom_data', f'carries a twin of kind {content.get("kind")}')

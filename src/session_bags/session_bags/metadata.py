@@ -11,10 +11,13 @@ from typing import Any
 import yaml
 
 from stage_core.errors import StageError
+from stage_core.untrusted import file_text, yaml_mapping, yaml_value
 
 VERSION = 9
 FILE_NAME = 'metadata.yaml'
 _OUTER_KEY = 'rosbag2_bagfile_information'
+#: What a mapping raises that lacks a part, or holds another type there.
+_INCOMPLETE = (KeyError, TypeError, ValueError, AttributeError)
 
 
 @dataclass
@@ -111,11 +114,6 @@ def dump(content: Any) -> str:
     return yaml.dump(content, Dumper=_Dumper, sort_keys=False, default_flow_style=False)
 
 
-def _load_yaml(text: str) -> Any:
-    """Parse YAML, by libyaml where PyYAML has it: ten times faster."""
-    return yaml.load(text, Loader=getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
-
-
 def load(directory: Path) -> BagMetadata | None:
     """Read ``metadata.yaml`` of any version; None where there is none.
 
@@ -127,30 +125,19 @@ def load(directory: Path) -> BagMetadata | None:
     path = directory / FILE_NAME
     if not path.is_file():
         return None
+    remedy = f'run `ros2 run session_bags repair {directory}` to write it anew'
+    content = yaml_mapping(file_text(path, str(path), remedy), str(path), remedy)
     try:
-        inner = _load_yaml(path.read_text(encoding='utf-8'))[_OUTER_KEY]
-        return _parse(inner)
-    except (
-        yaml.YAMLError,
-        UnicodeDecodeError,
-        OSError,
-        KeyError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        RecursionError,
-    ) as error:
-        raise StageError(
-            f'{path} is not the description of a bag: run `ros2 run session_bags repair '
-            f'{directory}` to write it anew'
-        ) from error
+        return _parse(content[_OUTER_KEY])
+    except _INCOMPLETE as error:
+        raise StageError(f'{path} is not the description of a bag: {remedy}') from error
 
 
 def parse_inner(text: str) -> BagMetadata | None:
     """Metadata from the ``rosbag2`` record of an mcap file; None where it cannot be read."""
     try:
-        return _parse(_load_yaml(text))
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
+        return _parse(yaml_mapping(text, 'the rosbag2 record', 'it is ignored'))
+    except (*_INCOMPLETE, StageError):
         return None
 
 
@@ -194,7 +181,7 @@ def parse_qos(profiles: Any) -> list[dict[str, Any]]:
     """Quality of service as a list of mappings; versions before 9 hold it as YAML text."""
     if isinstance(profiles, str):
         try:
-            profiles = _load_yaml(profiles)
-        except (yaml.YAMLError, RecursionError):
+            profiles = yaml_value(profiles, 'the quality of service', 'it is ignored')
+        except StageError:
             return []
     return [dict(p) for p in profiles or () if isinstance(p, Mapping)]

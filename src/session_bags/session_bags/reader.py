@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from session_bags.bag import Bag, open_bag
@@ -22,6 +21,7 @@ from stage_core.clocks import NANOSECONDS
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.session import Session
+from stage_core.untrusted import yaml_mapping
 
 #: Uncompressed bytes that are decoded together: large enough to hide the cost of a call.
 _BATCH_BYTES = 4 << 20
@@ -126,13 +126,10 @@ def _twin(bag: Bag, warnings: list[str]) -> dict[str, Any] | None:
     if not text:
         return None
     try:
-        content = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError):
-        content = None
-    if not isinstance(content, dict):
-        warnings.append('custom_data.twin is not the YAML of a twin file; it was ignored')
+        return yaml_mapping(text, 'custom_data.twin', 'it was ignored')
+    except StageError as error:
+        warnings.append(str(error))
         return None
-    return content
 
 
 def _alignment(decoder: TopicDecoder) -> RigidTransform | None:

@@ -13,6 +13,7 @@ import yaml
 
 from stage_core.errors import StageError
 from stage_core.quantities import AXES
+from stage_core.untrusted import file_text, yaml_mapping
 
 KINDS = ('servo', 'stepper', 'measured_force')
 
@@ -116,15 +117,8 @@ class TwinFile:
         StageError
             If it is absent, no YAML, or breaks the contract; the message names the key.
         """
-        try:
-            content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-        except OSError as error:
-            raise StageError(f'cannot read twin file {path}: {error.strerror}') from error
-        except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-            reason = ' '.join(str(error).split())[:120]
-            raise StageError(f'twin file {path} is not valid YAML: {reason}') from error
-        if not isinstance(content, dict):
-            raise StageError(f'twin file {path} holds no mapping: see section 5 of the contract')
+        what, remedy = f'twin file {path}', 'name a twin file as docs/twin.md describes it'
+        content = yaml_mapping(file_text(path, what, remedy), what, remedy)
         return cls.from_dict(content, str(path))
 
     @classmethod
