@@ -36,11 +36,11 @@ def select_backwards(
         floor = max(selector.problem.floor, math.sqrt(fit.mean_square(selector.problem)))
         problem = replace(selector.problem, floor=floor)
         selector = Selector(problem, unknown_noise, selector.seed, selector.raw)
-    accepted, fit, evidence = selector._prune(list(fit.thetas), fit)
+    accepted, fit, evidence = selector.prune(list(fit.thetas), fit)
     problem = selector.problem
     if not accepted or fit.mean_square(problem) >= forward.fit.mean_square(problem):
         return forward
-    selector._rivals(accepted, fit, evidence)
+    selector.find_rivals(accepted, fit, evidence)
     rejected = {n: e for n, e in forward.rejected.items() if n not in accepted}
     return Selection(accepted, fit, evidence, rejected)
 
@@ -57,9 +57,9 @@ def _everything(selector: Selector) -> Fit | None:
         return None
     fit = regression.linear(linear)
     for name in others:
-        fit = selector._with(fit, name)
+        fit = selector.with_effect(fit, name)
     fit = regression.refine(fit.thetas, others)
     # What takes an impossible value beside all the others is none of them.
-    while not_physical := [n for n in fit.thetas if not selector._admissible(fit, n)]:
-        fit = selector._without(fit, not_physical[0])
+    while not_physical := [n for n in fit.thetas if not selector.admissible(fit, n)]:
+        fit = selector.without_effect(fit, not_physical[0])
     return fit

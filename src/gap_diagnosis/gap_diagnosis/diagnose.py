@@ -15,6 +15,7 @@ from gap_diagnosis import evidence as judge
 from gap_diagnosis.channels import Channel, axis_shares, gap_channels, position_rms, without_cause
 from gap_diagnosis.contained import contained
 from gap_diagnosis.data import Record, held_out_windows, load_record
+from gap_diagnosis.describe import describe
 from gap_diagnosis.kinematics import Kinematics
 from gap_diagnosis.localise import Condition, conditions, features
 from gap_diagnosis.nominal import merged, sensor_frame, with_counted_steps
@@ -31,7 +32,6 @@ from gap_diagnosis.parts import (
     with_steps,
 )
 from gap_diagnosis.polish import polish
-from gap_diagnosis.selection import describe
 from gap_diagnosis.servo import Servo
 from gap_diagnosis.stepper import load_stepper_record
 from stage_core.errors import StageError

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from gap_diagnosis import evidence as judge
 from gap_diagnosis.backward import select_backwards
 from gap_diagnosis.data import Record, scored_ticks
+from gap_diagnosis.describe import describe
 from gap_diagnosis.evidence import Structure
 from gap_diagnosis.regression import Problem
 from gap_diagnosis.replay import replay
-from gap_diagnosis.selection import Evidence, Rules, Selection, Selector, describe
+from gap_diagnosis.selection import Evidence, Rules, Selection, Selector
 from stage_core.errors import StageError
 from stage_core.quantities import EFFECT_LINKS, split_effect
 from stage_core.twin_file import TwinFile

@@ -13,15 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.regression import (
-    Fit,
-    Problem,
-    Regression,
-    Theta,
-    block_gains,
-    block_rms_gains,
-    bootstrap_interval,
-)
+from gap_diagnosis.gains import block_gains, block_rms_gains, bootstrap_interval
+from gap_diagnosis.regression import Fit, Problem, Regression
 
 Array = NDArray[np.float64]
 
@@ -119,7 +112,7 @@ class Selector:
         base = self.regression.linear({n: self.problem.terms[n].grid[0] for n in accepted})
         for name in self.rules.kept:
             if name not in accepted:
-                accepted, base = [*accepted, name], self._with(base, name)
+                accepted, base = [*accepted, name], self.with_effect(base, name)
         rejected: dict[str, Evidence] = {}
         while len(accepted) < self.rules.largest:
             trials = self._trials(base, accepted)
@@ -140,7 +133,7 @@ class Selector:
                     trials[name][1].thetas, list(trials[name][1].thetas)
                 )
                 # A set in which one effect takes an impossible value explains nothing.
-                if all(self._admissible(joint, n) for n in joint.thetas):
+                if all(self.admissible(joint, n) for n in joint.thetas):
                     accepted, base = [*accepted, name], joint
                     if name.startswith('force_saturation'):
                         # Forces that never acted are no measure for what did.
@@ -152,10 +145,10 @@ class Selector:
                 break
             accepted, base = self._simplify(accepted, base)
         accepted, base = self._merge(accepted, base)
-        accepted, base, evidence = self._prune(accepted, base)
+        accepted, base, evidence = self.prune(accepted, base)
         if self.rules.prefer_plain:
-            accepted, base, evidence = self._prune(*self._plain(accepted, base))
-        self._rivals(accepted, base, evidence)
+            accepted, base, evidence = self.prune(*self._plain(accepted, base))
+        self.find_rivals(accepted, base, evidence)
         for name in accepted:
             rejected.pop(name, None)
         return Selection(accepted, base, evidence, rejected)
@@ -199,7 +192,7 @@ class Selector:
         for name in self.problem.terms:
             if name in accepted or self._barred(name, accepted):
                 continue
-            fit = self._with(base, name, self._replaced(name, accepted))
+            fit = self.with_effect(base, name, self._replaced(name, accepted))
             out[name] = (self._evidence(name, base, fit), fit)
         return out
 
@@ -216,7 +209,7 @@ class Selector:
         near = [(size(name), -gain, name) for gain, name in good if gain >= ABOUT_THE_SAME * most]
         return min(near)[2]
 
-    def _with(self, base: Fit, name: str, without: tuple[str, ...] = ()) -> Fit:
+    def with_effect(self, base: Fit, name: str, without: tuple[str, ...] = ()) -> Fit:
         """The set with one more effect, its own nonlinear parameters refined."""
         if without:
             base = self.regression.linear(
@@ -243,7 +236,8 @@ class Selector:
             a for a in accepted if a.partition('.')[0] in held and a.partition('.')[2] == axis
         )
 
-    def _admissible(self, fit: Fit, name: str) -> bool:
+    def admissible(self, fit: Fit, name: str) -> bool:
+        """Whether an effect's parameters are physical in a fit."""
         return bool(self.problem.terms[name].admissible(fit.thetas[name], fit.coefficients[name]))
 
     def _evidence(self, name: str, base: Fit, fit: Fit) -> Evidence:
@@ -255,7 +249,7 @@ class Selector:
             gain,
             bootstrap_interval(gains, self.seed, level=self.rules.level),
             min(gain / rest, 1.0),
-            self._admissible(fit, name),
+            self.admissible(fit, name),
         )
 
     def _counts(self, evidence: Evidence, base: Fit) -> bool:
@@ -296,7 +290,7 @@ class Selector:
             # With a gain the equation is in units of the force that acts: back to the command's.
             unit = (1.0 + float(other.coefficients[name][0])) ** 2
             reached = other.mean_square(self.problem) / max(unit, 0.01)
-            if reached < limit and self._admissible(other, name):
+            if reached < limit and self.admissible(other, name):
                 return [a for a in accepted if a not in pair] + [name], other
         return accepted, fit
 
@@ -308,55 +302,56 @@ class Selector:
                 plain = f'{held}.{axis}'
                 if plain not in self.problem.terms or plain in accepted:
                     continue
-                less = self._without(fit, name)
-                thetas = self._with(less, plain).thetas
+                less = self.without_effect(fit, name)
+                thetas = self.with_effect(less, plain).thetas
                 other = self.regression.refine(thetas, list(thetas))
                 loss = block_gains(self.problem, other, fit)
                 gain = float(block_gains(self.problem, less, fit).mean())
                 low, _ = bootstrap_interval(loss, self.seed, level=self.rules.level)
                 close = low <= 0.0 or float(loss.mean()) < 0.05 * gain
-                if close and self._admissible(other, plain):
+                if close and self.admissible(other, plain):
                     accepted, fit = [plain if a == name else a for a in accepted], other
                     break
         return accepted, fit
 
-    def _without(self, fit: Fit, name: str) -> Fit:
+    def without_effect(self, fit: Fit, name: str) -> Fit:
+        """The set with one effect less, all others refined."""
         kept = {n: t for n, t in fit.thetas.items() if n != name}
         return self.regression.refine(kept, list(kept), rounds=6)
 
-    def _prune(self, accepted: list[str], fit: Fit) -> tuple[list[str], Fit, dict[str, Evidence]]:
+    def prune(self, accepted: list[str], fit: Fit) -> tuple[list[str], Fit, dict[str, Evidence]]:
         """Leave one out, the weakest first, until each one counts."""
         while accepted:
             evidence = {}
             for name in accepted:
-                less = self._without(fit, name)
+                less = self.without_effect(fit, name)
                 evidence[name] = self._evidence(name, less, fit)
-                evidence[name].admissible = self._admissible(fit, name)
+                evidence[name].admissible = self.admissible(fit, name)
             weak = [
                 (evidence[n].gain, n)
                 for n in accepted
                 if n not in self.rules.kept
-                and not self._counts(evidence[n], self._without(fit, n))
+                and not self._counts(evidence[n], self.without_effect(fit, n))
             ]
             if not weak:
                 return accepted, fit, evidence
             _, worst = min(weak)
             accepted = [a for a in accepted if a != worst]
-            fit = self._without(fit, worst)
+            fit = self.without_effect(fit, worst)
         return accepted, fit, {}
 
-    def _rivals(self, accepted: list[str], fit: Fit, evidence: dict[str, Evidence]) -> None:
+    def find_rivals(self, accepted: list[str], fit: Fit, evidence: dict[str, Evidence]) -> None:
         """Effects that do as well in the place of an accepted one."""
         for name in accepted:
             if name in self.rules.kept:
                 continue
-            less = self._without(fit, name)
+            less = self.without_effect(fit, name)
             rest = max(less.mean_square(self.problem) - self.noise, 1e-300)
             for rival in self.problem.terms:
                 if rival in accepted or self._barred(rival, [a for a in accepted if a != name]):
                     continue
-                other = self._with(less, rival)
-                if not self._admissible(other, rival):
+                other = self.with_effect(less, rival)
+                if not self.admissible(other, rival):
                     continue
                 loss = block_gains(self.problem, other, fit)
                 gained = float(block_gains(self.problem, less, other).mean())
@@ -365,45 +360,3 @@ class Selector:
                 low, _ = bootstrap_interval(loss, self.seed, level=self.rules.level)
                 if gained > 0.5 * rest and not holder and (close or low <= 0.0):
                     evidence[name].alternatives.append(rival)
-
-
-def describe(
-    selection: Selection, regression: Regression
-) -> dict[str, dict[str, tuple[float, float]]]:
-    """Parameters of each accepted effect as (value, standard deviation).
-
-    The deviations of parameters that are functions of coefficients follow by propagation with
-    central differences.
-    """
-    terms = regression.problem.terms
-    deviations = regression.uncertainty(selection.fit)
-    out: dict[str, dict[str, tuple[float, float]]] = {}
-    for name in selection.accepted:
-        theta = selection.fit.thetas[name]
-        c = selection.fit.coefficients[name]
-        theta_std, c_std = deviations[name]
-        values = terms[name].parameters(theta, c)
-        variance = dict.fromkeys(values, 0.0)
-        for i, std in enumerate(theta_std):
-            for key, slope in _change(terms[name].parameters, theta, c, i, float(std), True):
-                variance[key] += slope**2
-        for i, std in enumerate(c_std):
-            for key, slope in _change(terms[name].parameters, theta, c, i, float(std), False):
-                variance[key] += slope**2
-        out[name] = {k: (v, float(np.sqrt(variance[k]))) for k, v in values.items()}
-    return out
-
-
-def _change(
-    parameters: object, theta: Theta, c: np.ndarray, i: int, step: float, nonlinear: bool
-) -> list[tuple[str, float]]:
-    assert callable(parameters)
-    ends = []
-    for sign in (0.5, -0.5):
-        moved_theta, moved_c = list(theta), c.copy()
-        if nonlinear:
-            moved_theta[i] += sign * step
-        else:
-            moved_c[i] += sign * step
-        ends.append(parameters(tuple(moved_theta), moved_c))
-    return [(key, ends[0][key] - ends[1][key]) for key in ends[0]]

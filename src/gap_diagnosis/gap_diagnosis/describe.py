@@ -1,0 +1,50 @@
+"""The parameters of accepted effects with their standard deviations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gap_diagnosis.regression import Regression, Theta
+from gap_diagnosis.selection import Selection
+
+
+def describe(
+    selection: Selection, regression: Regression
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """Parameters of each accepted effect as (value, standard deviation).
+
+    The deviations of parameters that are functions of coefficients follow by propagation with
+    central differences.
+    """
+    terms = regression.problem.terms
+    deviations = regression.uncertainty(selection.fit)
+    out: dict[str, dict[str, tuple[float, float]]] = {}
+    for name in selection.accepted:
+        theta = selection.fit.thetas[name]
+        c = selection.fit.coefficients[name]
+        theta_std, c_std = deviations[name]
+        values = terms[name].parameters(theta, c)
+        variance = dict.fromkeys(values, 0.0)
+        for i, std in enumerate(theta_std):
+            for key, slope in _change(terms[name].parameters, theta, c, i, float(std), True):
+                variance[key] += slope**2
+        for i, std in enumerate(c_std):
+            for key, slope in _change(terms[name].parameters, theta, c, i, float(std), False):
+                variance[key] += slope**2
+        out[name] = {k: (v, float(np.sqrt(variance[k]))) for k, v in values.items()}
+    return out
+
+
+def _change(
+    parameters: object, theta: Theta, c: np.ndarray, i: int, step: float, nonlinear: bool
+) -> list[tuple[str, float]]:
+    assert callable(parameters)
+    ends = []
+    for sign in (0.5, -0.5):
+        moved_theta, moved_c = list(theta), c.copy()
+        if nonlinear:
+            moved_theta[i] += sign * step
+        else:
+            moved_c[i] += sign * step
+        ends.append(parameters(tuple(moved_theta), moved_c))
+    return [(key, ends[0][key] - ends[1][key]) for key in ends[0]]

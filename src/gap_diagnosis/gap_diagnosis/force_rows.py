@@ -1,0 +1,104 @@
+"""The rows of one axis' force balance: which ticks count, and every signal low-passed there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.data import Record, nominal_mass
+from gap_diagnosis.nominal import Prediction
+from gap_diagnosis.operators import (
+    band_limited,
+    central_difference,
+    centred_hold,
+    presliding_state,
+    second_difference,
+    smooth,
+)
+from stage_core.twin_file import TwinFile
+
+Array = NDArray[np.float64]
+
+CORNER = 30.0  # Hz; above it the quantisation of the acceleration is white after the low-pass
+LONGEST = 120.0  # s of a session that are used; longer ones are thinned in whole blocks
+SLIDING = 3.0  # encoder steps within 20 ms, below which the axis counts as resting
+
+
+class ForceRows:
+    """Signals of one axis at the rows of its force balance, sessions concatenated."""
+
+    def __init__(self, records: list[Record], twin: TwinFile, axis: str) -> None:
+        self.axis = axis
+        self.records = records
+        self.nominal = twin.axes[axis]
+        self.mass, self.viscous = nominal_mass(self.nominal)
+        self.lead = float(getattr(self.nominal, 'lead', 0.010))
+        self.resolution = float(getattr(self.nominal, 'encoder_resolution', 1e-6))
+        self.delay = float(getattr(self.nominal, 'delay', 0.0))
+        self.measured_force = twin.kind == 'measured_force'
+        self.corner = CORNER
+        self._signals = [self._prepare(r) for r in records]
+        self._predictions = [Prediction(r, twin) for r in records] if twin.effects else []
+        keep = [self._used(r, s) for r, s in zip(records, self._signals, strict=True)]
+        self.keep = keep
+        self.position = np.concatenate(
+            [s['p'][k] for s, k in zip(self._signals, keep, strict=True)]
+        )
+
+    def _prepare(self, record: Record) -> dict[str, Array]:
+        i = record.column(self.axis)
+        q, force, period = record.encoder[:, i], record.force[:, i], record.period
+        velocity = central_difference(q, period)
+        # The path for friction and ripple: quantisation removed, no overshoot at reversals.
+        path = smooth(q, period, 60.0)
+        return {
+            'q': q,
+            'force': force,
+            'v': velocity,
+            'a': second_difference(q, period),
+            'a_limited': band_limited(second_difference(q, period), period),
+            'p': path,
+            'v_smooth': smooth(velocity, period, 60.0),
+        }
+
+    def _used(self, record: Record, signals: dict[str, Array]) -> NDArray[np.bool_]:
+        """Rows at which the axis slides: at rest a force within the friction says nothing."""
+        window = max(2, int(round(0.02 / record.period)))
+        travel = np.abs(signals['p'][window:] - signals['p'][:-window])
+        moving = np.zeros(len(signals['p']), dtype=bool)
+        moving[window // 2 : window // 2 + len(travel)] = travel > SLIDING * self.resolution
+        edge = int(round(0.1 / record.period))
+        moving[:edge] = False
+        moving[-edge:] = False
+        moving &= record.whole(record.time)
+        if record.duration > LONGEST:
+            blocks = (record.time / 10.0).astype(int)
+            wanted = np.linspace(0, blocks.max(), int(LONGEST / 10.0)).astype(int)
+            moving &= np.isin(blocks, wanted)
+        return moving
+
+    def _columns(self, *parts: list[Array]) -> Array:
+        """Columns: one list of per-session signals each, low-passed, sliding rows only."""
+        columns = []
+        for part in parts:
+            rows = [
+                smooth(signal, record.period, self.corner)[keep]
+                for signal, record, keep in zip(part, self.records, self.keep, strict=True)
+            ]
+            columns.append(np.concatenate(rows))
+        return np.column_stack(columns)
+
+    def _of(self, name: str) -> list[Array]:
+        return [s[name] for s in self._signals]
+
+    def applied(self, delay: float = 0.0, limit: float = math.inf) -> list[Array]:
+        """Mean force around each tick, clipped and delayed as a drive would do it."""
+        return [
+            centred_hold(np.clip(s['force'], -limit, limit), (self.delay + delay) / r.period)
+            for s, r in zip(self._signals, self.records, strict=True)
+        ]
+
+    def _state(self, presliding: float) -> list[Array]:
+        return [presliding_state(p, presliding) for p in self._of('p')]
