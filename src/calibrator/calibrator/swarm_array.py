@@ -112,7 +112,7 @@ class ArrayFitness:
         """Normalised strengths of one end, see `type_reduction`."""
         xp = self._xp
         mean = xp.sum(weights * outputs, axis=-1, keepdims=True)
-        over, band = outputs - mean, SIGN_BAND * (xp.abs(outputs) + xp.abs(mean))
+        over, band = outputs - mean, SIGN_BAND * xp.abs(mean)
         twice = xp.where(over > band, above, below) + xp.where(over < -band, below, above)
         return self._normalised(twice)
 

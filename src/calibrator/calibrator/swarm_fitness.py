@@ -23,6 +23,7 @@ from calibrator.swarm_loops import (
     add_six,
     add_three,
     exponents,
+    inverse_sums,
     plain_error,
     plain_weights,
     signed_error,
@@ -35,68 +36,89 @@ RIDGE = 1e-10
 REDUCTION_CODES = {'nie_tan': 0, 'maclaurin': 1, 'biglarbegian': 2, 'karnik_mendel': 1}
 """Training with `karnik_mendel` ranks particles by the first step; the refit is exact."""
 
-_ROW = np.uint64(BLOCK)
+LINE = 8
+"""Numbers per cache line."""
+
+SHARES = 8
+"""Parts of the swarm per thread."""
 
 
 @njit(cache=True, nogil=True)
-def _add(
-    rules: Tag, a: Array, b: Array, square: bool, pairs: Array, sums: Array, size: Any
-) -> None:
-    """Add a block to sums[j, k, q] = sum a_j b_k x_q, see `swarm_loops.add_six`."""
-    count = sums.shape[2]
+def aligned(count: int) -> Array:
+    """Memory for numbers from the start of a cache line: across two, a vector takes two reads."""
+    buffer = np.empty(count + LINE)
+    start = -(buffer.ctypes.data // 8) % LINE
+    return buffer[start : start + count]
+
+
+@njit(cache=True, nogil=True)
+def _add(a: Array, b: Array, square: bool, pairs: Array, sums: Array, size: Any) -> None:
+    """Add a block to sums (P, Q) of products and rows of pairs, see `swarm_loops.add_six`."""
+    count = sums.shape[1]
     q = 0
     while q + 6 <= count:
-        add_six(rules, a, b, square, pairs, q, sums, size)
+        add_six(a, b, square, pairs, q, sums, size)
         q += 6
     while q + 3 <= count:
-        add_three(rules, a, b, square, pairs, q, sums, size)
+        add_three(a, b, square, pairs, q, sums, size)
         q += 3
     while q < count:
-        add_one(rules, a, b, square, pairs, q, sums, size)
+        add_one(a, b, square, pairs, q, sums, size)
         q += 1
 
 
-@njit(cache=True, nogil=True)
-def _solve(moments: Array, right: Array, matrix: Array, theta: Array) -> None:
-    """Cholesky solution theta ((n+1)·M,), row by row (n+1, M), of the ridge normal equations."""
-    rules, _, blocks = right.shape
-    size = blocks * rules
+@njit(cache=True, nogil=True, fastmath={'contract'}, error_model='numpy')
+def _factorise(rules: Tag, moments: Array, matrix: Array) -> None:
+    """Upper Cholesky factor of the ridge normal equations, its pivots inverted.
+
+    Row by row: the updates run along rows, over adjacent elements.
+    """
+    count, size = len(rules), len(matrix)
+    blocks = size // count
     diagonal = 0.0
-    for a in range(blocks):
-        for b in range(a + 1):
-            # Pairs are ordered (0,0)..(0,n), (1,1)..(1,n), ...
-            q = b * blocks - b * (b - 1) // 2 + (a - b)
-            for j in range(rules):
-                for k in range(rules):
-                    value = moments[max(j, k), min(j, k), q]
-                    matrix[a * rules + j, b * rules + k] = value
-        for j in range(rules):
-            diagonal += matrix[a * rules + j, a * rules + j]
+    q = 0
+    for b in range(blocks):
+        for a in range(b, blocks):
+            for j in range(count):
+                for k in range(count):
+                    more, less = max(j, k), min(j, k)
+                    value = moments[more * (more + 1) // 2 + less, q]
+                    matrix[b * count + j, a * count + k] = value
+            q += 1
+        for j in range(count):
+            diagonal += matrix[b * count + j, b * count + j]
     ridge = RIDGE * diagonal / size + 1e-300
     for i in range(size):
         matrix[i, i] += ridge
-    for i in range(size):
-        for j in range(i + 1):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= matrix[i, k] * matrix[j, k]
-            if i == j:
-                # Rounding can leave a tiny negative pivot for rules that coincide.
-                matrix[i, i] = np.sqrt(max(total, ridge * 1e-3))
-            else:
-                matrix[i, j] = total / matrix[j, j]
-    flat = theta
+    for j in range(size):
+        # Rounding can leave a tiny negative pivot for rules that coincide.
+        inverse = 1.0 / np.sqrt(max(matrix[j, j], ridge * 1e-3))
+        matrix[j, j] = inverse
+        for k in range(j + 1, size):
+            matrix[j, k] *= inverse
+        for i in range(j + 1, size):
+            factor = matrix[j, i]
+            for k in range(i, size):
+                matrix[i, k] -= factor * matrix[j, k]
+
+
+@njit(cache=True, nogil=True, fastmath={'contract'}, error_model='numpy')
+def _solve(matrix: Array, right: Array, theta: Array) -> None:
+    """Solution theta ((n+1)·M,), row by row (n+1, M), with the factor of `_factorise`."""
+    rules, blocks = right.shape
+    size = blocks * rules
     for a in range(blocks):
         for j in range(rules):
-            flat[a * rules + j] = right[j, 0, a]
-    for i in range(size):
-        for k in range(i):
-            flat[i] -= matrix[i, k] * flat[k]
-        flat[i] /= matrix[i, i]
+            theta[a * rules + j] = right[j, a]
+    for j in range(size):
+        theta[j] *= matrix[j, j]
+        for k in range(j + 1, size):
+            theta[k] -= theta[j] * matrix[j, k]
     for i in range(size - 1, -1, -1):
+        total = theta[i]
         for k in range(i + 1, size):
-            flat[i] -= matrix[k, i] * flat[k]
-        flat[i] /= matrix[i, i]
+            total -= matrix[i, k] * theta[k]
+        theta[i] = total * matrix[i, i]
 
 
 @njit(cache=True, nogil=True)
@@ -131,14 +153,16 @@ def swarm_errors(
     rule_count, terms = len(rules), len(axes) + 1
     outputs = targets.shape[1]
     block_count = len(pairs)
-    lower = np.empty((block_count, rule_count * BLOCK))
-    upper = np.empty((block_count, rule_count * BLOCK))
-    weights = np.empty(2 * rule_count * BLOCK)
-    strongest = np.empty(BLOCK)
-    moments = np.empty((rule_count, rule_count, terms * (terms + 1) // 2))
-    right = np.empty((outputs, rule_count, 1, terms))
+    lower = aligned(block_count * rule_count * BLOCK).reshape(block_count, -1)
+    upper = aligned(block_count * rule_count * BLOCK).reshape(block_count, -1)
+    inverses = aligned(block_count * 2 * BLOCK).reshape(block_count, -1)
+    weights = aligned(2 * rule_count * BLOCK)
+    strongest = aligned(BLOCK)
+    moments = np.empty((rule_count * (rule_count + 1) // 2, terms * (terms + 1) // 2))
+    right = np.empty((outputs, rule_count, terms))
     signed_moments = np.empty_like(moments)
-    signed_right = np.empty((rule_count, 1, terms))
+    signed_right = np.empty((rule_count, terms))
+    first = np.empty((terms * rule_count, terms * rule_count))
     matrix = np.empty((terms * rule_count, terms * rule_count))
     theta = np.empty(terms * rule_count)
     for p in range(len(particles)):
@@ -155,32 +179,38 @@ def swarm_errors(
             exponents(rules, axes, sets[0], wide, narrow, pairs[b], low, up, strongest, size)
             strengths(rules, low, strongest, size)
             strengths(rules, up, strongest, size)
-            plain_weights(rules, 2 if code == 2 else 0, lower[b], upper[b], weights, size)
-            _add(rules, weights, weights, True, pairs[b], moments, size)
+            inverse_sums(rules, low, up, inverses[b], size)
+            plain_weights(rules, 2 if code == 2 else 0, low, up, inverses[b], weights, size)
+            _add(weights, weights, True, pairs[b], moments, size)
             for o in range(outputs):
-                _add(rules, weights, targets[b, o], False, pairs[b], right[o], size)
+                _add(weights, targets[b, o], False, pairs[b], right[o], size)
+        _factorise(rules, moments, first)
         for o in range(outputs):
-            _solve(moments, right[o], matrix, theta)
+            _solve(first, right[o], theta)
             best = np.inf
             for attempt in range(2 if code == 1 else 1):
                 if attempt == 1:
-                    _solve(signed_moments, signed_right, matrix, theta)
+                    _factorise(rules, signed_moments, matrix)
+                    _solve(matrix, signed_right, theta)
                 signed_moments[:] = 0.0
                 signed_right[:] = 0.0
                 total = 0.0
                 for b in range(block_count):
                     size = np.uint64(min(BLOCK, samples - b * BLOCK))
                     low, up, x, target = lower[b], upper[b], pairs[b], targets[b, o]
+                    inverse = inverses[b]
                     if code == 1 and attempt == 0:
                         total += signed_error(
-                            rules, axes, low, up, x, target, theta, weights, size
+                            rules, axes, low, up, inverse, x, target, theta, weights, size
                         )
-                        _add(rules, weights, weights, True, x, signed_moments, size)
-                        _add(rules, weights, target, False, x, signed_right, size)
+                        _add(weights, weights, True, x, signed_moments, size)
+                        _add(weights, target, False, x, signed_right, size)
                     elif code == 1:
-                        total += signed_error(rules, axes, low, up, x, target, theta, None, size)
+                        total += signed_error(
+                            rules, axes, low, up, inverse, x, target, theta, None, size
+                        )
                     else:
-                        plain_weights(rules, code, low, up, weights, size)
+                        plain_weights(rules, code, low, up, inverse, weights, size)
                         total += plain_error(rules, axes, weights, x, target, theta, size)
                 best = min(best, total / samples)
             errors[p] += best
@@ -199,7 +229,9 @@ def _blocked(rows: Array) -> Array:
     blocks = -(-rows.shape[1] // BLOCK)
     padded = np.zeros((len(rows), blocks * BLOCK))
     padded[:, : rows.shape[1]] = rows
-    return np.ascontiguousarray(padded.reshape(len(rows), blocks, BLOCK).transpose(1, 0, 2))
+    cut = aligned(padded.size).reshape(blocks, len(rows), BLOCK)
+    cut[:] = padded.reshape(len(rows), blocks, BLOCK).transpose(1, 0, 2)
+    return cut
 
 
 class SwarmFitness:
@@ -228,12 +260,14 @@ class SwarmFitness:
     def __call__(self, particles: Array) -> Array:
         """Errors (K,) of particles (K, d)."""
         errors = np.empty(len(particles))
-        edges = np.linspace(0, len(particles), self._threads + 1).astype(int)
-        parts = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a]
-        if len(parts) == 1:
-            self._part(particles, errors, parts[0])
+        if self._threads == 1 or len(particles) == 1:
+            self._part(particles, errors, slice(None))
             return errors
-        with ThreadPoolExecutor(len(parts)) as pool:
+        # Small parts: processors are rarely equally fast, and the last one is waited for.
+        count = min(SHARES * self._threads, len(particles))
+        edges = np.linspace(0, len(particles), count + 1).astype(int)
+        parts = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        with ThreadPoolExecutor(self._threads) as pool:
             for done in [pool.submit(self._part, particles, errors, part) for part in parts]:
                 done.result()
         return errors

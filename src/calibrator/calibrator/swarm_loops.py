@@ -61,6 +61,23 @@ def _float(context: Any, value: Any) -> Any:
     )
 
 
+@intrinsic
+def _wide(context: Any) -> Any:
+    """Ask for the widest vectors in the function that calls this.
+
+    Where a processor has registers of 512 bits, the compiler keeps to 256 by itself. llvmlite has
+    no name for the attribute, so its check of names is passed by; others ignore it.
+    """
+    del context
+
+    def code(context: Any, builder: Any, _: Any, given: Any) -> Any:
+        del given
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        return context.get_dummy_value()
+
+    return types.none(), code
+
+
 @njit(cache=True, nogil=True, fastmath={'contract'})
 def exp2(y: float) -> float:
     """2^y for y in [-1000, 0], to 2e-14 of it; vectorises, which the library's does not.
@@ -83,6 +100,7 @@ def exponents(
     upper: Array, strongest: Array, size: Any,
 ) -> None:  # fmt: skip
     """Exponents of all strengths, and the largest upper one of each sample."""
+    _wide()
     for i in range(size):
         best = -np.inf
         for j in range(np.uint64(len(rules))):
@@ -102,92 +120,141 @@ def exponents(
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
 def strengths(rules: Tag, rows: Array, strongest: Array, size: Any) -> None:
     """Base-2 exponents to strengths relative to the strongest, with the floor of `it2_sets`."""
+    _wide()
     for j in range(np.uint64(len(rules))):
         for i in range(size):
             rows[j * _ROW + i] = exp2(max(rows[j * _ROW + i] - strongest[i], _LOWEST))
 
 
+@njit(inline='always')
+def _add_to(sums: Array, values: tuple[float, ...]) -> None:
+    for i in range(len(values)):
+        sums[i] += values[i]
+
+
+@njit(inline='always')
+def _next(j: int, k: int, square: bool) -> tuple[int, int]:
+    """The product a_j b_k after one, see `add_six`."""
+    return (j, k + 1) if square and k < j else (j + 1, 0)
+
+
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
 def add_six(
-    rules: Tag, a: Array, b: Array, square: bool, pairs: Array, q: Any, sums: Array, size: Any
+    a: Array, b: Array, square: bool, pairs: Array, q: Any, sums: Array, size: Any
 ) -> None:
-    """Add the sums of a_j b_k x over rows q .. q + 5 of pairs to sums[j, k, q:].
+    """Add the sums of a_j b_k x over rows q .. q + 5 of pairs to sums[p, q:] (P, Q).
 
-    For all rows j of a, and of b the rows k <= j where the result is `square` (b is a then) or
-    else its one row. The loops over rows are in here because a call costs what 20 samples do.
+    Products p are (0,0), (1,0), (1,1), (2,0).. where the result is `square` (b is a then), or else
+    those with b's one row. Two at a time share what they load; of an odd number the last one goes
+    with itself and counts once. The loop over products is in here because a call costs what 20
+    samples do.
     """
-    at = np.uint64(q) * _ROW
-    for j in range(len(rules)):
-        for k in range(j + 1 if square else 1):
-            aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
-            first, second, third, fourth, fifth, sixth = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for i in range(size):
-                product = a[aj + i] * b[bk + i]
-                first += product * pairs[at + i]
-                second += product * pairs[at + _ROW + i]
-                third += product * pairs[at + np.uint64(2) * _ROW + i]
-                fourth += product * pairs[at + np.uint64(3) * _ROW + i]
-                fifth += product * pairs[at + np.uint64(4) * _ROW + i]
-                sixth += product * pairs[at + np.uint64(5) * _ROW + i]
-            sums[j, k, q] += first
-            sums[j, k, q + 1] += second
-            sums[j, k, q + 2] += third
-            sums[j, k, q + 3] += fourth
-            sums[j, k, q + 4] += fifth
-            sums[j, k, q + 5] += sixth
+    _wide()
+    x = np.uint64(q) * _ROW
+    p, j, k = 0, 0, 0
+    while p < len(sums):
+        aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
+        j, k = _next(j, k, square)
+        both = p + 1 < len(sums)
+        am, bn = (np.uint64(j) * _ROW, np.uint64(k) * _ROW) if both else (aj, bk)
+        j, k = _next(j, k, square)
+        a0, a1, a2, a3, a4, a5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        b0, b1, b2, b3, b4, b5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(size):
+            one, two = a[aj + i] * b[bk + i], a[am + i] * b[bn + i]
+            a0 += one * pairs[x + i]
+            a1 += one * pairs[x + _ROW + i]
+            a2 += one * pairs[x + np.uint64(2) * _ROW + i]
+            a3 += one * pairs[x + np.uint64(3) * _ROW + i]
+            a4 += one * pairs[x + np.uint64(4) * _ROW + i]
+            a5 += one * pairs[x + np.uint64(5) * _ROW + i]
+            b0 += two * pairs[x + i]
+            b1 += two * pairs[x + _ROW + i]
+            b2 += two * pairs[x + np.uint64(2) * _ROW + i]
+            b3 += two * pairs[x + np.uint64(3) * _ROW + i]
+            b4 += two * pairs[x + np.uint64(4) * _ROW + i]
+            b5 += two * pairs[x + np.uint64(5) * _ROW + i]
+        _add_to(sums[p, q : q + 6], (a0, a1, a2, a3, a4, a5))
+        if both:
+            _add_to(sums[p + 1, q : q + 6], (b0, b1, b2, b3, b4, b5))
+        p += 2
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
 def add_three(
-    rules: Tag, a: Array, b: Array, square: bool, pairs: Array, q: Any, sums: Array, size: Any
+    a: Array, b: Array, square: bool, pairs: Array, q: Any, sums: Array, size: Any
 ) -> None:
     """`add_six` for three rows."""
-    at = np.uint64(q) * _ROW
-    for j in range(len(rules)):
-        for k in range(j + 1 if square else 1):
-            aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
-            first, second, third = 0.0, 0.0, 0.0
-            for i in range(size):
-                product = a[aj + i] * b[bk + i]
-                first += product * pairs[at + i]
-                second += product * pairs[at + _ROW + i]
-                third += product * pairs[at + np.uint64(2) * _ROW + i]
-            sums[j, k, q] += first
-            sums[j, k, q + 1] += second
-            sums[j, k, q + 2] += third
+    _wide()
+    x = np.uint64(q) * _ROW
+    p, j, k = 0, 0, 0
+    while p < len(sums):
+        aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
+        j, k = _next(j, k, square)
+        both = p + 1 < len(sums)
+        am, bn = (np.uint64(j) * _ROW, np.uint64(k) * _ROW) if both else (aj, bk)
+        j, k = _next(j, k, square)
+        a0, a1, a2, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(size):
+            one, two = a[aj + i] * b[bk + i], a[am + i] * b[bn + i]
+            a0 += one * pairs[x + i]
+            a1 += one * pairs[x + _ROW + i]
+            a2 += one * pairs[x + np.uint64(2) * _ROW + i]
+            b0 += two * pairs[x + i]
+            b1 += two * pairs[x + _ROW + i]
+            b2 += two * pairs[x + np.uint64(2) * _ROW + i]
+        _add_to(sums[p, q : q + 3], (a0, a1, a2))
+        if both:
+            _add_to(sums[p + 1, q : q + 3], (b0, b1, b2))
+        p += 2
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
 def add_one(
-    rules: Tag, a: Array, b: Array, square: bool, pairs: Array, q: Any, sums: Array, size: Any
+    a: Array, b: Array, square: bool, pairs: Array, q: Any, sums: Array, size: Any
 ) -> None:
     """`add_six` for one row."""
-    at = np.uint64(q) * _ROW
-    for j in range(len(rules)):
-        for k in range(j + 1 if square else 1):
-            aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
-            total = 0.0
-            for i in range(size):
-                total += a[aj + i] * b[bk + i] * pairs[at + i]
-            sums[j, k, q] += total
+    _wide()
+    x = np.uint64(q) * _ROW
+    j, k = 0, 0
+    for p in range(len(sums)):
+        aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
+        j, k = _next(j, k, square)
+        total = 0.0
+        for i in range(size):
+            total += a[aj + i] * b[bk + i] * pairs[x + i]
+        sums[p, q] += total
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
-def plain_weights(
-    rules: Tag, code: int, lower: Array, upper: Array, weights: Array, size: Any
-) -> None:
-    """Nie-Tan (0) or Biglarbegian-Melek-Mendel (2) weights."""
+def inverse_sums(rules: Tag, lower: Array, upper: Array, inverses: Array, size: Any) -> None:
+    """1 / sum of the lower strengths of each sample, and after BLOCK of them of the upper ones."""
+    _wide()
     for i in range(size):
         low, high = 0.0, 0.0
         for j in range(np.uint64(len(rules))):
             low += lower[j * _ROW + i]
             high += upper[j * _ROW + i]
+        # One division for two: the slowest operation here.
+        inverse = 1.0 / (low * high)
+        inverses[i] = inverse * high
+        inverses[_ROW + i] = inverse * low
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
+def plain_weights(
+    rules: Tag, code: int, lower: Array, upper: Array, inverses: Array, weights: Array, size: Any
+) -> None:
+    """Nie-Tan (0) or Biglarbegian-Melek-Mendel (2) weights."""
+    _wide()
+    for i in range(size):
+        by_low, by_high = inverses[i], inverses[_ROW + i]
         if code == 0:
-            by_low = 1.0 / (low + high)
+            # 1 / (low + high)
+            by_low = by_low * by_high / (by_low + by_high)
             by_high = by_low
         else:
-            inverse = 0.5 / (low * high)
-            by_low, by_high = inverse * high, inverse * low
+            by_low, by_high = 0.5 * by_low, 0.5 * by_high
         for j in range(np.uint64(len(rules))):
             weights[j * _ROW + i] = lower[j * _ROW + i] * by_low + upper[j * _ROW + i] * by_high
 
@@ -197,6 +264,7 @@ def plain_error(
     rules: Tag, axes: Tag, weights: Array, pairs: Array, target: Array, theta: Array, size: Any
 ) -> float:
     """Sum of squared errors of the output with given weights."""
+    _wide()
     total = 0.0
     for i in range(size):
         error = -target[i]
@@ -210,50 +278,47 @@ def plain_error(
 
 
 @njit(inline='always')
-def _twice(f: float, mean: float, below: float, above: float) -> float:
+def _twice(f: float, least: float, most: float, below: float, above: float) -> float:
     """Twice the strength of a rule at one end: `below` where its output is under the mean.
 
-    |f - mean| against the band of both, with each number on a side of its own: the compiler
-    shares f's over both ends and the mean's over all rules.
+    The band around the mean, within which both strengths count alike, is `least` to `most`.
     """
-    near_f, near_mean = SIGN_BAND * abs(f), SIGN_BAND * abs(mean)
-    over, under = f - near_f > mean + near_mean, f + near_f < mean - near_mean
-    return (above if over else below) + (below if under else above)
+    return (above if f > most else below) + (below if f < least else above)
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
 def signed_error(
-    rules: Tag, axes: Tag, lower: Array, upper: Array, pairs: Array, target: Array, theta: Array,
-    weights: Array | None, size: Any,
+    rules: Tag, axes: Tag, lower: Array, upper: Array, inverses: Array, pairs: Array,
+    target: Array, theta: Array, weights: Array | None, size: Any,
 ) -> float:  # fmt: skip
     """Sum of squared errors with the output of eqs. 6-10: one Karnik-Mendel step at each end.
 
     The weights of that output are written to the first rows of `weights` (2·M·BLOCK), where there
     is such an array; its other rows are scratch. The compiler makes a function for either case.
     """
+    _wide()
     total = 0.0
     for i in range(size):
-        low, high, low_f, high_f = 0.0, 0.0, 0.0, 0.0
+        low_f, high_f = 0.0, 0.0
         for j in range(np.uint64(len(rules))):
             f = theta[j]
             for k in range(np.uint64(len(axes))):
                 f += theta[(k + _ONE) * np.uint64(len(rules)) + j] * pairs[(k + _ONE) * _ROW + i]
-            low += lower[j * _ROW + i]
-            high += upper[j * _ROW + i]
             low_f += lower[j * _ROW + i] * f
             high_f += upper[j * _ROW + i] * f
-        # One division for two: the slowest operation here.
-        inverse = 1.0 / (low * high)
-        low_f *= inverse * high
-        high_f *= inverse * low
+        low_f *= inverses[i]
+        high_f *= inverses[_ROW + i]
+        low_band, high_band = SIGN_BAND * abs(low_f), SIGN_BAND * abs(high_f)
+        low_least, low_most = low_f - low_band, low_f + low_band
+        high_least, high_most = high_f - high_band, high_f + high_band
         left, right, left_f, right_f = 0.0, 0.0, 0.0, 0.0
         for j in range(np.uint64(len(rules))):
             f = theta[j]
             for k in range(np.uint64(len(axes))):
                 f += theta[(k + _ONE) * np.uint64(len(rules)) + j] * pairs[(k + _ONE) * _ROW + i]
             small, large = lower[j * _ROW + i], upper[j * _ROW + i]
-            at_left = _twice(f, low_f, large, small)
-            at_right = _twice(f, high_f, small, large)
+            at_left = _twice(f, low_least, low_most, large, small)
+            at_right = _twice(f, high_least, high_most, small, large)
             if weights is not None:
                 weights[j * _ROW + i] = at_left
                 weights[(j + np.uint64(len(rules))) * _ROW + i] = at_right

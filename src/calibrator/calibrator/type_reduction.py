@@ -13,8 +13,8 @@ from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
 
-SIGN_BAND = 1e-9
-"""Outputs closer to the mean than this share of both count as equal to it (sign 0).
+SIGN_BAND = 2e-9
+"""Outputs closer to the mean than this share of it count as equal to it (sign 0).
 
 Where one rule alone fires, its output equals the mean up to rounding: without a band its sign,
 and with it the result, would be noise.
@@ -78,7 +78,7 @@ def interval(
 def _step(below: Array, above: Array, outputs: Array, mean: Array) -> Array:
     """Strength `below` for outputs under the mean, `above` over it, their mean on it (sign 0)."""
     difference = outputs - mean[:, None]
-    band = SIGN_BAND * (np.abs(outputs) + np.abs(mean)[:, None])
+    band = SIGN_BAND * np.abs(mean)[:, None]
     chosen = np.where(difference > band, above, np.where(difference < -band, below, 0.0))
     return _normalised(np.where(np.abs(difference) <= band, 0.5 * (above + below), chosen))
 
