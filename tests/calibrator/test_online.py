@@ -88,7 +88,7 @@ def test_bad_measurements_are_rolled_back():
 
 def test_grossly_bad_measurements_are_rolled_back_at_once():
     model = base('affine')
-    adapter = OnlineAdapter(model, deviation=5e-6, noise=1e-6, forgetting=0.97)
+    adapter = OnlineAdapter(model, deviation=1e-4, noise=1e-6, forgetting=0.97)
     generator = np.random.default_rng(5)
     points = generator.uniform(0, 0.05, (50, 2))
     for k in range(1, 16):
@@ -99,6 +99,28 @@ def test_grossly_bad_measurements_are_rolled_back_at_once():
             break
     assert k == 10
     np.testing.assert_array_equal(adapter.model.predict(points), model.predict(points))
+
+
+def test_wild_points_are_refused_and_a_jump_of_the_stage_is_followed():
+    model = base('affine')
+    adapter = OnlineAdapter(model, deviation=5e-6, noise=1e-6, forgetting=0.9)
+    generator = np.random.default_rng(6)
+    points = generator.uniform(0, 0.05, (50, 2))
+    for k in range(1, 41):
+        command = generator.uniform(0, 0.05, (1, 2))
+        wild = 2e-4 if k % 3 == 0 and k % 5 else 0.0
+        adapter.update(command, model.predict(command) + wild)
+    assert adapter.refused == 11 and adapter.learned == 40 - 8 - 11
+    np.testing.assert_allclose(adapter.model.predict(points), model.predict(points), atol=1e-12)
+    for _ in range(60):
+        command = generator.uniform(0, 0.05, (1, 2))
+        adapter.update(command, model.predict(command) + 2e-4)
+    np.testing.assert_allclose(
+        adapter.model.predict(points), model.predict(points) + 2e-4, atol=2e-6
+    )
+    for _ in range(10):
+        adapter.update(points[:1], np.full((1, 2), np.nan))
+    assert np.isfinite(adapter.model.predict(points)).all()
 
 
 def test_methods_without_linear_weights_are_refused():

@@ -331,6 +331,7 @@ class Calibrator(StageNode):
         }
         if self._adaptation:
             values['rests learned'] = self._adaptation.adapter.learned
+            values['rests refused'] = self._adaptation.adapter.refused
             values['adaptations rolled back'] = self._adaptation.adapter.rollbacks
         if stored:
             values['held-out RMS [m]'] = stored.metrics.get('after', {}).get('rms')

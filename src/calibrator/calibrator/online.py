@@ -21,6 +21,8 @@ WORSE = 1.1
 """The adapted model is rolled back when its held-out error exceeds the kept one's by this."""
 FAR_WORSE = 5.0
 """So much worse, two held-out samples are enough to roll back: a tracker that lost its target."""
+GATE = 5.0
+"""A sample further off than this many times what the held-out ones are is not learned."""
 WINDUP = 1e4
 """Growth of the covariance over its start at which forgetting pauses: nothing new was seen."""
 
@@ -75,6 +77,10 @@ class RecursiveLeastSquares:
 class OnlineAdapter:
     """Adapts the linear weights of a fitted model and rolls back what does not help.
 
+    A sample that is off by more than `GATE` times the largest of `deviation`, `noise` and the RMS
+    of the last held-out errors is refused: a reflector that was knocked, a beam that came back
+    elsewhere. Where the stage itself jumped, the held-out samples are off too and open the gate.
+
     Parameters
     ----------
     model
@@ -104,10 +110,12 @@ class OnlineAdapter:
         self.kept = copy.deepcopy(model)
         self.rollbacks = 0
         self.learned = 0
+        self.refused = 0
         self._settings = (deviation, noise, forgetting)
         self._estimators: list[RecursiveLeastSquares] = []
         self._count = 0
         self._judged: deque[tuple[float, float]] = deque(maxlen=WINDOW)
+        self._errors: deque[float] = deque(maxlen=WINDOW)
         self.model.linear_weights()
 
     def update(
@@ -118,6 +126,9 @@ class OnlineAdapter:
         temperatures: Array | None = None,
     ) -> None:
         """Take one measured point; all arrays have shape (1, columns), see `CalibrationModel`."""
+        if not np.isfinite(measured).all():
+            self.refused += 1
+            return
         self._count += 1
         if self._count % JUDGED_EVERY == 0:
             errors = [
@@ -127,7 +138,12 @@ class OnlineAdapter:
                 for m in (self.model, self.kept)
             ]
             self._judged.append((errors[0], errors[1]))
+            self._errors.append(errors[0])
             self._decide()
+            return
+        error = measured - self.model.predict(command, direction, temperatures)
+        if np.max(np.abs(error)) > self._gate():
+            self.refused += 1
             return
         designs = self.model.linear_design(command, direction, temperatures)
         if not self._estimators:
@@ -139,6 +155,12 @@ class OnlineAdapter:
             weights.append(self._estimators[axis].weights)
         self.model.set_linear_weights(weights)
         self.learned += 1
+
+    def _gate(self) -> float:
+        """Largest error [m] of a sample that is learned."""
+        deviation, noise, _ = self._settings
+        held_out = float(np.sqrt(np.mean(np.square(self._errors)))) if self._errors else 0.0
+        return GATE * max(deviation, noise, held_out)
 
     def _start(self, designs: list[tuple[Array, Array]]) -> None:
         self._estimators = [
