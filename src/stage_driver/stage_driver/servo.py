@@ -13,8 +13,6 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import Future
 
-import numpy as np
-
 from stage_core import drive_link
 from stage_core.errors import StageError
 from stage_driver.backend import INFO, WARNING, Listener, Status
@@ -22,6 +20,7 @@ from stage_driver.drive_socket import DriveSocket
 from stage_driver.inbox_backend import InboxBackend
 from stage_driver.limits import AxisLimits, Setpoint
 from stage_driver.servo_axes import ServoAxes, ServoConfig
+from stage_driver.servo_waits import AwaitedHoming, Lateness
 from stage_driver.states import Event, State
 
 SECOND = 1_000_000_000
@@ -29,8 +28,6 @@ SECOND = 1_000_000_000
 BRAKE_TIMEOUT = 2.0
 #: Longest wait for rest when the driver shuts down [s].
 CLOSE_TIMEOUT = 2.0
-#: A driver that is late by more has lost the motion: drives brake by themselves by then [s].
-LATE_LIMIT = 0.02
 
 
 class ServoBackend(InboxBackend):
@@ -55,10 +52,8 @@ class ServoBackend(InboxBackend):
         self._last_packet = b''
         self._braking = False
         self._brake_ticks = 0
-        #: Wall time [s] until which a homing that was asked for waits for the drive.
-        self._home_by: float | None = None
-        #: Ticks by which the driver is late, and whether the stage moved when that began.
-        self._behind, self._moved = 0, False
+        self._awaited = AwaitedHoming(config.drive_timeout, self._drive)
+        self._late = Lateness(self._axes.period)
         self._counts.update(missed_ticks=0, late_ticks=0, late_setpoints=0)
 
     # -- calls from other threads -------------------------------------------------------------
@@ -145,18 +140,19 @@ class ServoBackend(InboxBackend):
         passed = 1
         if self._tick < 0 or restarted or not self._link.connected:
             self._contact(datagram, restarted)
-            self._behind = 0
+            self._late.clear()
         elif not repeated:
             passed = datagram.tick - self._tick
-            self._counts['missed_ticks'] += passed - 1
-            self._fall_behind(passed - 1)
+            if passed > 1:
+                self._counts['missed_ticks'] += passed - 1
+                self._late.add(passed - 1, not self.motion.at_rest)
         self._tick, self._stamp = datagram.tick, datagram.stamp
         if not repeated:
             self._publish_state(datagram, passed)
         over = not self._link.lockstep and self._link.newer_waits()
         if over:
             self._counts['late_ticks'] += 1
-            self._fall_behind(1)
+            self._late.add(1, not self.motion.at_rest)
         self._drain()
         if over:
             self._let_pass()
@@ -170,22 +166,17 @@ class ServoBackend(InboxBackend):
             self._watch_stream()
             self._control()
 
-    def _fall_behind(self, ticks: int) -> None:
-        if ticks and not self._behind:
-            self._moved = not self.motion.at_rest
-        self._behind += ticks
-
     def _let_pass(self) -> None:
         """A tick that is over: a force for it would come late; its reference goes by."""
-        if self._controlling() and self._behind * self._axes.period <= LATE_LIMIT:
+        if self._controlling() and not self._late.lost:
             self._watch_stream()
             if self._axes.control():
                 self._finished()
 
     def _end_if_late(self) -> None:
         """Up to date again: a motion that the drive has braked meanwhile is ended."""
-        late, self._behind = self._behind * self._axes.period, 0
-        if late <= LATE_LIMIT or not self._moved or self.motion.at_rest:
+        late = self._late.clear()
+        if not late or self.motion.at_rest:
             return
         reason = f'the driver was late by {late * 1e3:.0f} ms: lower the load of this machine'
         self._listener.on_event(WARNING, f'motion ended, the stage stops: {reason}')
@@ -327,40 +318,33 @@ class ServoBackend(InboxBackend):
             done.set_exception(StageError(refused))
             return
         self._homing = done
-        self._home_by = time.monotonic() + self.config.drive_timeout
+        patience = self._awaited.ask()
         if not self._link.connected:
-            patience = f'homing waits up to {self.config.drive_timeout:g} s'
-            self._listener.on_event(INFO, f'{patience} for the drive at {self._drive}')
+            self._listener.on_event(INFO, patience)
         self._begin_awaited_homing()
 
     def _begin_awaited_homing(self) -> None:
         """Home once the drive is there and what brakes has come to rest, or give up."""
-        if self._home_by is None or self._homing is None:
-            self._home_by = None
+        if not self._awaited.waiting:
+            return
+        if self._homing is None:
+            self._awaited.end()
         elif not self._link.connected:
-            if time.monotonic() > self._home_by:
-                self._stop(
-                    f'no drive at {self._drive} within {self.config.drive_timeout:g} s: start it, '
-                    'or check drive_host and drive_port'
-                )
+            if reason := self._awaited.given_up():
+                self._stop(reason)
         elif not self._braking:
-            self._home_by = None
-            speeds = np.full(len(self.config.axes), self.config.homing_velocity)
-            self.motion.move(np.zeros(len(self.config.axes)), speeds, self._axes.encoder)
+            self._awaited.end()
+            self._axes.home(self.config.homing_velocity)
             self._states.handle(Event.MOVE)
 
     def _finished(self) -> None:
         """A motion has come to its end and its dwell is over."""
         if self._states.state is State.MOVING:
             self._states.handle(Event.DONE)
-        if self._homing is not None and self._home_by is None:
+        if self._homing is not None and not self._awaited.waiting:
             self._homed = True
-            where = ', '.join(
-                f'{axis} {value:.6f} m'
-                for axis, value in zip(self.config.axes, self._axes.encoder, strict=True)
-            )
             homing, self._homing = self._homing, None
-            homing.set_result(f'homed: {where}')
+            homing.set_result(f'homed: {self._axes.where()}')
 
     def _contact_refusal(self) -> str | None:
         if self._link.connected:

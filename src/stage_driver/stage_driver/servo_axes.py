@@ -82,6 +82,17 @@ class ServoAxes:
         self._bristles[:] = 0.0
         self._expect_rest()
 
+    def home(self, speed: float) -> None:
+        """Move to the reference position at `speed` [m/s]."""
+        count = len(self._axes)
+        self.motion.move(np.zeros(count), np.full(count, speed), self.encoder)
+
+    def where(self) -> str:
+        """The encoder's positions for a person."""
+        return ', '.join(
+            f'{axis} {value:.6f} m' for axis, value in zip(self._axes, self.encoder, strict=True)
+        )
+
     def _expect_rest(self) -> None:
         self._expected[:] = 0.0
         self._predicted[:] = self.encoder
