@@ -15,6 +15,8 @@ from stage_driver.zaber_setup import ZaberConfig
 from stage_twin.loops import LOCKSTEP_START_NS
 from stage_twin.stepper_loop import StepperLoop
 
+from ..points import PointRecorder
+
 TWIN = TwinFile(
     kind='stepper',
     axes={'x': StepperAxis(), 'y': StepperAxis()},
@@ -27,17 +29,6 @@ TICK = 20_000_000
 AXES = ['x', 'y']
 
 
-class Points:
-    def __init__(self):
-        self.points = []
-
-    def push(self, time_ns, point):
-        self.points.append((time_ns, point))
-
-    def flush(self):
-        pass
-
-
 def wait(condition, timeout=120.0):
     deadline = time.monotonic() + timeout
     while not condition():
@@ -47,7 +38,7 @@ def wait(condition, timeout=120.0):
 
 def run(folder, pauses):
     """Home, a move, the same place again, and a stream of 30 ticks with pauses in between."""
-    points, clock, recorder = Points(), [], Recorder()
+    points, clock, recorder = PointRecorder(), [], Recorder()
     link = str(folder / 'zaber')
     loop = StepperLoop(TWIN, points, 4, True, link, clock.append)
     loop.start()

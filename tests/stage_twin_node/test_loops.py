@@ -15,19 +15,7 @@ from stage_twin.emulators.drive import DriveSocket
 from stage_twin.loops import LOCKSTEP_START_NS, LockstepLoop, RealTimeLoop
 from stage_twin.machine import ServoMachine
 
-
-class Recorder:
-    """Takes the place of the tracker's sockets."""
-
-    def __init__(self):
-        self.points = []
-        self.flushed = 0
-
-    def push(self, time_ns, point):
-        self.points.append((time_ns, point))
-
-    def flush(self):
-        self.flushed = len(self.points)
+from ..points import PointRecorder
 
 
 class Driver:
@@ -72,7 +60,7 @@ def running(loop):
 def lockstep(machine, **options):
     machine.reset()
     clock = []
-    loop = LockstepLoop(machine, DriveSocket(2, 0), Recorder(), clock.append, **options)
+    loop = LockstepLoop(machine, DriveSocket(2, 0), PointRecorder(), clock.append, **options)
     loop.clock = clock
     return loop
 
@@ -185,7 +173,7 @@ def test_reset_starts_ticks_anew_and_keeps_time_going(machine):
 
 def test_real_time_follows_forces_and_brakes_in_silence(machine):
     machine.reset()
-    loop = RealTimeLoop(machine, DriveSocket(2, 0), Recorder(), watchdog=0.02)
+    loop = RealTimeLoop(machine, DriveSocket(2, 0), PointRecorder(), watchdog=0.02)
     with running(loop):
         driver = Driver(loop.drive.port)
         stamps = []

@@ -10,6 +10,8 @@ from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
 from stage_twin.loops import LOCKSTEP_START_NS
 from stage_twin.stepper_loop import StepperLoop
 
+from ..points import PointRecorder
+
 MICROSTEP = StepperAxis().microstep
 TWIN = TwinFile(
     kind='stepper',
@@ -17,17 +19,6 @@ TWIN = TwinFile(
     tracker=TrackerSpec(rate=100.0, noise=1e-6),
     extra={'repeatability': 3e-6},
 )
-
-
-class Recorder:
-    def __init__(self):
-        self.points = []
-
-    def push(self, time_ns, point):
-        self.points.append((time_ns, point))
-
-    def flush(self):
-        pass
 
 
 def exchange(port, line):
@@ -38,7 +29,7 @@ def exchange(port, line):
 
 
 def run(tmp_path):
-    recorder, clock = Recorder(), []
+    recorder, clock = PointRecorder(), []
     loop = StepperLoop(TWIN, recorder, 4, True, str(tmp_path / 'zaber'), clock.append)
     loop.start()
     try:
@@ -75,7 +66,7 @@ def test_lockstep_is_deterministic_and_the_tracker_sees_the_move(tmp_path):
 
 
 def test_real_time_samples_at_the_trackers_rate(tmp_path):
-    recorder = Recorder()
+    recorder = PointRecorder()
     begin = time.time_ns()
     loop = StepperLoop(TWIN, recorder, noise=False)
     loop.start()

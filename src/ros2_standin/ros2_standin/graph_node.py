@@ -15,7 +15,9 @@ from stage_node.node import local_graph
 
 #: Discovery has settled when nothing new was seen for this long [s] ...
 _QUIET = 0.5
-#: ... or, where nobody was seen at all, after this time [s].
+#: ... and where nobody was seen yet for this long: the first one answers within 0.3 s.
+_ALONE = 1.5
+#: A graph that changes all the time is taken as it is after this time [s].
 _LONGEST = 3.0
 _PERIOD = 0.05
 #: Longest wait for something that is named [s].
@@ -70,8 +72,8 @@ def settle(looker: Any, spin_time: float | None = None) -> None:
         )
         if seen != last:
             last, changed = seen, time.monotonic()
-        others = len(seen[0]) > 1
-        return others and time.monotonic() - changed >= _QUIET
+        alone = len(seen[0]) < 2
+        return time.monotonic() - changed >= (_ALONE if alone else _QUIET)
 
     with suppress(StageError):
         wait_until(quiet, 'the graph changes all the time', _LONGEST)
