@@ -208,6 +208,21 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         ahead = np.array(plant.moves[-1]) - plant.streamed[-1][:2]
         # Half the stop time at 30 mm/s: room to brake in the direction of travel.
         assert np.hypot(*ahead) == pytest.approx(0.003, rel=0.1)
+
+        # Services live while a contour of 800000 ticks is planned.
+        moves = len(plant.moves)
+        client.set_parameters('/contour_ctrl', feed=2.0 * np.pi * RADIUS / 800.0)
+        seen.clear()
+        failures.clear()
+        waiting = threading.Thread(target=run)
+        waiting.start()
+        client.wait_for(lambda: any('planning the contour' in text for text in seen), 60.0, 'the planning')
+        assert client.trigger('/contour_ctrl/abort', 20.0) == 'stopping'
+        waiting.join(20.0)
+        assert 'aborted by request' in failures[0]
+        with pytest.raises(StageError, match='still being planned'):
+            client.trigger('/contour_ctrl/run', 20.0)
+        assert len(plant.moves) == moves
     finally:
         output = end(process)
     assert process.returncode == 0, output

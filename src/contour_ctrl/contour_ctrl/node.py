@@ -18,11 +18,9 @@ from contour_ctrl import contour_parameters as parameters
 from contour_ctrl import storage
 from contour_ctrl.calibration import inverse, temperatures_line
 from contour_ctrl.figures import Figures
-from contour_ctrl.learning import Learner
-from contour_ctrl.reference import Reference
+from contour_ctrl.planning import Planning, prepare
 from contour_ctrl.sequence import ContourRun
 from contour_ctrl.streaming_node import StreamingNode
-from contour_ctrl.tick import Controller
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.untrusted import json_object
@@ -41,7 +39,7 @@ class ContourCtrl(StreamingNode):
         self._progress: list[Figures] = []
         self._last_message = ''
         self._last_failed = False
-        self._digest = ''
+        self._planning: Planning | None = None
         self.create_subscription(String, topics.MODEL, self._on_model, LATCHED_QOS)
         self.create_subscription(Temperature, topics.TEMPERATURE, self._on_temperature, STATE_QOS)
         self.create_subscription(String, '~/curve', self._on_curve, LATCHED_QOS)
@@ -70,61 +68,52 @@ class ContourCtrl(StreamingNode):
             signal = course.learner.best
         storage.save(
             Path(folder) / storage.FILE_NAME,
-            storage.Learned(self._digest, self.value('machine'), signal, course.best_weights),
+            storage.Learned(
+                course.controller.reference.digest(),
+                self.value('machine'),
+                signal,
+                course.best_weights,
+            ),
             {'scheme': self.value('scheme'), 'result': course.message},
         )
 
     def _run(self) -> Future[str]:
-        if self.running:
-            return _failed('a contour is being followed already: call ~/abort first')
-        try:
-            return self.begin(self._prepare())
-        except StageError as error:
-            return _failed(str(error))
-
-    def _prepare(self) -> ContourRun:
-        """Plan the contour and everything that its ticks need."""
-        reference = self._reference()
-        invert = self._inverse_model()
-        if invert is not None:
-            reference = reference.corrected(invert)
-        controller = Controller(reference, parameters.make_gains(self.value))
-        settings = parameters.make_learning(self.value)
-        learner = None
-        if settings is not None:
-            learner = Learner(len(reference), reference.period, settings)
-        self._digest = reference.digest()
-        if self.value('reuse_learned'):
-            self._reload(controller, learner)
-        self._progress.clear()
-        self.get_logger().info(
-            f'{self.value("contour")}: {len(reference)} ticks per iteration, feed '
-            f'{reference.feed:g} m/s, fluctuation {100.0 * reference.fluctuation:.2g} %'
-        )
-        return ContourRun(
-            controller,
-            learner,
-            self.value('iterations'),
-            parameters.make_run_settings(self.value, self.lockstep),
+        if self._planning is not None and self._planning.aborted:
+            raise StageError('an aborted contour is still being planned: try again in a moment')
+        if self.running or self._planning is not None:
+            raise StageError('a contour is being followed already: call ~/abort first')
+        # All that is planned with is of this moment, whatever changes meanwhile.
+        values = {p.name: self.value(p.name) for p in parameters.PARAMETERS}
+        self._planning = Planning(
+            prepare,
+            values.__getitem__,
+            self._curve_text,
+            self._inverse_model(),
+            self.lockstep,
             self._on_iteration,
         )
+        return self._planning.answer
 
-    def _reference(self) -> Reference:
-        curve = parameters.make_curve(self.value, self._curve_text)
-        return parameters.make_reference(self.value, curve)
+    def _watch(self) -> None:
+        if self._planning is not None and self._planning.done:
+            planning, self._planning = self._planning, None
+            if not planning.aborted:
+                self._begin_planned(planning)
+        super()._watch()
 
-    def _reload(self, controller: Controller, learner: Learner | None) -> None:
-        if not self.value('session_folder'):
-            raise StageError('reuse_learned needs the parameter session_folder')
-        path = Path(self.value('session_folder')) / storage.FILE_NAME
-        known = storage.load(path, self._digest, self.value('machine'))
-        if known.signal.shape != controller.learned.shape:
-            raise StageError(f'{path} has another number of ticks: delete it')
-        if learner is not None:
-            controller.learned[:] = known.signal
-            learner.learned[:] = known.signal
-        if known.weights.shape == controller.weights.shape:
-            controller.weights[:] = known.weights
+    def _begin_planned(self, planning: Planning) -> None:
+        try:
+            course = planning.result()
+        except Exception as error:
+            planning.answer.set_exception(error)
+            return
+        reference = course.controller.reference
+        self._progress.clear()
+        self.get_logger().info(
+            f'{len(reference)} ticks per iteration, feed {reference.feed:g} m/s, '
+            f'fluctuation {100.0 * reference.fluctuation:.2g} %'
+        )
+        self.begin(course, planning.answer)
 
     def _inverse_model(self) -> Callable[[np.ndarray], np.ndarray] | None:
         """Return the inverse of the active calibration model, None where none is active."""
@@ -162,8 +151,14 @@ class ContourCtrl(StreamingNode):
         self._curve_text = message.data
 
     def _on_abort(self, _: Any, response: Any) -> Any:
-        response.success = self.running
-        response.message = 'stopping' if self.running else 'nothing to abort: no run is under way'
+        planning = self._planning
+        planned = planning is not None and not planning.aborted
+        response.success = self.running or planned
+        response.message = (
+            'stopping' if response.success else 'nothing to abort: no run is under way'
+        )
+        if planning is not None and planned:
+            planning.abort('aborted by request')
         self.stop_run('aborted by request')
         return response
 
@@ -182,15 +177,11 @@ class ContourCtrl(StreamingNode):
             values['tick'] = f'{course.tick + 1} of {len(course.controller)}'
             number = len(course.results) + 1
             return OK, f'iteration {number} of {course.iterations}: {course.phase.value}', values
+        if self._planning is not None:
+            return OK, 'planning the contour', values
         if self._last_failed:
             return ERROR, self._last_message, values
         return OK, self._last_message or 'idle', values
-
-
-def _failed(reason: str) -> Future[str]:
-    done: Future[str] = Future()
-    done.set_exception(StageError(reason))
-    return done
 
 
 def main(args: Sequence[str] | None = None) -> int:

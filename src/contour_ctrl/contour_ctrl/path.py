@@ -12,6 +12,9 @@ from contour_ctrl.curves import Curve
 
 FloatArray = NDArray[np.float64]
 
+#: Arc lengths that are inverted together: what they need stays in the processor's cache.
+_BLOCK = 4096
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
@@ -42,6 +45,9 @@ class ArcLength:
     def parameter_at(self, arc: ArrayLike, steps: int = 4) -> FloatArray:
         """Return the parameter (n,) at arc lengths (n,) [m]."""
         s = np.clip(np.atleast_1d(np.asarray(arc, dtype=float)), 0.0, self.length)
+        if len(s) > _BLOCK:
+            parts = np.split(s, np.arange(_BLOCK, len(s), _BLOCK))
+            return np.concatenate([self.parameter_at(part, steps) for part in parts])
         cell = np.clip(np.searchsorted(self.arc, s, side='right') - 1, 0, len(self.arc) - 2)
         low, high = self.parameter[cell], self.parameter[cell + 1]
         share = (s - self.arc[cell]) / (self.arc[cell + 1] - self.arc[cell])

@@ -76,10 +76,10 @@ class StreamingNode(StageNode):
         """Whether a run is under way."""
         return self.course is not None
 
-    def begin(self, course: ContourRun) -> Future[str]:
-        """Start a run; the future holds its message, or its StageError."""
+    def begin(self, course: ContourRun, answer: Future[str] | None = None) -> Future[str]:
+        """Start a run; the future, `answer` or a new one, holds its message or its StageError."""
         self.course = course
-        self._answer = Future()
+        self._answer = Future() if answer is None else answer
         self._arrived = time.monotonic()
         self._first_seen = False
         self._missed_before = 0
