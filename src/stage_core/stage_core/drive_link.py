@@ -15,7 +15,7 @@ HELLO       ``SDL1``, type 3, 0, 0, 0; u64 0; i64 0
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from stage_core.errors import StageError
 
@@ -36,8 +36,7 @@ MAX_DATAGRAM = HEADER.size + 8 * 16
 _VALUES = [struct.Struct(f'<{n}d') for n in range(17)]
 
 
-@dataclass(frozen=True)
-class Datagram:
+class Datagram(NamedTuple):
     """A decoded datagram; `values` are positions [m] or forces [N]."""
 
     kind: int

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import socket
+import struct
 import time
 
 from stage_core import drive_link
@@ -26,6 +27,8 @@ class DriveSocket:
                 f'cannot reach the drive at {host}:{port}: {error.strerror or error}: check host '
                 'and port'
             ) from error
+        # A timeout of the kernel's, not of Python's: one system call per datagram.
+        self._timeout = -1.0
         self.connected = False
         self.lockstep = False
         self.garbage = 0
@@ -54,14 +57,17 @@ class DriveSocket:
             datagram, self._pending = self._pending, None
             return datagram
         self._say_hello()
-        self._socket.settimeout(timeout)
+        if timeout != self._timeout:
+            self._timeout = timeout
+            seconds, rest = divmod(timeout, 1.0)
+            limit = struct.pack('ll', int(seconds), int(1e6 * rest))
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, limit)
         return self._read()
 
     def newer_waits(self) -> bool:
         """Whether the drive has sent another datagram already; `receive` returns it next."""
         if self._pending is None:
-            self._socket.settimeout(0.0)
-            self._pending = self._read()
+            self._pending = self._read(socket.MSG_DONTWAIT)
         return self._pending is not None
 
     def _say_hello(self) -> None:
@@ -73,19 +79,16 @@ class DriveSocket:
     def peek_reset(self) -> bool:
         """Whether the drive was restarted while a tick waits; repeats of that tick are dropped."""
         self._say_hello()
-        self._socket.settimeout(0.0)
-        while (datagram := self._read()) is not None:
+        while (datagram := self._read(socket.MSG_DONTWAIT)) is not None:
             if datagram.flags & drive_link.RESET or not datagram.flags & drive_link.REPEATED:
                 self._pending = datagram
                 return True
         return False
 
-    def _read(self) -> drive_link.Datagram | None:
+    def _read(self, flags: int = 0) -> drive_link.Datagram | None:
         try:
-            data = self._socket.recv(drive_link.MAX_DATAGRAM)
+            data = self._socket.recv(drive_link.MAX_DATAGRAM, flags)
         except BlockingIOError:
-            return None
-        except TimeoutError:
             return None
         except OSError:
             # Connection refused comes at once: waiting keeps a missing drive from a busy loop.

@@ -78,7 +78,8 @@ def check_setpoint(
         If it names an unknown axis, has arrays of the wrong size, holds NaN or infinity, or leaves
         the limits; the message names axis, value and limit.
     """
-    unknown = [name for name in names if name not in axes]
+    same = tuple(names) == tuple(axes)
+    unknown = [] if same else [name for name in names if name not in axes]
     if unknown or not names or len(set(names)) != len(names):
         # Made up names may be many.
         shown = ', '.join(map(repr, (unknown or list(names))[:4])) or 'none'
@@ -104,8 +105,8 @@ def check_setpoint(
     return Setpoint(
         kind,
         stamp,
-        _by_axis(axes, names, positions),
-        _by_axis(axes, names, velocities),
+        tuple(positions) if same and len(positions) else _by_axis(axes, names, positions),
+        tuple(velocities) if same and len(velocities) else _by_axis(axes, names, velocities),
     )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from stage_driver import servo_loop
 from stage_driver.limits import AxisLimits, Setpoint, SetpointKind
-from stage_driver.profile import braking_speed, profile_tick, seed_window, step_speed
+from stage_driver.profile import profile_tick, seed_window, step_speed, stream_tick, within
 
 Floats = NDArray[np.float64]
 
@@ -162,12 +162,25 @@ class MotionGenerator:
 
     def tick(self, encoder: Floats) -> bool:
         """Advance one period, fill `reference`, `speed`, `command`; True when a motion ended."""
+        if self.mode is Mode.STREAM:
+            self.clamped += stream_tick(
+                self._stream_positions,
+                self._wanted,
+                encoder,
+                self.lower,
+                self.upper,
+                self.stop_deceleration,
+                self.period,
+                self._stream_age,
+                self.reference,
+                self.speed,
+                self.command,
+                self.predicted,
+            )
+            self._stream_age += 1
+            return False
         ended = self._advance(encoder)
         self.predicted[:] = self.reference
-        if self.mode is Mode.STREAM:
-            self.predicted += self._stream_age * self.period * self._wanted
-            np.clip(self.predicted, self.lower, self.upper, out=self.predicted)
-            self._stream_age += 1
         return ended
 
     def _advance(self, encoder: Floats) -> bool:
@@ -187,13 +200,6 @@ class MotionGenerator:
         if self.mode is Mode.HOLD:
             self.speed[:] = 0.0
             self._follow_reference(encoder)
-            return False
-        if self.mode is Mode.STREAM:
-            np.subtract(self._stream_positions, self.reference, out=self.speed)
-            self.speed /= self.period
-            self.reference[:] = self._stream_positions
-            for axis in range(len(encoder)):
-                self.command[axis] = self._within(axis, self._wanted[axis], encoder[axis])
             return False
         return self._velocity_tick(encoder)
 
@@ -222,12 +228,16 @@ class MotionGenerator:
 
     def _within(self, axis: int, velocity: float, position: float) -> float:
         """Velocity that can still brake to rest inside the soft limit ahead [m/s]."""
-        room = self.upper[axis] - position if velocity > 0.0 else position - self.lower[axis]
-        allowed = braking_speed(max(room, 0.0), self.stop_deceleration[axis], self.period)
-        if abs(velocity) <= allowed:
-            return velocity
-        self.clamped += 1
-        return allowed if velocity > 0.0 else -allowed
+        kept = within(
+            velocity,
+            position,
+            self.lower[axis],
+            self.upper[axis],
+            self.stop_deceleration[axis],
+            self.period,
+        )
+        self.clamped += kept != velocity
+        return kept
 
     def _follow_reference(self, encoder: Floats) -> None:
         servo_loop.position_loop(self.reference, self.speed, encoder, self.gains, self.command)

@@ -110,3 +110,54 @@ def profile_tick(
         if not settled or rate[i] != 0.0:
             arrived = False
     return arrived
+
+
+@njit(cache=True)
+def within(
+    velocity: float,
+    position: float,
+    lower: float,
+    upper: float,
+    deceleration: float,
+    period: float,
+) -> float:
+    """Velocity that can still brake to rest inside the soft limit ahead [m/s]."""
+    room = upper - position if velocity > 0.0 else position - lower
+    allowed = braking_speed(max(room, 0.0), deceleration, period)
+    if abs(velocity) <= allowed:
+        return velocity
+    return allowed if velocity > 0.0 else -allowed
+
+
+@njit(cache=True)
+def stream_tick(
+    positions: Floats,
+    velocities: Floats,
+    encoder: Floats,
+    lower: Floats,
+    upper: Floats,
+    decelerations: Floats,
+    period: float,
+    age: int,
+    reference: Floats,
+    rate: Floats,
+    command: Floats,
+    predicted: Floats,
+) -> int:
+    """Follow a streamed set-point that came `age` ticks ago; how many axes had to be slowed.
+
+    `positions`, `velocities` (axes,): the set-point. Fills `reference`, `rate`, `command`, and
+    `predicted`: where the stream would be now [m].
+    """
+    slowed = 0
+    for i in range(len(encoder)):
+        rate[i] = (positions[i] - reference[i]) / period
+        reference[i] = positions[i]
+        ahead = reference[i] + age * period * velocities[i]
+        predicted[i] = min(max(ahead, lower[i]), upper[i])
+        command[i] = within(
+            velocities[i], encoder[i], lower[i], upper[i], decelerations[i], period
+        )
+        if command[i] != velocities[i]:
+            slowed += 1
+    return slowed

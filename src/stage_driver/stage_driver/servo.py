@@ -50,6 +50,8 @@ class ServoBackend(InboxBackend):
         self._stream_age = 0
         self._last_second = -1
         self._last_packet = b''
+        #: The newest measurement while it is not published.
+        self._untold: drive_link.Datagram | None = None
         self._braking = False
         self._brake_ticks = 0
         self._awaited = AwaitedHoming(config.drive_timeout, self._drive)
@@ -148,13 +150,18 @@ class ServoBackend(InboxBackend):
                 self._late.add(passed - 1, not self.motion.at_rest)
         self._tick, self._stamp = datagram.tick, datagram.stamp
         if not repeated:
-            self._publish_state(datagram, passed)
+            self._axes.measure(datagram.values, passed)
+            self._untold = datagram
+        if self._link.lockstep:
+            # Its set-point is awaited; in real time the force goes first, which the plant awaits.
+            self._tell_state()
         over = not self._link.lockstep and self._link.newer_waits()
         if over:
             self._counts['late_ticks'] += 1
             self._late.add(1, not self.motion.at_rest)
         self._drain()
         if over:
+            self._tell_state()
             self._let_pass()
             return
         self._begin_awaited_homing()
@@ -165,6 +172,7 @@ class ServoBackend(InboxBackend):
         if self._controlling():
             self._watch_stream()
             self._control()
+        self._tell_state()
 
     def _let_pass(self) -> None:
         """A tick that is over: a force for it would come late; its reference goes by."""
@@ -183,9 +191,11 @@ class ServoBackend(InboxBackend):
         self._stop(reason)
         self.motion.stop_from(self._axes.encoder, self._axes.velocity)
 
-    def _publish_state(self, datagram: drive_link.Datagram, passed: int) -> None:
-        """Estimate the velocity and publish what was measured; temperatures once a second."""
-        self._axes.measure(datagram.values, passed)
+    def _tell_state(self) -> None:
+        """Publish what was measured, once; temperatures once a second."""
+        datagram, self._untold = self._untold, None
+        if datagram is None:
+            return
         self._listener.on_state(
             self._stamp, self._axes.encoder.tolist(), self._axes.velocity.tolist()
         )
@@ -250,7 +260,7 @@ class ServoBackend(InboxBackend):
         return self._states.state in (State.READY, State.MOVING) or self._braking
 
     def _control(self) -> None:
-        """One control tick: reference, velocity command, force; sent before it is published."""
+        """One control tick: reference, velocity command, force; sent before all is published."""
         axes = self._axes
         done = axes.control()
         self._last_packet = drive_link.encode_force(
@@ -258,6 +268,7 @@ class ServoBackend(InboxBackend):
         )
         self._answered = self._tick
         self._link.send(self._last_packet)
+        self._tell_state()
         self._listener.on_control(
             self._stamp,
             self.motion.reference.tolist(),

@@ -109,9 +109,9 @@ class ServoAxes:
         # The error of a loop of first order: de/dt = dr/dt - e / lag. A stream that skips ticks
         # moves its reference in steps, which the momentary speed would misjudge; while it is late
         # the axis goes on with it: that is for the watchdog to end, no axis is blocked.
-        predicted = self.motion.predicted
-        self._expected += predicted - self._predicted - self.period / self._lag * self._expected
-        self._predicted[:] = predicted
+        servo_loop.expect(
+            self.motion.predicted, self._predicted, self._lag, self.period, self._expected
+        )
         if self._friction is not None:
             servo_loop.lugre_velocity(
                 self.motion.command,
@@ -128,14 +128,16 @@ class ServoAxes:
         """What is wrong where the encoder strays from what the loop would give."""
         if self.motion.mode not in (Mode.PROFILE, Mode.STREAM, Mode.VELOCITY):
             return None
-        for index, axis in enumerate(self._axes):
-            error = abs(self._predicted[index] - self.encoder[index])
-            if error - abs(self._expected[index]) > self._following_limit:
-                return (
-                    f'following error of {axis} {error * 1e3:.3f} mm exceeds '
-                    f'{self._following_limit * 1e3:.3f} mm: is the axis blocked?'
-                )
-        return None
+        index = servo_loop.stray(
+            self._predicted, self.encoder, self._expected, self._following_limit
+        )
+        if index < 0:
+            return None
+        error = abs(self._predicted[index] - self.encoder[index])
+        return (
+            f'following error of {self._axes[index]} {error * 1e3:.3f} mm exceeds '
+            f'{self._following_limit * 1e3:.3f} mm: is the axis blocked?'
+        )
 
     def _warm_up(self) -> None:
         """Compile every kernel before the first tick."""
@@ -143,6 +145,7 @@ class ServoAxes:
         self.measure(self.encoder.tolist())
         self.motion.move(self.encoder, self.motion.max_velocity, self.encoder)
         self.control()
-        self.motion.mode = Mode.VELOCITY
-        self.control()
+        for self.motion.mode in (Mode.VELOCITY, Mode.STREAM):
+            self.control()
+        self.following_fault()
         self.begin(np.zeros(len(self._axes)).tolist())

@@ -112,3 +112,26 @@ def lugre_velocity(
         decay = math.exp(-abs(speed[i]) * period / level)
         bristles[i] = steady + (bristles[i] - steady) * decay
         out[i] += stiffness * bristles[i] / gains[i, 2]
+
+
+@njit(cache=True)
+def expect(
+    predicted: Floats, before: Floats, lag: Floats, period: float, expected: Floats
+) -> None:
+    """Error of a first-order loop, de/dt = dr/dt - e / lag, one tick on.
+
+    `predicted` (axes,) [m] is the reference of now, `before` that of the last tick, which it
+    replaces; `lag` (axes,) [s]; `expected` (axes,) [m] is updated.
+    """
+    for i in range(len(expected)):
+        expected[i] += predicted[i] - before[i] - period / lag[i] * expected[i]
+        before[i] = predicted[i]
+
+
+@njit(cache=True)
+def stray(predicted: Floats, encoder: Floats, expected: Floats, limit: float) -> int:
+    """First axis whose error is larger by `limit` [m] than expected; -1 where none is."""
+    for i in range(len(encoder)):
+        if abs(predicted[i] - encoder[i]) - abs(expected[i]) > limit:
+            return i
+    return -1
