@@ -103,26 +103,36 @@ def test_emulators_listen_on_loopback_only(emulators: tuple[Nodes, Watch]) -> No
                 assert ipaddress.ip_address(address).is_loopback, (protocol, address)
 
 
-def test_the_graph_stays_on_this_machine(emulators: tuple[Nodes, Watch]) -> None:
-    """Every node chooses LOCALHOST by itself: nothing in the environment asks for it."""
-    nodes, watch = emulators
-    environment = {k: v for k, v in os.environ.items() if k != 'ROS_AUTOMATIC_DISCOVERY_RANGE'}
+def chosen(**environment: str) -> list[str]:
+    """Discovery range and Fast DDS profile that a node takes in an environment."""
+    names = ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
     script = (
-        'import os, rclpy\n'
+        'import os\n'
         'from stage_node.node import local_graph\n'
+        # Another middleware need not be installed here: rclpy has been imported.
+        f'os.environ.update({environment})\n'
         'local_graph()\n'
-        "print(os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'])\n"
+        f'print(*(os.environ.get(name, "none") for name in {names}))\n'
     )
-    done = subprocess.run(
-        [sys.executable, '-c', script], env=environment, capture_output=True, text=True
-    )
-    assert done.stdout.strip() == 'LOCALHOST', done.stderr
+    bare = {k: v for k, v in os.environ.items() if k not in (*names, 'RMW_IMPLEMENTATION')}
+    done = subprocess.run([sys.executable, '-c', script], env=bare, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+def test_the_graph_stays_on_this_machine(emulators: tuple[Nodes, Watch]) -> None:
+    """Every node chooses this machine by itself: nothing in the environment asks for it."""
+    nodes, watch = emulators
+    for asked in ({}, {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}):
+        reach, profile = chosen(**asked)
+        # The profile says what LOCALHOST means; the middleware must add nothing of its own.
+        assert reach == 'SYSTEM_DEFAULT'
+        assert Path(profile).name == 'fastdds_local.xml'
+    assert chosen(RMW_IMPLEMENTATION='rmw_cyclonedds_cpp') == ['LOCALHOST', 'none']
     # What is asked for on purpose is kept.
-    environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SUBNET'
-    done = subprocess.run(
-        [sys.executable, '-c', script], env=environment, capture_output=True, text=True
-    )
-    assert done.stdout.strip() == 'SUBNET'
+    own = '/etc/own_profile.xml'
+    assert chosen(FASTRTPS_DEFAULT_PROFILES_FILE=own) == ['LOCALHOST', own]
+    assert chosen(ROS_AUTOMATIC_DISCOVERY_RANGE='SUBNET') == ['SUBNET', 'none']
     # Discovery announces itself to the multicast group on the loopback interface only.
     for name, process in nodes.processes.items():
         joined = _multicast_interfaces(process.pid)

@@ -18,15 +18,15 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter
 from stage_core.quantities import AXES
+from stage_node.joint_state_wire import JointStateLayout
 from stage_node.node import (
     OK,
     SETPOINT_QOS,
     STATE_QOS,
     WARN,
+    JointStateReader,
     StageNode,
-    joint_state,
     set_stamp,
-    stamp_of,
 )
 
 #: Lockstep: without a message for this wall time the world stands still [s].
@@ -54,13 +54,16 @@ class StreamingNode(StageNode):
         self._first_seen = False
         self._begun = False
         self._costs = np.zeros(4096)
-        self._both = joint_state(0, AXES, position=(0.0, 0.0), velocity=(0.0, 0.0))
-        self._position_only = joint_state(0, AXES, position=(0.0, 0.0))
+        self._reader = JointStateReader()
+        self._both = JointStateLayout(topics.STAGE_FRAME, AXES, (2, 2, 0))
+        self._position_only = JointStateLayout(topics.STAGE_FRAME, AXES, (2, 0, 0))
         self._error = Vector3Stamped()
         self._error.header.frame_id = topics.STAGE_FRAME
         self._setpoints = self.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
         self._errors = self.create_publisher(Vector3Stamped, topics.CONTOUR_ERROR, STATE_QOS)
-        self.create_subscription(JointState, topics.JOINT_STATES, self._on_state, STATE_QOS)
+        self.create_subscription(
+            JointState, topics.JOINT_STATES, self._on_state, STATE_QOS, raw=True
+        )
         # Virtual time stands still in lockstep: the guard runs on the machine's own clock.
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._guard = self.create_timer(0.05, self._watch, clock=clock)
@@ -70,6 +73,10 @@ class StreamingNode(StageNode):
     def lockstep(self) -> bool:
         """Whether time is simulated; then identical runs give identical results."""
         return bool(self.get_parameter('use_sim_time').value)
+
+    def thread_priority(self) -> int:
+        """In lockstep nothing is urgent."""
+        return 0 if self.lockstep else int(self.value('thread_priority'))
 
     @property
     def running(self) -> bool:
@@ -100,28 +107,32 @@ class StreamingNode(StageNode):
         """Silence of the encoder that ends a run [s] of wall time."""
         return 0.5
 
-    def _on_state(self, message: JointState) -> None:
+    def _on_state(self, data: bytes) -> None:
         now = time.monotonic()
         course = self.course
         if course is None or not self._begun:
             return
+        message = self._reader.read(data)
+        if message is None:
+            return
         if self._indices is None:
-            self._indices = _axis_places(message.name)
+            self._indices = _axis_places(message.names)
             if self._indices is None:
                 self._fault(
-                    f'{topics.JOINT_STATES} names the axes {list(message.name)}, x and y are '
+                    f'{topics.JOINT_STATES} names the axes {list(message.names)}, x and y are '
                     'needed: see the parameter axes of the driver'
                 )
                 return
         place_x, place_y = self._indices
-        stamp = stamp_of(message.header)
         if len(message.position) <= max(place_x, place_y):
             self._fault(f'{topics.JOINT_STATES} holds no position for each axis')
             return
-        point = course.on_state(stamp, message.position[place_x], message.position[place_y])
+        point = course.on_state(
+            message.stamp, message.position[place_x], message.position[place_y]
+        )
         self._publish(point)
         if point is not None and point.velocity is not None:
-            self._publish_error(course, stamp)
+            self._publish_error(course, message.stamp)
             slot = self._jitter_count % len(self._jitter)
             self._jitter[slot] = now - self._arrived
             self._costs[slot] = time.monotonic() - now
@@ -134,12 +145,11 @@ class StreamingNode(StageNode):
     def _publish(self, point: SetPoint | None) -> None:
         if point is None or point.position is None:
             return
-        message = self._position_only if point.velocity is None else self._both
-        set_stamp(message.header, point.stamp)
-        message.position[0], message.position[1] = point.position
-        if point.velocity is not None:
-            message.velocity[0], message.velocity[1] = point.velocity
-        self._setpoints.publish(message)
+        if point.velocity is None:
+            data = self._position_only.encode(point.stamp, point.position)
+        else:
+            data = self._both.encode(point.stamp, point.position, point.velocity)
+        self._setpoints.publish(data)
 
     def _publish_error(self, course: ContourRun, stamp: int) -> None:
         row = course.newest_record()
@@ -207,6 +217,7 @@ class StreamingNode(StageNode):
             'interval_max_ms': f'{intervals.max():.3f}',
             'callback_median_us': f'{np.median(costs):.0f}',
             'callback_p99_us': f'{np.percentile(costs, 99):.0f}',
+            'scheduling': self.scheduling,
         }
         if missed:
             return WARN, f'{missed} ticks missed', values

@@ -28,6 +28,18 @@ class Parameter:
         return f'{self.description} [{self.unit}]' if self.unit else self.description
 
 
+def thread_priority(default: int) -> Parameter:
+    """Priority of a process that works tick by tick, below that of interrupt threads (50)."""
+    return Parameter(
+        'thread_priority',
+        default,
+        'real time: SCHED_FIFO priority of all threads where the system permits it; 0: ordinary',
+        minimum=0,
+        maximum=99,
+        read_only=True,
+    )
+
+
 def check(parameter: Parameter, value: Any) -> str | None:
     """What is wrong with a value, with the remedy; None where it is fine."""
     kind = type(parameter.default)

@@ -20,18 +20,18 @@ from stage_driver.zaber import ZaberBackend
 from stage_driver.zaber_lockstep import LockstepZaberBackend
 from stage_driver.zaber_words import describe_flag
 from stage_node.deferred_service import create_deferred_service
+from stage_node.joint_state_wire import JointStateLayout
 from stage_node.node import (
     ERROR,
     OK,
     SETPOINT_QOS,
     STATE_QOS,
     WARN,
+    JointStateReader,
     StageNode,
     first_time,
-    joint_state,
     run,
     set_stamp,
-    stamp_of,
 )
 
 #: The servo thread must get the interpreter within a fraction of a tick [s], also while set-points
@@ -47,11 +47,14 @@ class StageDriver(StageNode):
     def __init__(self) -> None:
         super().__init__('stage_driver', PARAMETERS)
         axes = axes_of(self.value)
-        zeros = [0.0] * len(axes)
-        # One message per topic, filled in place: three topics at 1 kHz leave no time for more.
-        self._reference = joint_state(0, axes, position=zeros, velocity=zeros)
-        self._command = joint_state(0, axes, velocity=zeros)
-        self._measured = joint_state(0, axes, position=zeros, velocity=zeros)
+        count = len(axes)
+        # Three topics at 1 kHz leave no time for a message object each.
+        self._moving = JointStateLayout(topics.STAGE_FRAME, axes, (count, count, 0))
+        self._command = {
+            forces: JointStateLayout(topics.STAGE_FRAME, axes, (0, count, forces))
+            for forces in (0, count)
+        }
+        self._reader = JointStateReader()
         self._reference_out = self.create_publisher(JointState, topics.REFERENCE, STATE_QOS)
         self._command_out = self.create_publisher(JointState, topics.COMMAND, STATE_QOS)
         self._measured_out = self.create_publisher(JointState, topics.JOINT_STATES, STATE_QOS)
@@ -62,7 +65,9 @@ class StageDriver(StageNode):
         self._refused_at = -1e9
         self._rivals = 0
         self._backend: Backend = self._make_backend()
-        self.create_subscription(JointState, topics.SETPOINT, self._on_setpoint, SETPOINT_QOS)
+        self.create_subscription(
+            JointState, topics.SETPOINT, self._on_setpoint, SETPOINT_QOS, raw=True
+        )
         create_deferred_service(self, Trigger, '~/home', lambda _: self._backend.home())
         create_deferred_service(
             self, Trigger, '~/reset_fault', lambda _: self._backend.reset_fault()
@@ -75,6 +80,10 @@ class StageDriver(StageNode):
         self.diagnostics.task('set-points', self._setpoint_status)
         sys.setswitchinterval(SWITCH_INTERVAL)
         self._backend.start()
+
+    def thread_priority(self) -> int:
+        """In lockstep nothing is urgent."""
+        return 0 if self.value('use_sim_time') else int(self.value('thread_priority'))
 
     def shutdown(self) -> None:
         """Bring the stage to rest and close the wire."""
@@ -90,10 +99,10 @@ class StageDriver(StageNode):
 
     # -- requests -----------------------------------------------------------------------------
 
-    def _on_setpoint(self, message: JointState) -> None:
-        self._backend.submit(
-            stamp_of(message.header), message.name, message.position, message.velocity
-        )
+    def _on_setpoint(self, data: bytes) -> None:
+        message = self._reader.read(data)
+        if message is not None:
+            self._backend.submit(*message)
 
     def _on_stop(self, _: Any, response: Any) -> Any:
         response.message = self._backend.stop()
@@ -106,12 +115,7 @@ class StageDriver(StageNode):
         self, stamp: int, positions: Sequence[float], velocities: Sequence[float]
     ) -> None:
         """Publish /stage/joint_states."""
-        message = self._measured
-        set_stamp(message.header, stamp)
-        for index, value in enumerate(positions):
-            message.position[index] = value
-            message.velocity[index] = velocities[index]
-        self._measured_out.publish(message)
+        self._measured_out.publish(self._moving.encode(stamp, positions, velocities))
 
     def on_control(
         self,
@@ -122,19 +126,9 @@ class StageDriver(StageNode):
         forces: Sequence[float],
     ) -> None:
         """Publish /stage/reference and /stage/command."""
-        reference, command = self._reference, self._command
-        set_stamp(reference.header, stamp)
-        set_stamp(command.header, stamp)
-        if len(command.effort) != len(forces):
-            command.effort = list(forces)
-        for index, value in enumerate(references):
-            reference.position[index] = value
-            reference.velocity[index] = rates[index]
-            command.velocity[index] = commands[index]
-        for index, value in enumerate(forces):
-            command.effort[index] = value
-        self._reference_out.publish(reference)
-        self._command_out.publish(command)
+        self._reference_out.publish(self._moving.encode(stamp, references, rates))
+        command = self._command[len(forces)]
+        self._command_out.publish(command.encode(stamp, (), commands, forces))
 
     def on_temperatures(self, stamp: int, sensors: Sequence[str], values: Sequence[float]) -> None:
         """Publish /stage/temperature, one message per sensor."""
@@ -173,6 +167,7 @@ class StageDriver(StageNode):
             'state': status.state.value,
             'homed': status.homed,
             'connected': status.connected,
+            'scheduling': self.scheduling,
             **status.details,
         }
         for flag in status.warnings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -24,12 +25,15 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from stage_core import topics
 from stage_core.clocks import join_stamp, split_stamp
 from stage_core.errors import EXIT_BAD_INPUT, StageError
 from stage_core.parameters import Parameter, Value, check
+from stage_core.priority import to_real_time
+from stage_node.joint_state_wire import JointSample, JointStateLayout
 from stage_node.peers import PEERS, PeerWatch
 
 #: Measurements are recorded for science: reliable, with a second of depth (contract section 3).
@@ -45,6 +49,8 @@ OK, WARN, ERROR, STALE = b'\x00', b'\x01', b'\x02', b'\x03'
 
 #: A diagnostic task returns (level, message, values).
 DiagnosticTask = Callable[[], tuple[bytes, str, dict[str, Any]]]
+
+_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 #: Parameters that ROS itself declares.
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
@@ -103,6 +109,8 @@ class StageNode(Node):
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self._started = True
         self.diagnostics = Diagnostics(self, hardware_id=name)
+        #: How the system schedules this process, for /diagnostics.
+        self.scheduling = 'ordinary'
         if name in PEERS:
             self._watch_peers(PeerWatch(PEERS[name]))
 
@@ -113,6 +121,10 @@ class StageNode(Node):
     def now(self) -> int:
         """Time [ns] that this node's diagnostics carry: simulated time where time is simulated."""
         return int(self.get_clock().now().nanoseconds)
+
+    def thread_priority(self) -> int:
+        """SCHED_FIFO priority of this node's threads while it runs; 0 is ordinary scheduling."""
+        return 0
 
     def shutdown(self) -> None:
         """Bring hardware to rest and close files; called once at the end, whatever ended it."""
@@ -231,14 +243,46 @@ def joint_state(
     return message
 
 
+class JointStateReader:
+    """Reads the JointStates of a raw subscription; those of a known layout in one step."""
+
+    #: Layouts kept: a stream has two or three, rubbish may have any number.
+    _MOST = 16
+
+    def __init__(self) -> None:
+        self._layouts: dict[int, JointStateLayout | None] = {}
+
+    def read(self, data: bytes) -> JointSample | None:
+        """What a message says; None where its bytes are no JointState."""
+        layout = self._layouts.get(len(data))
+        if layout is not None and (sample := layout.decode(data)) is not None:
+            return sample
+        try:
+            message = deserialize_message(data, JointState)
+        except Exception:
+            # Whatever a stranger put on the topic, it must not end the node.
+            return None
+        names, position, velocity = message.name, message.position, message.velocity
+        if len(data) not in self._layouts and len(self._layouts) < self._MOST:
+            counts = len(position), len(velocity), len(message.effort)
+            known = JointStateLayout(message.header.frame_id, names, counts)
+            self._layouts[len(data)] = known if known.decode(data) is not None else None
+        return JointSample(stamp_of(message.header), names, position, velocity)
+
+
 def local_graph() -> None:
     """Keep the graph on this machine unless the user asked for more (before rclpy.init).
 
-    On one machine Fast DDS announces more often, so that nodes find each other at once.
+    With Fast DDS a profile says so instead of the variable, which would make the middleware send
+    everything twice (see `fastdds_local.xml`); one that the user chose is left alone.
     """
-    if os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST') == 'LOCALHOST':
-        profile = Path(__file__).with_name('fastdds_local.xml')
-        os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(profile))
+    chosen = os.environ.setdefault(_RANGE, 'LOCALHOST')
+    fast_dds = os.environ.get('RMW_IMPLEMENTATION', 'rmw_fastrtps').startswith('rmw_fastrtps')
+    if chosen != 'LOCALHOST' or not fast_dds:
+        return
+    profile = str(Path(__file__).with_name('fastdds_local.xml'))
+    if os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', profile) == profile:
+        os.environ[_RANGE] = 'SYSTEM_DEFAULT'
 
 
 def make_executor() -> Executor:
@@ -310,6 +354,10 @@ def run(factory: Callable[[], StageNode], arguments: Sequence[str] | None = None
             return _refused(error)
         executor = make_executor()
         executor.add_node(node)
+        # What lives as long as the node is not looked through again: that takes many ticks.
+        gc.collect()
+        gc.freeze()
+        node.scheduling = to_real_time(node.thread_priority())
         spin(executor, ended)
         return 0
     except (KeyboardInterrupt, ExternalShutdownException):

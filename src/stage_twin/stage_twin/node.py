@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import sys
 from typing import Any
 
@@ -15,7 +14,7 @@ from std_srvs.srv import Trigger
 from stage_core import topics
 from stage_core.clocks import NANOSECONDS, split_stamp
 from stage_core.drive_link import DEFAULT_PORT
-from stage_core.parameters import Parameter, Value
+from stage_core.parameters import Parameter, Value, thread_priority
 from stage_core.twin_file import TwinFile
 from stage_node.node import ERROR, OK, WARN, StageNode, run
 from stage_twin.emulators.drive import DriveSocket
@@ -82,6 +81,7 @@ PARAMETERS = (
         600.0,
     ),
     Parameter('clock_interval', 1, 'lockstep: ticks between two /clock messages', minimum=1),
+    thread_priority(45),
 )
 
 
@@ -107,10 +107,8 @@ class StageTwin(StageNode):
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.diagnostics.task('plant', self._plant_status)
         self.diagnostics.task('tracker', self._tracker_status)
-        # The plant's thread must get the interpreter within a tick, and no collector between.
+        # The plant's thread must get the interpreter within a tick.
         sys.setswitchinterval(SWITCH_INTERVAL)
-        gc.collect()
-        gc.freeze()
         self._loop.start()
         self.get_logger().info(
             f'{self.value("clock")}, axes {" ".join(twin.axes)}, {self._loop.summary()}, '
@@ -173,6 +171,10 @@ class StageTwin(StageNode):
         """Simulated time where this node makes it [ns]: its diagnostics belong to that time."""
         return self._simulated if self._clock_publisher is not None else super().now()
 
+    def thread_priority(self) -> int:
+        """In lockstep nothing is urgent."""
+        return 0 if self.value('clock') == 'lockstep' else int(self.value('thread_priority'))
+
     def parameters_changed(self, changed: dict[str, Value]) -> str | None:
         """Switch a tracker fault; everything else is read when the node starts."""
         for name in changed:
@@ -190,6 +192,7 @@ class StageTwin(StageNode):
 
     def _plant_status(self) -> tuple[bytes, str, dict[str, Any]]:
         level, message, values = self._loop.status()
+        values['scheduling'] = self.scheduling
         return (OK, WARN, ERROR)[level], message, values
 
     def _tracker_status(self) -> tuple[bytes, str, dict[str, Any]]:
