@@ -216,7 +216,9 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         failures.clear()
         waiting = threading.Thread(target=run)
         waiting.start()
-        client.wait_for(lambda: any('planning the contour' in text for text in seen), 60.0, 'the planning')
+        client.wait_for(
+            lambda: any('planning the contour' in text for text in seen), 60.0, 'the planning'
+        )
         assert client.trigger('/contour_ctrl/abort', 20.0) == 'stopping'
         waiting.join(20.0)
         assert 'aborted by request' in failures[0]
