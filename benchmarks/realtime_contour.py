@@ -1,11 +1,10 @@
 """The contour controller against the servo twin in another process, over DDS.
 
-    python benchmarks/realtime_contour.py [--lockstep] [--runs 10] [--ordinary]
+    python benchmarks/realtime_contour.py [--lockstep] [--runs 10] [--priority]
 
 Real time: 1 kHz, prints the figures and the timing that the node reports on /diagnostics, and how
 busy the machine was: load average, and on a virtual machine the processor time its host kept.
---ordinary: without real-time priority, as where the system does not permit it. Exit status 1 where
-a run failed.
+--priority: with real-time priority, where the system permits it. Exit status 1 where a run failed.
 Lockstep: two fresh graphs; prints both results, which must be equal.
 """
 
@@ -40,13 +39,16 @@ def processor() -> tuple[int, int]:
     return fields[7], sum(fields)
 
 
-def run(lockstep: bool, ordinary: bool = False) -> str:
+def run(lockstep: bool, priority: bool = False) -> str:
     """Start twin, driver and controller; run once; return the message."""
     reserve_domain()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     port = str(free_port(socket.SOCK_DGRAM))
     sim = ['-p', f'use_sim_time:={str(lockstep).lower()}']
-    priority = ['-p', 'thread_priority:=0'] if ordinary else []
+    # Who is waited for goes first: the plant, then the driver, then the controller.
+    plant, driver, controller = (
+        ['-p', f'thread_priority:={value if priority else 0}'] for value in (45, 40, 35)
+    )
     commands = [
         [
             'stage_twin.node',
@@ -58,9 +60,9 @@ def run(lockstep: bool, ordinary: bool = False) -> str:
             f'drive_port:={port}',
             '-p',
             'tracker_protocol:=none',
-            *priority,
+            *plant,
         ],
-        ['stage_driver.node', '-p', f'drive_port:={port}', *sim, *priority],
+        ['stage_driver.node', '-p', f'drive_port:={port}', *sim, *driver],
         [
             'contour_ctrl.node',
             '--params-file',
@@ -68,7 +70,7 @@ def run(lockstep: bool, ordinary: bool = False) -> str:
             '-p',
             'iterations:=3',
             *sim,
-            *priority,
+            *controller,
         ],
     ]
     processes = [
@@ -126,14 +128,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--lockstep', action='store_true')
     parser.add_argument('--runs', type=int, default=1, help='real time: how often')
-    parser.add_argument('--ordinary', action='store_true', help='without real-time priority')
+    parser.add_argument('--priority', action='store_true', help='with real-time priority')
     given = parser.parse_args()
     if given.lockstep:
         return compare()
     failed = 0
     for _ in range(given.runs):
         try:
-            print(run(False, given.ordinary), flush=True)
+            print(run(False, given.priority), flush=True)
         except StageError as error:
             print(f'error: {error}', flush=True)
             failed += 1

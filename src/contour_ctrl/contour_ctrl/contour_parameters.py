@@ -15,7 +15,7 @@ from contour_ctrl.reference import Reference, plan
 from contour_ctrl.sequence import RunSettings
 from contour_ctrl.tick import Gains
 from stage_core.errors import StageError
-from stage_core.parameters import Parameter, thread_priority
+from stage_core.parameters import THREAD_PRIORITY, Parameter
 from stage_core.quantities import AXES
 from stage_core.untrusted import file_text, yaml_mapping
 
@@ -58,7 +58,7 @@ def _axis_parameters(axis: str) -> list[Parameter]:
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    thread_priority(35),
+    THREAD_PRIORITY,
     Parameter('contour', 'circle', 'what to follow', choices=curves.NAMES),
     Parameter('centre_x', 0.0, 'centre of the contour', 'm'),
     Parameter('centre_y', 0.0, 'centre of the contour', 'm'),

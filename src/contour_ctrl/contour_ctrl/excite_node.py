@@ -12,12 +12,12 @@ from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.sequence import ContourRun, RunSettings
 from contour_ctrl.streaming_node import StreamingNode
 from contour_ctrl.tick import Controller, Gains
-from stage_core.parameters import Parameter, thread_priority
+from stage_core.parameters import THREAD_PRIORITY, Parameter
 from stage_core.quantities import AXES
 from stage_node.node import run
 
 PARAMETERS: tuple[Parameter, ...] = (
-    thread_priority(35),
+    THREAD_PRIORITY,
     Parameter('half_range_x', 0.05, 'travel to each side of the centre', 'm', 1e-6),
     Parameter('half_range_y', 0.05, 'travel to each side of the centre', 'm', 1e-6),
     Parameter('centre_x', 0.0, 'centre of the excitation', 'm'),

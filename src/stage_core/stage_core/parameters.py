@@ -28,16 +28,16 @@ class Parameter:
         return f'{self.description} [{self.unit}]' if self.unit else self.description
 
 
-def thread_priority(default: int) -> Parameter:
-    """Priority of a process that works tick by tick, below that of interrupt threads (50)."""
-    return Parameter(
-        'thread_priority',
-        default,
-        'real time: SCHED_FIFO priority of all threads where the system permits it; 0: ordinary',
-        minimum=0,
-        maximum=99,
-        read_only=True,
-    )
+#: Of a process that works tick by tick. Off by default: on a machine without processors to spare
+#: nothing ordinary would run any more, neither the recorder nor who calls ~/stop.
+THREAD_PRIORITY = Parameter(
+    'thread_priority',
+    0,
+    'real time: SCHED_FIFO priority of all threads where the system permits it; 0: ordinary',
+    minimum=0,
+    maximum=49,
+    read_only=True,
+)
 
 
 def check(parameter: Parameter, value: Any) -> str | None:

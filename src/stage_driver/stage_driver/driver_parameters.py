@@ -10,7 +10,7 @@ import numpy as np
 
 from stage_core import drive_link
 from stage_core.errors import StageError
-from stage_core.parameters import Parameter, thread_priority
+from stage_core.parameters import THREAD_PRIORITY, Parameter
 from stage_core.quantities import AXES
 from stage_core.twin_file import TwinFile
 from stage_driver.limits import AxisLimits
@@ -63,7 +63,7 @@ def _axis_parameters(axis: str, number: int) -> list[Parameter]:
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    thread_priority(40),
+    THREAD_PRIORITY,
     Parameter(
         'backend', 'servo', 'what drives the stage', choices=('servo', 'zaber'), read_only=True
     ),

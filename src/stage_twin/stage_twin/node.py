@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from stage_core import topics
 from stage_core.clocks import NANOSECONDS, split_stamp
 from stage_core.drive_link import DEFAULT_PORT
-from stage_core.parameters import Parameter, Value, thread_priority
+from stage_core.parameters import THREAD_PRIORITY, Parameter, Value
 from stage_core.twin_file import TwinFile
 from stage_node.node import ERROR, OK, WARN, StageNode, run
 from stage_twin.emulators.drive import DriveSocket
@@ -81,7 +81,7 @@ PARAMETERS = (
         600.0,
     ),
     Parameter('clock_interval', 1, 'lockstep: ticks between two /clock messages', minimum=1),
-    thread_priority(45),
+    THREAD_PRIORITY,
 )
 
 
