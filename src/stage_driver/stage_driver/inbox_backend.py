@@ -29,6 +29,8 @@ class InboxBackend(ABC):
         self._counts = {'refused': 0, 'watchdog_stops': 0, 'rival_setpoints': 0}
         self._last_refusal = ''
         self._last_setpoint: Setpoint | None = None
+        #: The last streamed one, whether it was taken or refused.
+        self._last_streamed: Setpoint | None = None
         self._ending = threading.Event()
 
     # -- calls from other threads -------------------------------------------------------------
@@ -54,7 +56,7 @@ class InboxBackend(ABC):
                 self._ending.set()
                 self._inbox.put(lambda: self._end_refused_stream(reason))
             return
-        self._inbox.put(lambda: self._take(setpoint))
+        self._inbox.put(lambda: self._receive(setpoint))
 
     def home(self) -> Future[str]:
         """See `Backend.home`."""
@@ -140,16 +142,23 @@ class InboxBackend(ABC):
             return 'homing is under way: wait for it or call ~/stop'
         return self._states.refusal(Event.MOVE) or contact
 
+    def _receive(self, setpoint: Setpoint) -> None:
+        """Count what only a second controller can have sent, and take the set-point."""
+        last = self._last_streamed
+        if setpoint.streams:
+            # A controller's stamps rise, and it sends one set-point for a tick. In a fault as
+            # well: two that contradict each other soon end in one.
+            if last is not None and 0 < setpoint.stamp <= last.stamp and setpoint != last:
+                self._counts['rival_setpoints'] += 1
+            self._last_streamed = setpoint
+        self._take(setpoint)
+
     def _repeats(self, setpoint: Setpoint) -> bool:
         """Whether this is the last set-point again, sent for the case that it got lost."""
         previous = self._last_setpoint
-        if previous is None or setpoint.stamp > previous.stamp or setpoint.stamp == 0:
-            return False
-        if setpoint.streams and previous.streams and setpoint != previous:
-            # A controller's stamps rise, and it sends one set-point for a tick.
-            self._counts['rival_setpoints'] += 1
         return (
-            setpoint.stamp == previous.stamp
+            previous is not None
+            and setpoint.stamp == previous.stamp != 0
             and setpoint.kind is previous.kind
             and (setpoint.streams or setpoint == previous)
         )

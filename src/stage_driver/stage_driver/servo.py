@@ -210,7 +210,7 @@ class ServoBackend(InboxBackend):
         moving = not self.motion.at_rest
         self._axes.begin(datagram.values)
         self._answered = self._stream_stamp = -1
-        self._last_setpoint = None
+        self._last_setpoint = self._last_streamed = None
         self._link.connected = True
         self._braking = False
         if self._link.lockstep and datagram.tick > 0 and not restarted:

@@ -348,7 +348,8 @@ class ZaberBackend(InboxBackend):
     def _found(self, stage: ZaberStage) -> None:
         self._warnings = stage.warnings()
         self._homed = 'WR' not in self._warnings
-        self._flags = self._last = self._last_setpoint = None
+        self._flags = self._last = None
+        self._last_setpoint = self._last_streamed = None
         self._references = []
         self._travel = stage.limits
         self._stage = stage
