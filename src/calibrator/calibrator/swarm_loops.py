@@ -133,9 +133,15 @@ def _add_to(sums: Array, values: tuple[float, ...]) -> None:
 
 
 @njit(inline='always')
-def _next(j: int, k: int, square: bool) -> tuple[int, int]:
-    """The product a_j b_k after one, see `add_six`."""
-    return (j, k + 1) if square and k < j else (j + 1, 0)
+def _rows(p: int, square: bool) -> tuple[Any, Any]:
+    """Where the rows a_j and b_k of product p begin, see `add_six`."""
+    j = 0
+    if square:
+        while p > j:
+            j += 1
+            p -= j
+        return np.uint64(j) * _ROW, np.uint64(p) * _ROW
+    return np.uint64(p) * _ROW, np.uint64(0)
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
@@ -151,13 +157,10 @@ def add_six(
     """
     _wide()
     x = np.uint64(q) * _ROW
-    p, j, k = 0, 0, 0
-    while p < len(sums):
-        aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
-        j, k = _next(j, k, square)
+    for p in range(0, len(sums), 2):
         both = p + 1 < len(sums)
-        am, bn = (np.uint64(j) * _ROW, np.uint64(k) * _ROW) if both else (aj, bk)
-        j, k = _next(j, k, square)
+        aj, bk = _rows(p, square)
+        am, bn = _rows(p + 1 if both else p, square)
         a0, a1, a2, a3, a4, a5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         b0, b1, b2, b3, b4, b5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(size):
@@ -177,7 +180,6 @@ def add_six(
         _add_to(sums[p, q : q + 6], (a0, a1, a2, a3, a4, a5))
         if both:
             _add_to(sums[p + 1, q : q + 6], (b0, b1, b2, b3, b4, b5))
-        p += 2
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
@@ -187,13 +189,10 @@ def add_three(
     """`add_six` for three rows."""
     _wide()
     x = np.uint64(q) * _ROW
-    p, j, k = 0, 0, 0
-    while p < len(sums):
-        aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
-        j, k = _next(j, k, square)
+    for p in range(0, len(sums), 2):
         both = p + 1 < len(sums)
-        am, bn = (np.uint64(j) * _ROW, np.uint64(k) * _ROW) if both else (aj, bk)
-        j, k = _next(j, k, square)
+        aj, bk = _rows(p, square)
+        am, bn = _rows(p + 1 if both else p, square)
         a0, a1, a2, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(size):
             one, two = a[aj + i] * b[bk + i], a[am + i] * b[bn + i]
@@ -206,7 +205,6 @@ def add_three(
         _add_to(sums[p, q : q + 3], (a0, a1, a2))
         if both:
             _add_to(sums[p + 1, q : q + 3], (b0, b1, b2))
-        p += 2
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model='numpy')
@@ -216,10 +214,8 @@ def add_one(
     """`add_six` for one row."""
     _wide()
     x = np.uint64(q) * _ROW
-    j, k = 0, 0
     for p in range(len(sums)):
-        aj, bk = np.uint64(j) * _ROW, np.uint64(k) * _ROW
-        j, k = _next(j, k, square)
+        aj, bk = _rows(p, square)
         total = 0.0
         for i in range(size):
             total += a[aj + i] * b[bk + i] * pairs[x + i]

@@ -145,7 +145,8 @@ class ServoAxes:
         self.measure(self.encoder.tolist())
         self.motion.move(self.encoder, self.motion.max_velocity, self.encoder)
         self.control()
-        for self.motion.mode in (Mode.VELOCITY, Mode.STREAM):
+        for mode in (Mode.VELOCITY, Mode.STREAM):
+            self.motion.mode = mode
             self.control()
         self.following_fault()
         self.begin(np.zeros(len(self._axes)).tolist())
