@@ -1,10 +1,12 @@
 """The contour controller against the servo twin in another process, over DDS.
 
-    python benchmarks/realtime_contour.py [--lockstep] [--runs 10] [--priority]
+    python benchmarks/realtime_contour.py [--lockstep] [--runs 10] [--priority] [--asleep]
 
-Real time: 1 kHz, prints the figures and the timing that the node reports on /diagnostics, and how
-busy the machine was: load average, and on a virtual machine the processor time its host kept.
---priority: with real-time priority, where the system permits it. Exit status 1 where a run failed.
+Real time: 1 kHz, the processors kept awake; prints the figures, the timing that the node reports on
+/diagnostics, what the other two nodes count, and what the machine itself left out: gaps in which a
+processor ran nothing, and on a virtual machine the processor time that its host kept.
+--priority: with real-time priority, where the system permits it. --asleep: the processors may
+sleep. Exit status 1 where a run failed.
 Lockstep: two fresh graphs; prints both results, which must be equal.
 """
 
@@ -15,6 +17,7 @@ import os
 import socket
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -22,8 +25,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
 
 from domains import reserve_domain
+from processor_gaps import ProcessorGaps
 
 from stage_bringup.graph import free_port
+from stage_bringup.keep_awake import KeepAwake
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_node.client_node import GraphClient
@@ -31,6 +36,11 @@ from stage_node.client_node import GraphClient
 CONFIG = Path(__file__).resolve().parents[1] / 'ros_ws' / 'config'
 #: Longest wait for a service and for its answer [s].
 PATIENCE = 240.0
+#: What the other two count of a machine that is late, over their whole life.
+COUNTED = {
+    'stage_twin: plant': ('held_ticks', 'late_forces', 'missed_ticks', 'pauses', 'worst_lateness'),
+    'stage_driver: state': ('missed_ticks', 'late_ticks'),
+}
 
 
 def processor() -> tuple[int, int]:
@@ -81,12 +91,16 @@ def run(lockstep: bool, priority: bool = False) -> str:
         for module, *arguments in commands
     ]
     timing: dict[str, str] = {}
+    waits: dict[str, str] = {}
 
     def on_diagnostics(message: DiagnosticArray) -> None:
         for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
             if status.name == 'contour_ctrl: timing':
-                timing.update({pair.key: pair.value for pair in status.values})
-                timing['status'] = status.message
+                timing.update(values, status=status.message)
+            for name, counted in COUNTED.items():
+                if status.name == name:
+                    waits[name] = ', '.join(f'{key} {values[key]}' for key in counted)
 
     try:
         with GraphClient('realtime_contour', use_sim_time=lockstep) as client:
@@ -96,20 +110,22 @@ def run(lockstep: bool, priority: bool = False) -> str:
             client.trigger('/stage_driver/home', PATIENCE)
             begun = processor()
             message, failure = '', None
-            try:
-                message = client.trigger('/contour_ctrl/run', PATIENCE)
-            except StageError as error:
-                # On a machine too slow for 1 kHz the timing shows by how much.
-                failure = error
+            with ProcessorGaps() as gaps:
+                try:
+                    message = client.trigger('/contour_ctrl/run', PATIENCE)
+                except StageError as error:
+                    # On a machine too slow for 1 kHz the timing shows by how much.
+                    failure = error
             # What was reported during the run does not hold its last ticks.
             timing.clear()
             client.wait_for(lambda: 'status' in timing, PATIENCE, 'the timing on /diagnostics')
         if not lockstep:
             print(', '.join(f'{key} {value}' for key, value in timing.items()))
+            print('; '.join(f'{name} {text}' for name, text in waits.items()))
             stolen, all_time = (
                 after - before for after, before in zip(processor(), begun, strict=True)
             )
-            print(f'load average {os.getloadavg()[0]:.1f}, stolen {100 * stolen / all_time:.1f} %')
+            print(f'stolen {100 * stolen / all_time:.1f} %, {gaps.text}')
         if failure is not None:
             raise failure
         return message
@@ -129,16 +145,20 @@ def main() -> int:
     parser.add_argument('--lockstep', action='store_true')
     parser.add_argument('--runs', type=int, default=1, help='real time: how often')
     parser.add_argument('--priority', action='store_true', help='with real-time priority')
+    parser.add_argument('--asleep', action='store_true', help='the processors may sleep')
     given = parser.parse_args()
     if given.lockstep:
         return compare()
     failed = 0
-    for _ in range(given.runs):
-        try:
-            print(run(False, given.priority), flush=True)
-        except StageError as error:
-            print(f'error: {error}', flush=True)
-            failed += 1
+    with ExitStack() as stack:
+        if not given.asleep:
+            print(f'the processors are kept awake: {stack.enter_context(KeepAwake()).how}')
+        for _ in range(given.runs):
+            try:
+                print(run(False, given.priority), flush=True)
+            except StageError as error:
+                print(f'error: {error}', flush=True)
+                failed += 1
     if given.runs > 1:
         print(f'{given.runs - failed} of {given.runs} runs succeeded')
     return int(failed > 0)

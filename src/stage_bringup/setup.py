@@ -24,6 +24,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'keep_awake = stage_bringup.keep_awake:main',
             'session = stage_bringup.session:main',
             'live_view = stage_bringup.live_view_node:main',
         ],

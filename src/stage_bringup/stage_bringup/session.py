@@ -8,12 +8,14 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stage_bringup.graph import Options, commands, config_folder, zaber_port
+from stage_bringup.keep_awake import KeepAwake
 from stage_bringup.processes import Processes
 from stage_core.errors import StageError, command_line
 
@@ -87,7 +89,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     begin = time.monotonic()
     processes = Processes(options.out / 'log')
     status = 0
+    awake = ExitStack()
     try:
+        if options.clock == 'realtime':
+            awake.enter_context(KeepAwake())
         for command in commands(options):
             processes.start(command)
             if command.name == 'stage_twin' and options.backend == 'zaber':
@@ -110,6 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = 130
     finally:
         killed = processes.end()
+        awake.close()
     if killed:
         print(f'error: {", ".join(killed)} did not end and was killed', file=sys.stderr)
         status = status or 1

@@ -19,8 +19,9 @@ LONGEST_WAIT = 0.05
 BRAKING_LIMIT = 2.0
 #: A force for a tick longer ago is refused: a loop closed that late drives the stage to and fro.
 STALE_TICKS = 5
-#: The plant's time stands still for so long [s] when a force is late: an operating system that
-#: takes the driver off its core must not look like an axis that runs away. Counted.
+#: The plant waits for so long [s] when a force is late: an operating system that takes the driver
+#: off its core must not look like an axis that runs away. Counted; a short wait is caught up, of
+#: a long one the rest is time that did not pass for the plant (see `Pacer`).
 PATIENCE = 0.25
 
 
@@ -216,14 +217,14 @@ class RealTimeLoop(_Loop):
     def _await_force(
         self, newest: tuple[float, ...] | None
     ) -> tuple[bool, tuple[float, ...] | None]:
-        """Hold the plant's time while the driver of a busy machine is late (see `PATIENCE`)."""
+        """Wait while the driver of a busy machine is late (see `PATIENCE`)."""
         begin = time.monotonic()
         fresh = False
         while not fresh and (left := begin + PATIENCE - time.monotonic()) > 0.0:
             if self.drive.wait(left):
                 fresh, came = self._collect()
                 newest = newest if came is None else came
-        self.pacer.deadline += time.monotonic() - begin
+        self.pacer.let_go()
         self.held_ticks += 1
         return fresh, newest
 

@@ -114,40 +114,50 @@ class DriveSocket:
 class Pacer:
     """Absolute deadlines of a periodic thread on the monotonic clock.
 
+    A thread that lags is up to date again at twice the speed: those that follow its ticks must
+    keep up with it.
+
     Attributes
     ----------
+    longest_lag
+        Lag that is caught up [s]. What exceeds it is lost: the deadlines move.
     missed
         Deadlines that had passed by more than one period when the thread came to them.
     pauses
-        Times when the thread was later than `longest_lag` and gave up to catch up: the plant
-        stands still meanwhile, or it would run for long with a force that nobody could renew.
+        Times when deadlines have moved.
     worst
         Largest lateness since the start [s].
     """
 
     period: float
-    longest_lag: float = 0.01
+    longest_lag: float = 0.05
     deadline: float = 0.0
     missed: int = 0
     pauses: int = 0
     worst: float = 0.0
+    _woke: float = 0.0
 
     def start(self) -> None:
         """Put the first deadline now."""
-        self.deadline = time.monotonic()
+        self.deadline = self._woke = time.monotonic()
 
     def next(self) -> float:
         """Sleep until the next deadline and return it (monotonic clock) [s]."""
         self.deadline += self.period
-        left = self.deadline - time.monotonic()
+        left = max(self.deadline, self._woke + 0.5 * self.period) - time.monotonic()
         if left > 0.0:
             time.sleep(left)
-            left = self.deadline - time.monotonic()
-        late = -left
+        self._woke = time.monotonic()
+        late = self._woke - self.deadline
         self.worst = max(self.worst, late)
         if late > self.period:
             self.missed += 1
-        if late > self.longest_lag:
-            self.pauses += 1
-            self.deadline += late
+        self.let_go()
         return self.deadline
+
+    def let_go(self) -> None:
+        """Move the deadline where the thread lags by more than it catches up."""
+        lost = time.monotonic() - self.deadline - self.longest_lag
+        if lost > 0.0:
+            self.pauses += 1
+            self.deadline += lost
