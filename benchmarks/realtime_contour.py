@@ -2,9 +2,9 @@
 
     python benchmarks/realtime_contour.py [--lockstep] [--runs 10] [--priority] [--asleep]
 
-Real time: 1 kHz, the processors kept awake; prints the figures, the timing that the node reports on
-/diagnostics, what the other two nodes count, and what the machine itself left out: gaps in which a
-processor ran nothing, and on a virtual machine the processor time that its host kept.
+Real time: 1 kHz, the processors kept awake; prints the figures, the timing that the node reports
+on /diagnostics, what the other two nodes count, and what the machine itself left out: gaps in
+which a processor ran nothing, and on a virtual machine the processor time that its host kept.
 --priority: with real-time priority, where the system permits it. --asleep: the processors may
 sleep. Exit status 1 where a run failed.
 Lockstep: two fresh graphs; prints both results, which must be equal.

@@ -159,6 +159,30 @@ def test_missed_ticks_are_counted_bridged_or_refused() -> None:
             assert 'had no encoder message in time' in run.message
 
 
+@pytest.mark.parametrize(('lost', 'goes_on'), [(30, True), (40, False)])
+def test_a_step_that_the_driver_would_call_a_fault_is_a_smooth_stop(
+    lost: int, goes_on: bool
+) -> None:
+    # 30 mm/s: 1 mm, the default of longest_step, is 33 ticks.
+    stage = Stage()
+    run = ContourRun(Controller(REFERENCE, GAINS), None, 1)
+    stage.take(run.begin(stage.stamp))
+    while run.phase is not Phase.STREAM or run.tick < 500:
+        stage.step(run)
+    stage.stamp += lost * MS
+    stage.step(run)
+    assert run.done != goes_on
+    if goes_on:
+        assert run.missed == lost and run.tick == 500 + lost + 1
+        return
+    assert '40 ticks in a row had no encoder message, 1.2 mm of the contour' in run.message
+    last = stage.sent[-1]
+    assert last.velocity is None and last.position is not None
+    # Where the stage comes to rest from the speed that it has, not where the contour would be.
+    ahead = np.array(last.position) - REFERENCE.position[501]
+    assert ahead == pytest.approx(0.1 * REFERENCE.velocity[500], abs=2e-4)
+
+
 def test_same_course_at_fifty_hertz() -> None:
     slow = reference.plan(curves.circle(0.005, (0.01, 0.0)), 0.005, period=0.02)
     run = ContourRun(Controller(slow, Gains((5.0, 5.0))), None, 1)

@@ -99,6 +99,9 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         'missed_share', 0.05, 'ticks without a message that an iteration bears', '', 0.0, 1.0
     ),
+    Parameter(
+        'longest_step', 1e-3, 'way of the contour that may go by without a message', 'm', 1e-6
+    ),
     Parameter('stop_time', 0.2, 'duration of a smooth stop', 's', 1e-3),
     Parameter('encoder_timeout', 0.5, 'silence of the encoder that ends a run', 's', 0.01),
     Parameter('lockstep_timeout', 20.0, 'the same on the wall clock in lockstep', 's', 0.1),
@@ -252,5 +255,6 @@ def make_run_settings(value: Values, lockstep: bool) -> RunSettings:
         approach_timeout=value('approach_timeout'),
         stop_time=value('stop_time'),
         missed_share=value('missed_share'),
+        longest_step=value('longest_step'),
         lockstep=lockstep,
     )

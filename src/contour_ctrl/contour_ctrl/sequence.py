@@ -61,6 +61,9 @@ class RunSettings:
         Wait for `world_is_quiet` before the first tick, which keeps results identical.
     missed_share
         Largest share of ticks without a message from which is still learned.
+    longest_step
+        Way of the contour that may go by without a message [m]. The set-point after it is a step
+        of that length to the driver, whose following error limit is a latched fault.
     """
 
     start_tolerance: float = 1e-4
@@ -70,6 +73,7 @@ class RunSettings:
     stop_time: float = 0.2
     lockstep: bool = False
     missed_share: float = 0.05
+    longest_step: float = 1e-3
 
 
 class ContourRun:
@@ -230,13 +234,27 @@ class ContourRun:
         k = int(round((stamp - self._origin) / self._period_ns))
         if k <= self.tick:
             return None
-        self.missed += k - self.tick - 1
+        gap = k - self.tick - 1
+        if gap > 0 and (reason := self._too_far(gap, k)):
+            return self.fault(stamp, reason)
+        self.missed += gap
         self.tick = k
         if k >= len(self._active):
             return self._end(stamp)
         velocity = self._active.tick(k, qx, qy)
         self._sent = stamp
         return SetPoint(stamp, _pair(self._active.table[k]), _pair(velocity))
+
+    def _too_far(self, gap: int, k: int) -> str:
+        """Reason to stop where the contour has gone on too far without the stage."""
+        due, now = np.minimum((self.tick + 1, k), len(self._active) - 1)
+        step = float(np.hypot(*(self._active.table[now, :2] - self._active.table[due, :2])))
+        if step <= self.settings.longest_step:
+            return ''
+        return (
+            f'{gap} ticks in a row had no encoder message, {1e3 * step:.1f} mm of the contour '
+            f'(longest_step is {1e3 * self.settings.longest_step:g} mm): relieve the machine'
+        )
 
     def _brake(self, stamp: int) -> None:
         """Replace the plan by its feed hold; the states of the control law go on."""

@@ -18,7 +18,6 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
 
 from stage_core.errors import EXIT_BAD_INPUT, StageError
 
@@ -27,15 +26,18 @@ LATENCY_FILE = Path('/dev/cpu_dma_latency')
 #: Who puts processors to sleep; "none" on most virtual machines: there the file has no effect.
 IDLE_DRIVER = Path('/sys/devices/system/cpu/cpuidle/current_driver')
 
-#: Runs where nothing else wants to, on one processor, until its parent has gone.
+#: Runs where nothing else wants to, on one processor, until its parent has gone. It yields to the
+#: computations in the background, which are of the same kind: without, they would get half.
 _SPIN = """
 import os, sys
 processor, parent = int(sys.argv[1]), int(sys.argv[2])
 os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 os.sched_setaffinity(0, {processor})
 while os.getppid() == parent:
-    for _ in range(1_000_000):
-        pass
+    for _ in range(10_000):
+        for _ in range(100):
+            pass
+        os.sched_yield()
 """
 
 
@@ -51,13 +53,11 @@ class KeepAwake:
         Where the system has neither.
     """
 
-    def __init__(
-        self, latency_file: Path = LATENCY_FILE, idle_driver: Path = IDLE_DRIVER
-    ) -> None:
+    def __init__(self, latency_file: Path = LATENCY_FILE, idle_driver: Path = IDLE_DRIVER) -> None:
         self.how = ''
         self._latency_file = latency_file
         self._idle_driver = idle_driver
-        self._request: BinaryIO | None = None
+        self._request: int | None = None
         self._spinning: list[subprocess.Popen[bytes]] = []
 
     @property
@@ -67,7 +67,7 @@ class KeepAwake:
 
     def __enter__(self) -> KeepAwake:
         """Keep the processors awake from now on."""
-        if self._ask_kernel():
+        if self._kernel_agrees():
             self.how = f'{self._latency_file} is kept at 0 us'
             return self
         if not hasattr(os, 'SCHED_IDLE'):
@@ -86,19 +86,19 @@ class KeepAwake:
     ) -> None:
         """Let them sleep again."""
         if self._request is not None:
-            self._request.close()
+            os.close(self._request)
             self._request = None
         for process in self._spinning:
             process.kill()
             process.wait()
         self._spinning.clear()
 
-    def _ask_kernel(self) -> bool:
+    def _kernel_agrees(self) -> bool:
         try:
             if self._idle_driver.read_text().strip() in ('', 'none'):
                 return False
-            self._request = open(self._latency_file, 'wb', buffering=0)
-            self._request.write(struct.pack('i', 0))
+            self._request = os.open(self._latency_file, os.O_WRONLY)
+            os.write(self._request, struct.pack('i', 0))
         except OSError:
             return False
         return True

@@ -1,0 +1,87 @@
+"""What keeps the processors awake gives way to all else, and ends with who asked for it."""
+
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+
+import pytest
+
+from stage_bringup.keep_awake import KeepAwake
+
+pytestmark = pytest.mark.skipif(not hasattr(os, 'SCHED_IDLE'), reason='needs SCHED_IDLE')
+
+
+def state(pid):
+    """Policy and processors of a process once it is at work."""
+    deadline = time.monotonic() + 20.0
+    while os.sched_getscheduler(pid) != os.SCHED_IDLE or len(os.sched_getaffinity(pid)) > 1:
+        assert time.monotonic() < deadline, f'process {pid} never became idle'
+        time.sleep(0.01)
+    return os.sched_getaffinity(pid)
+
+
+def wait_for_end(pid):
+    deadline = time.monotonic() + 20.0
+    while os.path.exists(f'/proc/{pid}'):
+        with open(f'/proc/{pid}/stat') as text:
+            if text.read().rpartition(')')[2].split()[0] == 'Z':
+                return
+        assert time.monotonic() < deadline, f'process {pid} is still there'
+        time.sleep(0.01)
+
+
+def test_without_an_idle_driver_each_processor_has_a_process_of_the_lowest_kind(tmp_path):
+    driver = tmp_path / 'current_driver'
+    driver.write_text('none\n')
+    with KeepAwake(tmp_path / 'latency', driver) as awake:
+        pids = awake.pids
+        assert awake.how == f'{len(pids)} processes under SCHED_IDLE'
+        assert {tuple(state(pid)) for pid in pids} == {(p,) for p in os.sched_getaffinity(0)}
+    assert awake.pids == []
+    for pid in pids:
+        wait_for_end(pid)
+
+
+def test_where_the_kernel_has_an_idle_driver_it_is_asked(tmp_path):
+    driver, latency = tmp_path / 'current_driver', tmp_path / 'latency'
+    driver.write_text('intel_idle\n')
+    latency.touch()
+    with KeepAwake(latency, driver) as awake:
+        assert awake.pids == [] and str(latency) in awake.how
+        # The kernel listens as long as the file is open.
+        assert str(latency) in {
+            os.path.realpath(f'/proc/self/fd/{fd}') for fd in os.listdir('/proc/self/fd')
+        }
+        assert latency.read_bytes() == struct.pack('i', 0)
+    assert str(latency) not in {
+        os.path.realpath(f'/proc/self/fd/{fd}') for fd in os.listdir('/proc/self/fd')
+    }
+
+
+def test_a_kernel_that_refuses_is_no_obstacle(tmp_path):
+    driver = tmp_path / 'current_driver'
+    driver.write_text('acpi_idle\n')
+    with KeepAwake(tmp_path / 'no folder' / 'latency', driver) as awake:
+        assert len(awake.pids) == len(os.sched_getaffinity(0))
+
+
+@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])
+def test_the_command_leaves_nothing_behind_however_it_ends(number):
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'stage_bringup.keep_awake'], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout.readline().startswith('the processors stay awake: ')
+        with open(f'/proc/{process.pid}/task/{process.pid}/children') as text:
+            children = text.read().split()
+        process.send_signal(number)
+        status = process.wait(20.0)
+    finally:
+        process.kill()
+        process.communicate()
+    assert status == (-signal.SIGKILL if number == signal.SIGKILL else 0)
+    for pid in children:
+        wait_for_end(pid)
