@@ -113,6 +113,7 @@ class ContourRun:
         self._active = controller
         self._period_ns = round(controller.reference.period * NANOSECONDS)
         self._origin = 0
+        self._gaps = 0
         self._target = _pair(controller.reference.position[0])
         self._sent = -1
         self._anchor: tuple[int, float, float] | None = None
@@ -226,6 +227,7 @@ class ContourRun:
         self._active.restart()
         self._origin = stamp
         self.tick = -1
+        self._gaps = 0
         return self._follow(stamp, qx, qy)
 
     def _follow(self, stamp: int, qx: float, qy: float) -> SetPoint | None:
@@ -235,9 +237,9 @@ class ContourRun:
         if k <= self.tick:
             return None
         gap = k - self.tick - 1
-        if gap > 0 and (reason := self._too_far(gap, k)):
-            return self.fault(stamp, reason)
         self.missed += gap
+        if gap > 0 and self.phase is Phase.STREAM and (reason := self._too_much(k)):
+            return self.fault(stamp, reason)
         self.tick = k
         if k >= len(self._active):
             return self._end(stamp)
@@ -245,9 +247,20 @@ class ContourRun:
         self._sent = stamp
         return SetPoint(stamp, _pair(self._active.table[k]), _pair(velocity))
 
-    def _too_far(self, gap: int, k: int) -> str:
-        """Reason to stop where the contour has gone on too far without the stage."""
-        due, now = np.minimum((self.tick + 1, k), len(self._active) - 1)
+    def _too_much(self, k: int) -> str:
+        """Reason to stop where the contour goes on without the stage: at once, or too often.
+
+        A stage whose encoder is heard of too seldom lags, up to the driver's following error.
+        """
+        count = len(self._active)
+        gap = min(k, count) - self.tick - 1
+        self._gaps += gap
+        if self._gaps > self.settings.missed_share * count:
+            return (
+                f'{self._gaps} of {count} ticks had no encoder message in time: '
+                'relieve the machine, lower control_rate or raise missed_share'
+            )
+        due, now = np.minimum((self.tick + 1, k), count - 1)
         step = float(np.hypot(*(self._active.table[now, :2] - self._active.table[due, :2])))
         if step <= self.settings.longest_step:
             return ''
@@ -274,11 +287,10 @@ class ContourRun:
         if self.phase is Phase.STOPPING:
             self._finish(False, self._reason)
             return self._move(stamp, _pair(self._active.table[-1]))
-        problem = self._evaluate()
-        last = len(self.results) >= self.iterations
+        self._evaluate()
         end = _pair(self.controller.table[-1])
-        if problem or last:
-            self._finish(not problem, problem or self._summary())
+        if len(self.results) >= self.iterations:
+            self._finish(True, self._summary())
             return self._move(stamp, end)
         if self._reason:
             self._finish(False, self._reason)
@@ -286,15 +298,10 @@ class ContourRun:
         self.phase = Phase.APPROACH
         return self._move(stamp, self._target)
 
-    def _evaluate(self) -> str:
-        """Figures of the iteration, and learning; the reason where there can be none."""
+    def _evaluate(self) -> None:
+        """Figures of the iteration, and learning."""
         record = self.controller.record
         gaps = np.isnan(record[:, QX])
-        if gaps.mean() > self.settings.missed_share or gaps.all():
-            return (
-                f'{int(gaps.sum())} of {len(gaps)} ticks had no encoder message in time: '
-                'relieve the machine, lower control_rate or raise missed_share'
-            )
         grid = np.arange(len(gaps))
         for column in range(record.shape[1]):
             record[gaps, column] = np.interp(grid[gaps], grid[~gaps], record[~gaps, column])
@@ -309,7 +316,6 @@ class ContourRun:
             self.controller.learned[:] = self.learner.learn(record[:, EX : EX + 2].copy())
         if self.report is not None:
             self.report(len(self.results), result)
-        return ''
 
     def _summary(self) -> str:
         first, best = self.results[0], self.results[self.best]
