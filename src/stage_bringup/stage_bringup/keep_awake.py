@@ -26,8 +26,8 @@ LATENCY_FILE = Path('/dev/cpu_dma_latency')
 #: Who puts processors to sleep; "none" on most virtual machines: there the file has no effect.
 IDLE_DRIVER = Path('/sys/devices/system/cpu/cpuidle/current_driver')
 
-#: Runs where nothing else wants to, on one processor, until its parent has gone. It yields to the
-#: computations in the background, which are of the same kind: without, they would get half.
+#: Runs where nothing else wants to, on one processor, until its parent has gone. It yields, or
+#: other processes under SCHED_IDLE would share their time with it.
 _SPIN = """
 import os, sys
 processor, parent = int(sys.argv[1]), int(sys.argv[2])
@@ -74,7 +74,9 @@ class KeepAwake:
             raise StageError('keep_awake needs Linux: elsewhere switch power saving off')
         for processor in sorted(os.sched_getaffinity(0)):
             line = [sys.executable, '-I', '-S', '-c', _SPIN, str(processor), str(os.getpid())]
-            self._spinning.append(subprocess.Popen(line, stdin=subprocess.DEVNULL))
+            # A session of its own: the Ctrl-C of a terminal is for who ends it.
+            process = subprocess.Popen(line, stdin=subprocess.DEVNULL, start_new_session=True)
+            self._spinning.append(process)
         self.how = f'{len(self._spinning)} processes under SCHED_IDLE'
         return self
 
