@@ -240,9 +240,10 @@ def test_two_controllers_at_once_move_it_within_its_limits_and_not_after_their_e
     one = controller(kind, SPEED)
     two = controller(kind, -SPEED)
     since = len(ready.encoder)
-    ready.wait(lambda: len(ready.encoder) > since + 1500, 'ticks of the quarrel')
+    # Said while it lasts: positions that both run on are beyond the limits after 1.5 s.
     quarrel = ready.says('stage_driver: set-points', 'more than one controller streams')
     ready.wait(quarrel, 'the word of two controllers')
+    ready.wait(lambda: len(ready.encoder) > since + 1500, 'ticks of the quarrel')
     one.end()
     two.end()
     ready.wait(lambda: at_rest(ready), 'rest')
