@@ -1,7 +1,8 @@
 """Times at which a processor of this machine ran nothing: what no program on it can keep up with.
 
-As `cyclictest` does, a thread per processor at the highest priority wakes every half millisecond
-and notes when it came late: only the kernel, or the host of a virtual machine, can do that.
+As the threads of `cyclictest`, a process per processor at high priority (SCHED_FIFO) wakes every
+half millisecond and notes when it came late: only the kernel, or the host of a virtual machine,
+can do that.
 """
 
 from __future__ import annotations

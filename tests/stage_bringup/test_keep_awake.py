@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from stage_bringup.keep_awake import KeepAwake
+from stage_bringup.keep_awake import KeepAwake, main
 
 pytestmark = pytest.mark.skipif(not hasattr(os, 'SCHED_IDLE'), reason='needs SCHED_IDLE')
 
@@ -21,6 +21,16 @@ def state(pid):
         assert time.monotonic() < deadline, f'process {pid} never became idle'
         time.sleep(0.01)
     return os.sched_getaffinity(pid)
+
+
+def wait_for_weight(pid):
+    deadline = time.monotonic() + 20.0
+    while True:
+        with open(f'/proc/{pid}/autogroup') as text:
+            if text.read().endswith('nice 19\n'):
+                return
+        assert time.monotonic() < deadline, f'the session of {pid} keeps its weight'
+        time.sleep(0.01)
 
 
 def wait_for_end(pid):
@@ -40,6 +50,10 @@ def test_without_an_idle_driver_each_processor_has_a_process_of_the_lowest_kind(
         pids = awake.pids
         assert awake.how == f'{len(pids)} processes under SCHED_IDLE'
         assert {tuple(state(pid)) for pid in pids} == {(p,) for p in os.sched_getaffinity(0)}
+        if os.path.exists('/proc/self/autogroup'):
+            # Without, a session of its own has the weight of any other: half of the processors.
+            for pid in pids:
+                wait_for_weight(pid)
     assert awake.pids == []
     for pid in pids:
         wait_for_end(pid)
@@ -66,6 +80,16 @@ def test_a_kernel_that_refuses_is_no_obstacle(tmp_path):
     driver.write_text('acpi_idle\n')
     with KeepAwake(tmp_path / 'no folder' / 'latency', driver) as awake:
         assert len(awake.pids) == len(os.sched_getaffinity(0))
+
+
+def test_another_system_is_told_and_not_stopped(tmp_path, monkeypatch, capsys):
+    monkeypatch.delattr(os, 'SCHED_IDLE')
+    with KeepAwake(tmp_path / 'latency', tmp_path / 'current_driver') as awake:
+        assert (awake.how, awake.pids) == ('', [])
+    monkeypatch.setattr(KeepAwake, '_kernel_agrees', lambda _: False)
+    monkeypatch.setattr(signal, 'signal', lambda *_: None)
+    assert main([]) == 2
+    assert 'keep_awake needs Linux' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])

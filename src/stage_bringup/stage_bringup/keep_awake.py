@@ -17,9 +17,8 @@ import sys
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 
-from stage_core.errors import EXIT_BAD_INPUT, StageError
+from stage_core.errors import EXIT_BAD_INPUT
 
 #: The kernel keeps the latency that is written here, in us, while the file is open.
 LATENCY_FILE = Path('/dev/cpu_dma_latency')
@@ -27,12 +26,18 @@ LATENCY_FILE = Path('/dev/cpu_dma_latency')
 IDLE_DRIVER = Path('/sys/devices/system/cpu/cpuidle/current_driver')
 
 #: Runs where nothing else wants to, on one processor, until its parent has gone. It yields, or
-#: other processes under SCHED_IDLE would share their time with it.
+#: other processes under SCHED_IDLE would share their time with it. Linux schedules sessions first
+#: and processes within one (autogroup): that of this process must be of low weight as well.
 _SPIN = """
 import os, sys
 processor, parent = int(sys.argv[1]), int(sys.argv[2])
 os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 os.sched_setaffinity(0, {processor})
+try:
+    with open('/proc/self/autogroup', 'w') as group:
+        group.write('19')
+except OSError:
+    pass
 while os.getppid() == parent:
     for _ in range(10_000):
         for _ in range(100):
@@ -46,11 +51,7 @@ class KeepAwake:
 
     The kernel's own request where it has an idle driver and permits it, else a process per
     processor under SCHED_IDLE, which gives way to any other at once and needs no permission.
-
-    Raises
-    ------
-    StageError
-        Where the system has neither.
+    Where the system has neither (it is not Linux), `how` stays empty.
     """
 
     def __init__(self, latency_file: Path = LATENCY_FILE, idle_driver: Path = IDLE_DRIVER) -> None:
@@ -71,21 +72,16 @@ class KeepAwake:
             self.how = f'{self._latency_file} is kept at 0 us'
             return self
         if not hasattr(os, 'SCHED_IDLE'):
-            raise StageError('keep_awake needs Linux: elsewhere switch power saving off')
+            return self
         for processor in sorted(os.sched_getaffinity(0)):
             line = [sys.executable, '-I', '-S', '-c', _SPIN, str(processor), str(os.getpid())]
-            # A session of its own: the Ctrl-C of a terminal is for who ends it.
+            # A session of its own: it lowers the weight of that, and hears no Ctrl-C.
             process = subprocess.Popen(line, stdin=subprocess.DEVNULL, start_new_session=True)
             self._spinning.append(process)
         self.how = f'{len(self._spinning)} processes under SCHED_IDLE'
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Let them sleep again."""
         if self._request is not None:
             os.close(self._request)
@@ -115,13 +111,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    try:
-        with KeepAwake() as awake:
-            print(f'the processors stay awake: {awake.how}; Ctrl-C ends it', flush=True)
-            ended.wait()
-    except StageError as error:
-        print(f'error: {error}', file=sys.stderr)
-        return EXIT_BAD_INPUT
+    with KeepAwake() as awake:
+        if not awake.how:
+            print('error: keep_awake needs Linux: switch power saving off', file=sys.stderr)
+            return EXIT_BAD_INPUT
+        print(f'the processors stay awake: {awake.how}; Ctrl-C ends it', flush=True)
+        ended.wait()
     return 0
 
 
