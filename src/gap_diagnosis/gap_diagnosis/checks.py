@@ -147,7 +147,9 @@ def reversals(position: Array, threshold: float) -> int:
 
 
 def controller_force(record: Record, axis: ServoAxis, i: int) -> tuple[Array, Array]:
-    """Increment of velocity_gain · ev + I per tick that the law of section 5 asks for [N].
+    """Increment of velocity_gain · ev + I per tick that the controller asks for [N].
+
+    The velocity loop: docs/interfaces.md, "Servo controller".
 
     Returned beside the increment of the recorded force [N]; both (n - 1,). The difference of
     consecutive ticks needs no knowledge of the integrator's start.

@@ -54,7 +54,9 @@ def _command_of_force(
     period: float,
     gains: tuple[float, float, float, float],
 ) -> Array:
-    """Velocity command (n,) with which the velocity loop of section 5 gives a force (n,) [m/s].
+    """Velocity command (n,) with which the velocity loop gives a force (n,) [m/s].
+
+    The velocity loop: docs/interfaces.md, "Servo controller".
 
     The law solved for its input; its memory fades within velocity_gain / integral_gain. The
     recorded command stands where the force is clipped, or where there is no gain to solve for.

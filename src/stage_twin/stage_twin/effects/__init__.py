@@ -1,4 +1,4 @@
-"""The library of unmodelled effects: one definition per name of the contract's section 6."""
+"""The library of unmodelled effects: one definition per name of docs/interfaces.md, "Effects"."""
 
 from __future__ import annotations
 
