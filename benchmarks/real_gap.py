@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.io import loadmat
 
-from gap_diagnosis import report
+from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.diagnose import Diagnosis, diagnose
-from gap_diagnosis.replay import replay
+from gap_diagnosis.report import document as report
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import TwinFile

@@ -19,7 +19,7 @@ from contour_ctrl.learning import Learner, LearningSettings
 from contour_ctrl.rehearsal import Rehearsal
 from contour_ctrl.tick import Controller, Gains
 from gap_diagnosis.diagnose import diagnose
-from gap_diagnosis.report import sentence
+from gap_diagnosis.report.document import sentence
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import TwinFile

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from gap_diagnosis import page, report
 from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.report import document as report
+from gap_diagnosis.report import page
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 

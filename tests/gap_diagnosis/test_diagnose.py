@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from gap_diagnosis import report
 from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.report import document as report
 from gap_diagnosis.service import run
 from session_bags.writer import write_session
 from stage_core.session import Session

@@ -9,8 +9,8 @@ import numpy as np
 
 from contour_ctrl.contour_parameters import PARAMETERS, make_curve, make_reference
 from contour_ctrl.curves import check_regular
-from gap_diagnosis import experiments
 from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.evidence import experiments
 
 
 def test_the_contour_controller_plans_the_next_experiment(

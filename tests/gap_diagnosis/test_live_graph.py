@@ -11,8 +11,8 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from gap_diagnosis import experiments
 from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.evidence import experiments
 from stage_bringup.graph import Options, commands
 from stage_bringup.processes import NodeCommand, Processes
 from stage_core import topics

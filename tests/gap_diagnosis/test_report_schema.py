@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from gap_diagnosis import report
 from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.report import document as report
 from stage_core.quantities import EFFECT_LINKS, LINKS, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile

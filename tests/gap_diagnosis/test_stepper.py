@@ -10,7 +10,7 @@ import pytest
 
 from gap_diagnosis.__main__ import main
 from gap_diagnosis.diagnose import diagnose
-from gap_diagnosis.stepper import _repeats
+from gap_diagnosis.input.stepper import _repeats
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError

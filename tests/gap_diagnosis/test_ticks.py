@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gap_diagnosis.diagnose import diagnose
-from gap_diagnosis.ticks import machine_clock, tick_numbers
+from gap_diagnosis.input.ticks import machine_clock, tick_numbers
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import TwinFile

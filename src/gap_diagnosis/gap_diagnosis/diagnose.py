@@ -10,16 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from gap_diagnosis import coarse
-from gap_diagnosis import evidence as judge
-from gap_diagnosis.channels import Channel, axis_shares, gap_channels, position_rms, without_cause
-from gap_diagnosis.contained import contained
-from gap_diagnosis.data import Record, held_out_windows, load_record
-from gap_diagnosis.describe import describe
-from gap_diagnosis.kinematics import Kinematics
-from gap_diagnosis.localise import Condition, conditions, features
-from gap_diagnosis.nominal import merged, sensor_frame, with_counted_steps
-from gap_diagnosis.parts import (
+from gap_diagnosis.closed_loop.channels import (
+    Channel,
+    axis_shares,
+    gap_channels,
+    position_rms,
+    without_cause,
+)
+from gap_diagnosis.closed_loop.polish import polish
+from gap_diagnosis.evidence import judgement as judge
+from gap_diagnosis.evidence.describe import describe
+from gap_diagnosis.evidence.localise import Condition, conditions, features
+from gap_diagnosis.input import coarse
+from gap_diagnosis.input.data import Record, held_out_windows, load_record
+from gap_diagnosis.input.stepper import load_stepper_record
+from gap_diagnosis.residuals.kinematics import Kinematics
+from gap_diagnosis.residuals.nominal import merged, sensor_frame, with_counted_steps
+from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.selection.contained import contained
+from gap_diagnosis.selection.parts import (
     KINEMATIC_RULES,
     LEAST_RESTS,
     LEAST_ROWS,
@@ -31,9 +40,6 @@ from gap_diagnosis.parts import (
     with_mean_points,
     with_steps,
 )
-from gap_diagnosis.polish import polish
-from gap_diagnosis.servo import Servo
-from gap_diagnosis.stepper import load_stepper_record
 from stage_core.errors import StageError
 from stage_core.quantities import EFFECT_LINKS, UNKNOWN, split_effect
 from stage_core.session import Session
@@ -113,7 +119,7 @@ def diagnose(
     Raises
     ------
     StageError
-        If a session cannot be diagnosed; see :func:`gap_diagnosis.data.load_record`.
+        If a session cannot be diagnosed; see :func:`gap_diagnosis.input.data.load_record`.
     """
     pack(twin)  # refuses effects that there are not
     counted_twin = with_counted_steps(twin)

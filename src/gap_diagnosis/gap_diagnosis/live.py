@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.data import Record, motion_step
-from gap_diagnosis.replay import compensation
-from gap_diagnosis.ticks import machine_clock, tick_numbers
+from gap_diagnosis.closed_loop.replay import compensation
+from gap_diagnosis.input.data import Record, motion_step
+from gap_diagnosis.input.ticks import machine_clock, tick_numbers
 from stage_core.frames import RigidTransform
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate

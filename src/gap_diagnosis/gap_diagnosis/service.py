@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from gap_diagnosis import experiments, report
 from gap_diagnosis.diagnose import diagnose, silent, to_stderr
+from gap_diagnosis.evidence import experiments
+from gap_diagnosis.report import document as report
 from session_bags.reader import read_session
 from stage_core import topics
 from stage_core.errors import StageError
@@ -65,7 +66,7 @@ def run(
     report.write(found, out)
     if with_page:
         # Plotting takes seconds to import and to draw: only who wants a page waits for it.
-        from gap_diagnosis import page
+        from gap_diagnosis.report import page
 
         page.write(found, out)
     experiments.write_reference(found, out)

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from gap_diagnosis.regression import Fit
-from gap_diagnosis.selection import HOLDS, Rules, Selection, Selector
+from gap_diagnosis.residuals.regression import Fit
+from gap_diagnosis.selection.forward import HOLDS, Rules, Selection, Selector
 
 #: Rows for each free coefficient, below which all effects at once explain anything.
 ROWS_PER_COEFFICIENT = 2.5

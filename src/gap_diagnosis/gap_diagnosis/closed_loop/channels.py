@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis import evidence as judge
-from gap_diagnosis.data import Record, scored_ticks
-from gap_diagnosis.parts import Part
-from gap_diagnosis.replay import replay
+from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.evidence import judgement as judge
+from gap_diagnosis.input.data import Record, scored_ticks
+from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.data import Record
-from gap_diagnosis.operators import (
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.residuals.operators import (
     central_difference,
     presliding_state,
     second_difference,

@@ -14,7 +14,7 @@ from stage_core.session import Series
 from stage_core.twin_file import ServoAxis, TwinFile
 
 if TYPE_CHECKING:
-    from gap_diagnosis.data import Record
+    from gap_diagnosis.input.data import Record
 
 Array = NDArray[np.float64]
 

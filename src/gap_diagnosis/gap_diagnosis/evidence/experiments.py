@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gap_diagnosis.checks import EXCITATION_HINT
 from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.input.checks import EXCITATION_HINT
 from stage_core.quantities import UNKNOWN, split_effect
 
 #: Pair of effects (sorted) -> the experiment that separates them.

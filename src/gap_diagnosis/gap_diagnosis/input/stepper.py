@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.checks import (
+from gap_diagnosis.input.checks import (
     MINIMUM_DURATION,
     MINIMUM_TRAVEL,
     check_excitation,
     check_tracker_moves,
     finite,
 )
-from gap_diagnosis.data import Record, screw_temperatures
+from gap_diagnosis.input.data import Record, screw_temperatures
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gap_diagnosis.regression import Regression, Theta
-from gap_diagnosis.selection import Selection
+from gap_diagnosis.residuals.regression import Regression, Theta
+from gap_diagnosis.selection.forward import Selection
 
 
 def describe(

@@ -12,11 +12,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.coarse import Coarse
-from gap_diagnosis.data import Record, held_out_windows, inside, motion_step
-from gap_diagnosis.nominal import Prediction, re_estimated
-from gap_diagnosis.operators import play
-from gap_diagnosis.regression import Problem, Term, Theta
+from gap_diagnosis.input.coarse import Coarse
+from gap_diagnosis.input.data import Record, held_out_windows, inside, motion_step
+from gap_diagnosis.residuals.nominal import Prediction, re_estimated
+from gap_diagnosis.residuals.operators import play
+from gap_diagnosis.residuals.regression import Problem, Term, Theta
 from stage_core.twin_file import TwinFile
 
 Array = NDArray[np.float64]

@@ -5,9 +5,11 @@ from __future__ import annotations
 import html
 from pathlib import Path
 
-from gap_diagnosis import experiments, figures, report
 from gap_diagnosis.diagnose import Diagnosis
-from gap_diagnosis.evidence import Cause
+from gap_diagnosis.evidence import experiments
+from gap_diagnosis.evidence.judgement import Cause
+from gap_diagnosis.report import document as report
+from gap_diagnosis.report import figures
 
 STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#222}

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.data import Record, held_out_windows, inside
-from gap_diagnosis.replay import replay
+from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.input.data import Record, held_out_windows, inside
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.regression import Fit, Problem
+from gap_diagnosis.residuals.regression import Fit, Problem
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from gap_diagnosis.data import Record
-from gap_diagnosis.nominal import merged
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.residuals.nominal import merged
 from stage_core.quantities import EFFECT_LINKS, split_effect
 from stage_core.twin_file import ForceAxis, TwinFile
 from stage_twin.measured_force import simulate_measured_force, smooth_motion

@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.coarse import Coarse
-from gap_diagnosis.data import Record
-from gap_diagnosis.regression import Term, Theta
-from gap_diagnosis.selection import HOLDS
+from gap_diagnosis.input.coarse import Coarse
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.residuals.regression import Term, Theta
+from gap_diagnosis.selection.forward import HOLDS
 from stage_core.quantities import EFFECT_LINKS, split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.data import Record, nominal_mass
-from gap_diagnosis.nominal import Prediction
-from gap_diagnosis.operators import (
+from gap_diagnosis.input.data import Record, nominal_mass
+from gap_diagnosis.residuals.nominal import Prediction
+from gap_diagnosis.residuals.operators import (
     band_limited,
     central_difference,
     centred_hold,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gap_diagnosis.diagnose import Diagnosis
-from gap_diagnosis.evidence import Cause
+from gap_diagnosis.evidence.judgement import Cause
 from stage_core.quantities import split_effect
 from stage_twin.effects import EFFECTS
 

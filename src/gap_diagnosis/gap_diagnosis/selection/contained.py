@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gap_diagnosis.describe import describe
-from gap_diagnosis.evidence import Rung
-from gap_diagnosis.parts import Part
-from gap_diagnosis.regression import Fit, Problem, Theta
-from gap_diagnosis.selection import HOLDS, Selection
+from gap_diagnosis.evidence.describe import describe
+from gap_diagnosis.evidence.judgement import Rung
+from gap_diagnosis.residuals.regression import Fit, Problem, Theta
+from gap_diagnosis.selection.forward import HOLDS, Selection
+from gap_diagnosis.selection.parts import Part
 
 DRAWS = 500  # of the bootstrap over blocks
 #: Order in which rungs are added: the plain ones of the servo link as the EMPS ladder has them.

@@ -14,16 +14,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.data import held_out_windows, inside
-from gap_diagnosis.force_rows import ForceRows
-from gap_diagnosis.nominal import re_estimated
-from gap_diagnosis.operators import (
+from gap_diagnosis.input.data import held_out_windows, inside
+from gap_diagnosis.residuals.force_rows import ForceRows
+from gap_diagnosis.residuals.nominal import re_estimated
+from gap_diagnosis.residuals.operators import (
     carried_mass,
     central_difference,
     second_difference,
     smooth,
 )
-from gap_diagnosis.regression import Problem, Term, Theta
+from gap_diagnosis.residuals.regression import Problem, Term, Theta
 
 Array = NDArray[np.float64]
 

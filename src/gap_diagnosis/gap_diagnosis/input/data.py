@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.checks import (
+from gap_diagnosis.input.checks import (
     MINIMUM_TRAVEL,
     check_controller,
     check_duration,
@@ -17,8 +17,8 @@ from gap_diagnosis.checks import (
     check_tracker_moves,
     finite,
 )
-from gap_diagnosis.grid import Grid, control_period
-from gap_diagnosis.ticks import Clock
+from gap_diagnosis.input.grid import Grid, control_period
+from gap_diagnosis.input.ticks import Clock
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
@@ -26,7 +26,7 @@ from stage_core.session import Session
 from stage_core.twin_file import ForceAxis, ServoAxis, StepperAxis, TwinFile
 
 if TYPE_CHECKING:
-    from gap_diagnosis.coarse import Coarse
+    from gap_diagnosis.input.coarse import Coarse
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.ticks import Clock, machine_clock, tick_numbers
+from gap_diagnosis.input.ticks import Clock, machine_clock, tick_numbers
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.session import Series

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis import evidence as judge
-from gap_diagnosis.backward import select_backwards
-from gap_diagnosis.data import Record, scored_ticks
-from gap_diagnosis.describe import describe
-from gap_diagnosis.evidence import Structure
-from gap_diagnosis.regression import Problem
-from gap_diagnosis.replay import replay
-from gap_diagnosis.selection import Evidence, Rules, Selection, Selector
+from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.evidence import judgement as judge
+from gap_diagnosis.evidence.describe import describe
+from gap_diagnosis.evidence.judgement import Structure
+from gap_diagnosis.input.data import Record, scored_ticks
+from gap_diagnosis.residuals.regression import Problem
+from gap_diagnosis.selection.backward import select_backwards
+from gap_diagnosis.selection.forward import Evidence, Rules, Selection, Selector
 from stage_core.errors import StageError
 from stage_core.quantities import EFFECT_LINKS, split_effect
 from stage_core.twin_file import TwinFile

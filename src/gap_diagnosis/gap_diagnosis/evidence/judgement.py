@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.data import Record
-from gap_diagnosis.regression import Problem
-from gap_diagnosis.selection import Evidence
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.residuals.regression import Problem
+from gap_diagnosis.selection.forward import Evidence
 from stage_core.quantities import UNKNOWN
 from stage_core.twin_file import TwinFile
 

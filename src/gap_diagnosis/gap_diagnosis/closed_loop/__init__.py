@@ -1,0 +1,1 @@
+"""The twin simulated as its user runs it, without and with effects."""

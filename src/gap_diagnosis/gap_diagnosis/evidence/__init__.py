@@ -1,0 +1,1 @@
+"""From gains to judgements: where, how sure, which experiment separates."""

@@ -1,0 +1,1 @@
+"""report.json, the page and its pictures."""

@@ -1,0 +1,1 @@
+"""What the nominal twin leaves: force balance and tracker residual as regression problems."""

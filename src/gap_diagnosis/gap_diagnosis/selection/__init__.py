@@ -1,0 +1,1 @@
+"""Which effects: forward and backward selection on held-out gain."""
