@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from stage_core import quantities
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import EFFECTS
+from stage_twin.effects import EFFECTS, separating
 from stage_twin.packing import pack
 from stage_twin.simulate import simulate
 
@@ -51,10 +51,10 @@ def test_definitions_are_physical(name):
     effect = EFFECTS[name]
     assert effect.parameters
     # A citation has a year or names a paper of the project's list.
-    assert any(word in effect.description for word in ('(19', '(20', ':20', 'paper 1', 'Eq. 24'))
+    assert any(word in effect.model for word in ('(19', '(20', ':20', 'paper 1', 'Eq. 24'))
     for parameter in effect.parameters:
-        assert parameter.minimum <= parameter.default_when_on <= parameter.maximum
-        assert parameter.description
+        assert parameter.minimum <= parameter.when_on <= parameter.maximum
+        assert parameter.meaning
     assert any(not parameter.nuisance for parameter in effect.parameters)
 
 
@@ -80,7 +80,7 @@ def test_every_effect_moves_its_link(name, nominal):
 def test_every_parameter_moves_the_output(effect, parameter):
     definition = EFFECTS[effect].parameter(parameter)
     span = definition.maximum - definition.minimum
-    value = definition.default_when_on
+    value = definition.when_on
     moved = value + 0.02 * span if value + 0.02 * span <= definition.maximum else value / 2.0
     first = run({named(effect): {}})
     second = run({named(effect): {parameter: moved}})
@@ -175,3 +175,23 @@ def test_wrong_input_of_a_simulation_is_named(change, words):
     with pytest.raises(StageError) as caught:
         simulate(twin, reference, change.get('rate', np.zeros((5, 2))))
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_a_report_says_what_was_found(name):
+    effect = EFFECTS[name]
+    values = {p.name: 0.5 * (p.minimum + p.maximum) for p in effect.parameters}
+    sentence = effect.says(values)
+    assert sentence[0].islower() and not set('{}') & set(sentence)
+    assert any(p.said(values[p.name]) in sentence for p in effect.parameters)
+    rivals = {*effect.separated_from, *effect.holds, *effect.excludes, *effect.merges}
+    assert rivals <= EFFECTS.keys()
+
+
+def test_what_separates_two_effects_does_not_depend_on_their_order():
+    play = separating('backlash.x', 'cyclic_pitch_error.x')
+    assert play == separating('cyclic_pitch_error.x', 'backlash.x')
+    assert 'both sides' in play
+    # Where none of the two files knows, both are excited.
+    unknown = separating('backlash.x', 'tracker_latency')
+    assert EFFECTS['backlash'].excited_by in unknown

@@ -20,7 +20,7 @@ def table() -> str:
 def _section(effect: Effect) -> list[str]:
     name = f'{effect.name}.x' if effect.per_axis else effect.name
     lines = [
-        f'**`{name}`** {effect.description}',
+        f'**`{name}`** {effect.model}',
         '',
         '| parameter | unit | range | when on | meaning |',
         '|---|---|---|---|---|',
@@ -29,8 +29,8 @@ def _section(effect: Effect) -> list[str]:
         note = ' (session nuisance)' if parameter.nuisance else ''
         lines.append(
             f'| `{parameter.name}` | {parameter.unit or "1"} | {parameter.minimum:g} to '
-            f'{parameter.maximum:g} | {parameter.default_when_on:g} | '
-            f'{parameter.description}{note} |'
+            f'{parameter.maximum:g} | {parameter.when_on:g} | '
+            f'{parameter.meaning}{note} |'
         )
     return [*lines, '']
 

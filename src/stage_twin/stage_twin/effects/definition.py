@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from stage_core.quantities import LINKS
+
+#: Per unit: factor and unit in which a report says it, where that differs.
+_SAID: dict[str, tuple[float, str]] = {
+    '': (100.0, '%'),
+    'm': (1e6, 'µm'),
+    'rad': (1e6, 'µrad'),
+    'm/m': (1e6, 'µm/m'),
+    '1/K': (1e6, 'µm/(m·K)'),
+    's': (1e3, 'ms'),
+    's/s': (1e6, 'µs/s'),
+}
 
 
 @dataclass(frozen=True)
-class EffectParameter:
+class Parameter:
     """One parameter of an effect, with the range in which its model holds.
 
     Attributes
     ----------
-    default_when_on : float
+    when_on : float
         Value taken where a twin file switches the effect on without naming the parameter.
+    meaning : str
+        What it is, in a few words.
+    neutral : float
+        Value in the simulation of a machine without the effect: with all its parameters neutral
+        an effect does nothing.
     nuisance : bool
         True for what belongs to a session and not to the machine (a phase, an offset): it is
         refitted per session.
@@ -25,33 +44,67 @@ class EffectParameter:
     unit: str
     minimum: float
     maximum: float
-    default_when_on: float
-    description: str
+    when_on: float
+    meaning: str
+    neutral: float = 0.0
     nuisance: bool = False
     fitted: bool = True
+
+    def said(self, value: float) -> str:
+        """A value with its unit, as a report says it: `12 µm`."""
+        factor, unit = _SAID.get(self.unit, (1.0, self.unit))
+        return f'{factor * value:.3g} {unit}'.rstrip()
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One unmodelled effect.
+    """One unmodelled effect: all that the project knows of it.
 
     Attributes
     ----------
+    name : str
+        As twin files and reports name it, without an axis.
     link : str
         Link of the chain on which it acts: servo, kinematic or sensor.
+    parameters : tuple of Parameter
+    model : str
+        The equation and where it comes from, with year.
+    sentence : str
+        What a report says of a machine that has it; ``{width}`` stands for the value of a
+        parameter.
+    excited_by : str
+        The motion that shows it, as the object of "measure".
     per_axis : bool
         Whether it is named with its axis, as in ``backlash.x``.
-    description : str
-        The model and where it comes from.
+    separated_from : mapping
+        Rival effect -> the experiment that tells them apart, as the object of "measure". One of
+        two rivals names the other.
+    holds : tuple of str
+        Effects that are special cases of this one: it must beat them clearly, and takes their
+        place.
+    excludes : tuple of str
+        Effects that cannot be judged beside this one, as both have the same trivial solution.
+    merges : tuple of str
+        Effects that together imitate this one: it is taken if it does as well as all of them.
     """
 
     name: str
     link: str
-    per_axis: bool
-    parameters: tuple[EffectParameter, ...]
-    description: str
+    parameters: tuple[Parameter, ...]
+    model: str
+    sentence: str
+    excited_by: str
+    per_axis: bool = True
+    separated_from: Mapping[str, str] = field(default_factory=dict)
+    holds: tuple[str, ...] = ()
+    excludes: tuple[str, ...] = ()
+    merges: tuple[str, ...] = ()
 
-    def parameter(self, name: str) -> EffectParameter:
+    def __post_init__(self) -> None:
+        if self.link not in LINKS:
+            raise ValueError(f'effect {self.name}: link must be one of {", ".join(LINKS)}')
+
+    def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""
         for parameter in self.parameters:
             if parameter.name == name:
@@ -60,4 +113,9 @@ class Effect:
 
     def defaults(self) -> dict[str, float]:
         """Every parameter at its value when on."""
-        return {parameter.name: parameter.default_when_on for parameter in self.parameters}
+        return {parameter.name: parameter.when_on for parameter in self.parameters}
+
+    def says(self, values: Mapping[str, float]) -> str:
+        """The sentence with these values; a parameter not given stands at its value when on."""
+        given = {**self.defaults(), **values}
+        return self.sentence.format(**{p.name: p.said(given[p.name]) for p in self.parameters})

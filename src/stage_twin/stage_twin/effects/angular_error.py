@@ -1,0 +1,27 @@
+"""Yaw of the carriage, seen with an Abbe arm."""
+
+from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.shared import CENTRE, HALF_RANGE
+
+EFFECT = Effect(
+    name='angular_error',
+    link='kinematic',
+    parameters=(
+        Parameter('linear', 'rad', -5e-3, 5e-3, 40e-6, 'yaw at the end of the travel'),
+        Parameter('quadratic', 'rad', -5e-3, 5e-3, 0.0, 'factor of P2(s) in the yaw'),
+        Parameter('arm', 'm', -1.0, 1.0, 0.05, 'Abbe arm from the guide to the point measured'),
+        CENTRE,
+        HALF_RANGE,
+    ),
+    model='Yaw of the carriage, linear * s + quadratic * P2(s), s = (p - centre) / half_range, '
+    'moves the point along its axis by yaw times the arm plus the other coordinate: for x '
+    '-yaw * (y + arm), for y +yaw * (x + arm). Bryan, "The Abbe principle revisited", Precision '
+    'Engineering 1 (1979); paper 1, section 2.',
+    sentence='the carriage yaws by {linear} from the middle of the travel to its end',
+    excited_by='the same line along the axis at two far coordinates of the other axis',
+    separated_from={
+        'scale_error': 'the same line along the axis at two far coordinates of the other axis: '
+        'only yaw changes the slope',
+    },
+    holds=('scale_error',),
+)

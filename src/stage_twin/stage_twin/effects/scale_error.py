@@ -1,0 +1,16 @@
+"""Mean pitch error of the screw or the scale."""
+
+from stage_twin.effects.definition import Effect, Parameter
+
+EFFECT = Effect(
+    name='scale_error',
+    link='kinematic',
+    parameters=(Parameter('error', 'm/m', -0.01, 0.01, 50e-6, 'table = p * (1 + error)'),),
+    model='Mean pitch error of the screw or the scale. ISO 230-2:2014; paper 1, section 2.',
+    sentence='the table travels {error} further than the encoder says',
+    excited_by='positions over the whole travel',
+    separated_from={
+        'thermal_expansion': 'the same grid cold and warm (temperature apart by at least 3 K): a '
+        'scale error does not change',
+    },
+)

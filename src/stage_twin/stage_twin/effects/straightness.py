@@ -1,0 +1,21 @@
+"""A guide that is not straight: it displaces the other axis."""
+
+from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.shared import CENTRE, HALF_RANGE
+
+EFFECT = Effect(
+    name='straightness',
+    link='kinematic',
+    parameters=(
+        Parameter('quadratic', 'm', -1e-3, 1e-3, 4e-6, 'bow: factor of P2(s)'),
+        Parameter('cubic', 'm', -1e-3, 1e-3, 0.0, 'S shape: factor of P3(s)'),
+        CENTRE,
+        HALF_RANGE,
+    ),
+    model='Displaces the other axis by quadratic * P2(s) + cubic * P3(s), s = (p - centre) / '
+    'half_range; Legendre polynomials are orthogonal to a line, so that the least-squares '
+    'reference line is removed. ISO 230-1:2012; ISO/TR 16907:2015.',
+    sentence='the guide is bent: it displaces the other axis by up to {quadratic} (bow) and '
+    '{cubic} (S shape)',
+    excited_by='the whole travel at a fixed place of the other axis',
+)
