@@ -207,7 +207,8 @@ class Calibrator(StageNode):
             self._announce()
             answer.set_result(message)
 
-        training.add_done_callback(finish)
+        # The trainer's thread only hands over: the executor's owns model and adaptation.
+        training.add_done_callback(lambda done: self.executor.create_task(finish, done))
         return answer
 
     def _job(self) -> Job:

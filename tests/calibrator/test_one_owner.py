@@ -1,0 +1,67 @@
+"""A training that ends while the model in use is being adapted: one thread owns the model."""
+
+import threading
+import time
+
+import numpy as np
+import rclpy
+
+from calibrator.adaptation import LiveAdaptation
+from calibrator.model_file import StoredModel
+from calibrator.models import make_model
+from calibrator.node import Calibrator
+from stage_core import topics
+from stage_node.node import make_executor, spin
+
+
+def fill(buffer, session):
+    """Give a buffer what the node would hear in a session."""
+    reference, points = session.series[topics.REFERENCE], session.series[topics.TRACKER_POINT]
+    rows = reference.columns('position', ('x', 'y'))
+    for stamp, row in zip(reference.stamps, rows, strict=True):
+        buffer.add_reference(int(stamp), ('x', 'y'), row)
+    for k, stamp in enumerate(points.stamps):
+        buffer.add_point(int(stamp), [points.values[axis][k] for axis in 'xyz'])
+
+
+def test_a_training_that_ends_within_an_adaptation_waits_for_it(
+    ros_env, tmp_path, grid_session, monkeypatch
+):
+    parameters = {'adapt': 'true', 'model_folder': str(tmp_path)}
+    given = [item for k, v in parameters.items() for item in ('-p', f'{k}:={v}')]
+    rclpy.init(args=['--ros-args', *given])
+    node = Calibrator()
+    points = np.random.default_rng(0).uniform(0.0, 0.05, (50, 2))
+    old = StoredModel(make_model('affine').fit(points, points), version=7)
+    node._correction.stored = old
+    fill(node._buffer, grid_session(40))
+    learn, overlaps = LiveAdaptation.step, []
+
+    def slow_step(adaptation, buffer):
+        """Let the training end in the middle of the step."""
+        if not overlaps:
+            while node._trainer.running:
+                time.sleep(0.01)
+            time.sleep(0.2)
+            overlaps.append(node._correction.stored.version)
+        return learn(adaptation, buffer)
+
+    monkeypatch.setattr(LiveAdaptation, 'step', slow_step)
+    answer = node._retrain()
+    executor, ended = make_executor(), threading.Event()
+    executor.add_node(node)
+    spinning = threading.Thread(target=spin, args=(executor, ended))
+    spinning.start()
+    try:
+        assert 'held-out RMS' in answer.result(60.0)
+        # The step that the training ended in still had the old model; the new one came after it.
+        assert overlaps == [old.version]
+        assert node._correction.stored.version == 1
+        assert spinning.is_alive()
+    finally:
+        ended.set()
+        spinning.join(20.0)
+        node.shutdown()
+        executor.remove_node(node)
+        node.destroy_node()
+        rclpy.shutdown()
