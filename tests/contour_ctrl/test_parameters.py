@@ -65,6 +65,21 @@ def test_contours_from_text_and_files(tmp_path: Path) -> None:
         parameters.make_curve(values(contour='freeform'), 'points: 7 x')
 
 
+@pytest.mark.parametrize(
+    ('kind', 'text', 'words'),
+    [
+        ('freeform', 'points: [[0, 0], [1, 2, 3]]', 'point 2 of 2 must be two finite'),
+        ('freeform', 'points: [[0, 0], [1, .nan]]', 'point 2 of 2'),
+        ('freeform', 'point: [[0, 0], [1, 1]]', 'did you mean points?'),
+        ('freeform', 'points: [[0, 0], [1, 1]]\nclosed: 7', 'closed must be true or false'),
+        ('hra', 'points: [x, [1, 1]]', 'point 1 of 2'),
+    ],
+)
+def test_a_curve_file_is_checked_whole(kind: str, text: str, words: str) -> None:
+    with pytest.raises(StageError, match=words.replace('?', '.')):
+        parameters.make_curve(values(contour=kind), text)
+
+
 def test_scheme_names_select_their_terms() -> None:
     plain = parameters.make_gains(values(scheme='p_ff'))
     assert plain.cross_coupling == 0.0 and plain.cmac is None and plain.friction is None

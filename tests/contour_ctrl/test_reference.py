@@ -149,7 +149,7 @@ def test_a_search_or_a_contour_without_end_is_refused_soon() -> None:
 
 
 def test_bad_curves_are_refused() -> None:
-    with pytest.raises(StageError, match='zero-length segment between points 1 and 2'):
+    with pytest.raises(StageError, match='zero-length segment between points 2 and 3'):
         curves.freeform([(0, 0), (1, 0), (1, 0), (2, 1), (3, 0), (4, 2)], closed=False)
     cusp = curves.CallableCurve(
         lambda u: np.column_stack([u**2, u**3]),
@@ -184,7 +184,8 @@ def test_nurbs_files(tmp_path: Path) -> None:
     assert nurbs.load(good).derivatives(0.5, 0)[0, 0] == pytest.approx([0.01, 0.01])
     for text, words in (
         ('degree: 2\nknots: [0, 1]\ncontrol_points: [[0, 0], [1, 1], [2, 0]]', 'need 6 knots'),
-        ('degree: 2', 'missing'),
+        ('degree: 2', 'knots is missing'),
+        ('degre: 2', 'did you mean degree'),
         ('a: [', 'not valid YAML'),
         ('degree: 1\nknots: [0,0,1,1]\ncontrol_points: [[0, 0], [.nan, 1]]', 'not finite'),
         ('degree: x\nknots: [0,0,1,1]\ncontrol_points: [[0, 0], [1, 1]]', 'numbers'),

@@ -125,7 +125,7 @@ MANY = {
 
 
 def known_scatter() -> TwinFile:
-    return replace(nominal(), extra={'repeatability': 4.0 * SCATTER})
+    return replace(nominal(), repeatability=4.0 * SCATTER)
 
 
 def test_many_effects_are_named_from_few_rests() -> None:

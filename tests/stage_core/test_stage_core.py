@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
@@ -74,7 +76,7 @@ def test_seconds_keep_nanoseconds_at_an_epoch() -> None:
     np.testing.assert_array_equal(to_stamps(to_seconds(stamps, start), start), stamps)
 
 
-def test_contract_twin_file_round_trip(tmp_path: object) -> None:
+def test_contract_twin_file_round_trip() -> None:
     nominal = TwinFile.nominal_servo()
     assert nominal.servo('x') == ServoAxis(18.0, 40.0)
     text = nominal.with_effects({'backlash.x': {'width': 1.2e-5}}).to_yaml()
@@ -102,11 +104,37 @@ def test_numbers_without_a_dot_are_numbers() -> None:
             {'kind': 'servo', 'axes': {'x': {'mass': 1, 'viscous': 1}}, 'effects': {'a': 1}},
             'effects.a',
         ),
+        ({'kind': 'servo', 'axes': {'x': {'mas': 1.0}}}, 'axes.x.mas is unknown: did you mean m'),
+        (
+            {'kind': 'servo', 'axes': {'x': {'mass': 1, 'viscous': 1, 'velocty_gain': 9}}},
+            'axes.x.velocty_gain is unknown: did you mean velocity_gain',
+        ),
+        ({'kind': 'stepper', 'axes': {'x': {'mass': 1}}}, 'axes.x.mass is unknown: known are'),
+        (
+            {'kind': 'stepper', 'axes': {'x': {}}, 'tracker': {'nois': 1e-6}},
+            'tracker.nois is unknown: did you mean noise',
+        ),
+        ({'kind': 'stepper', 'axes': {'x': {}}, 'control_peroid': 1}, 'did you mean control_p'),
     ],
 )
 def test_bad_twin_file_names_the_key(content: dict, words: str) -> None:
     with pytest.raises(StageError, match=words):
         TwinFile.from_dict(content)
+
+
+def test_who_closes_the_loop_asks_for_gains(tmp_path: Path) -> None:
+    content = TwinFile.nominal_servo().to_dict()
+    content['axes']['y'].pop('velocity_gain')
+    path = tmp_path / 'twin.yaml'
+    path.write_text(yaml.safe_dump(content))
+    assert TwinFile.load(path).servo('y').velocity_gain == ServoAxis(1.0, 1.0).velocity_gain
+    with pytest.raises(StageError, match='axes.y.velocity_gain is missing'):
+        TwinFile.load(path, with_gains=True)
+
+
+def test_a_rig_keeps_the_gains_that_nobody_uses() -> None:
+    content = {**TwinFile.nominal_servo().to_dict(), 'kind': 'measured_force'}
+    assert TwinFile.from_dict(content).axes['x'].mass == 18.0
 
 
 @pytest.mark.parametrize(

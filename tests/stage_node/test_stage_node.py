@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from stage_core.errors import StageError
+from stage_node.parameter_files import check_files, refuse_misspelt
 
 NODE = """
 import sys
@@ -68,6 +69,8 @@ def test_parameters_diagnostics_and_end(tester: subprocess.Popen) -> None:
         assert client.trigger('/tester/feed', 30.0) == '1.5'
         with pytest.raises(StageError, match='feed'):
             client.set_parameters('/tester', feed=3.0)
+        with pytest.raises(StageError, match='no parameter fed: did you mean feed'):
+            client.set_parameters('/tester', fed=1.0)
         with pytest.raises(StageError, match='absent'):
             client.trigger('/nobody/home', 0.5)
         client.wait_for(lambda: client.latest('/diagnostics') is not None, 30.0, 'diagnostics')
@@ -108,6 +111,24 @@ def test_a_condition_may_call_services_while_messages_come(tester: subprocess.Po
         finally:
             ended.set()
             flooding.join()
+
+
+def test_a_parameter_file_is_checked_whole(tmp_path: Path) -> None:
+    path = tmp_path / 'file.yaml'
+    arguments = ['node', '--ros-args', '--params-file', str(path)]
+    with pytest.raises(StageError, match=r'cannot read parameter file .*No such file'):
+        check_files(arguments)
+    for text, words in (('tester: [', 'not valid YAML'), ('tester: {feed: 1}', 'ros__parameters')):
+        path.write_text(text)
+        with pytest.raises(StageError, match=words):
+            check_files(arguments)
+    path.write_text('testr: {ros__parameters: {feed: 1}}')
+    check_files(arguments)
+    with pytest.raises(StageError, match='section testr and none for tester'):
+        refuse_misspelt(arguments, 'tester')
+    for name in ('/**', '/ns/tester', 'somebody_else'):
+        path.write_text(f'{name}: {{ros__parameters: {{feed: 1}}}}')
+        refuse_misspelt(arguments, 'tester')
 
 
 @pytest.mark.parametrize(

@@ -142,7 +142,7 @@ def test_the_tracker_sees_an_older_table():
 
 @pytest.mark.parametrize('value', [-1.0, 'much', float('nan')])
 def test_a_wrong_repeatability_is_named(value):
-    with pytest.raises(StageError, match='repeatability must be a length'):
+    with pytest.raises(StageError, match='repeatability must be'):
         StepperPlant(twin(repeatability=value))
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from contour_ctrl import cmac, curves, nurbs, reinforcement
+from contour_ctrl import cmac, curve_file, curves, reinforcement
 from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.friction import LuGre
 from contour_ctrl.learning import LearningSettings
@@ -17,7 +15,7 @@ from contour_ctrl.tick import Gains
 from stage_core.errors import StageError
 from stage_core.parameters import THREAD_PRIORITY, Parameter
 from stage_core.quantities import AXES
-from stage_core.untrusted import file_text, yaml_mapping
+from stage_core.untrusted import file_text
 
 Values = Callable[[str], Any]
 
@@ -150,32 +148,7 @@ def make_curve(value: Values, text: str | None = None) -> curves.Curve:
         raise StageError(
             f'the contour {kind} needs a curve: set curve_file or publish YAML on ~/curve'
         )
-    if kind == 'nurbs':
-        return nurbs.from_text(text, origin)
-    return _curve_through_points(kind, text, origin)
-
-
-def _curve_through_points(kind: str, text: str, origin: str) -> curves.Curve:
-    """Contours from a YAML mapping: points [[x, y], ...] [m], closed (freeform), basis (hra)."""
-    remedy = 'give points as a list of [x, y] in metres under the key points'
-    content = yaml_mapping(text, origin, remedy)
-    try:
-        points = np.asarray(content['points'], dtype=float)
-    except (KeyError, TypeError, ValueError):
-        raise StageError(f'{origin}: {remedy}') from None
-    if kind == 'freeform':
-        return curves.freeform(points, bool(content.get('closed', True)))
-    try:
-        import hra_curves
-    except ImportError:
-        raise StageError('the contour hra needs the package hra_curves: build it') from None
-    name = content.get('basis')
-    basis = None if name is None else hra_curves.basis_named(str(name))
-    return (
-        hra_curves.interpolate(points)
-        if basis is None
-        else hra_curves.interpolate(points, basis=basis)
-    )
+    return curve_file.from_text(kind, text, origin)
 
 
 def make_reference(value: Values, curve: curves.Curve) -> Reference:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from stage_core.errors import StageError
+from stage_core.names import refuse_unknown_keys
 from stage_core.untrusted import file_text, yaml_mapping
 
 FloatArray = NDArray[np.float64]
@@ -112,14 +113,18 @@ class NurbsCurve:
         return hashlib.sha256(b''.join(part.tobytes() for part in content)).hexdigest()
 
 
+#: Keys that a NURBS curve must have.
+REQUIRED = ('degree', 'knots', 'control_points')
+
+
 def from_mapping(content: Mapping[str, Any]) -> NurbsCurve:
     """Make a NURBS curve from a mapping with degree, knots, control_points [m] and weights."""
-    unknown = set(content) - {'degree', 'knots', 'control_points', 'weights'}
-    missing = {'degree', 'knots', 'control_points'} - set(content)
-    if unknown or missing:
+    refuse_unknown_keys(content, (*REQUIRED, 'weights'), 'NURBS')
+    missing = [key for key in REQUIRED if key not in content]
+    if missing:
         raise StageError(
-            f'NURBS keys unknown: {sorted(unknown)}, missing: {sorted(missing)}; '
-            'give degree, knots, control_points and, if wanted, weights'
+            f'the key {missing[0]} is missing: give degree, knots, control_points and, if '
+            'wanted, weights'
         )
     try:
         return NurbsCurve(
@@ -185,7 +190,7 @@ def interpolate(points: ArrayLike, closed: bool, degree: int = 5) -> NurbsCurve:
     short = np.flatnonzero(chords <= 1e-9 * span)
     if len(short):
         raise StageError(
-            f'zero-length segment between points {short[0]} and {short[0] + 1} of the '
+            f'zero-length segment between points {short[0] + 1} and {short[0] + 2} of the '
             'free-form curve: remove one of them'
         )
     parameter = np.concatenate([[0.0], np.cumsum(chords)])

@@ -5,13 +5,14 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from stage_core.errors import StageError
+from stage_core.names import refuse_unknown_keys
 from stage_core.quantities import AXES
 from stage_core.untrusted import file_text, yaml_mapping
 
@@ -63,6 +64,17 @@ AXIS_TYPES: dict[str, type[Axis]] = {
     'measured_force': ForceAxis,
 }
 
+#: Keys of an axis beyond its own: a rig described as a servo machine keeps its gains, unused.
+_UNUSED: dict[str, frozenset[str]] = {
+    'servo': frozenset(),
+    'stepper': frozenset(),
+    'measured_force': frozenset(f.name for f in fields(ServoAxis)),
+}
+#: What closes the loop: driver and plant take no default for these of a servo axis.
+GAINS = ('position_gain', 'velocity_gain', 'integral_gain', 'velocity_filter', 'force_limit')
+#: Keys of a twin file beside kind, axes, tracker and effects: numbers.
+_NUMBERS = ('control_period', 'temperature_reference', 'repeatability')
+
 #: Must be above zero: the plant or the controller divides by them.
 POSITIVE = frozenset(
     {'mass', 'encoder_resolution', 'lead', 'velocity_filter', 'force_limit'}
@@ -88,7 +100,8 @@ class TwinFile:
     tracker: TrackerSpec | None = None
     temperature_reference: float = 20.0  # °C
     effects: dict[str, dict[str, float]] = field(default_factory=dict)
-    extra: dict[str, Any] = field(default_factory=dict)
+    #: Four standard deviations of where a stepper's move ends [m].
+    repeatability: float | None = None
 
     @classmethod
     def nominal_servo(cls) -> TwinFile:
@@ -109,8 +122,16 @@ class TwinFile:
         )
 
     @classmethod
-    def load(cls, path: str | Path) -> TwinFile:
+    def load(cls, path: str | Path, with_gains: bool = False) -> TwinFile:
         """Read a twin file.
+
+        Parameters
+        ----------
+        path
+            The file.
+        with_gains
+            Whether a servo axis must state its gains: who closes the loop needs the machine's
+            own; the diagnosis may take the built-in ones.
 
         Raises
         ------
@@ -119,47 +140,48 @@ class TwinFile:
         """
         what, remedy = f'twin file {path}', 'name a twin file as docs/twin.md describes it'
         content = yaml_mapping(file_text(path, what, remedy), what, remedy)
-        return cls.from_dict(content, str(path))
+        found = cls.from_dict(content, str(path))
+        if with_gains and found.kind == 'servo':
+            for axis in found.axes:
+                for name in GAINS:
+                    if name not in content['axes'][axis]:
+                        raise StageError(
+                            f'{path}: axes.{axis}.{name} is missing: add the gain of the machine'
+                        )
+        return found
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any], source: str = 'twin') -> TwinFile:
         """Check and take over the content of a twin file (see :meth:`load`)."""
-        content = dict(copy.deepcopy(dict(content)))
+        content = dict(content)
         kind = content.pop('kind', None)
         if kind not in KINDS:
             raise StageError(f'{source}: kind must be one of {", ".join(KINDS)}, got {kind!r}')
-        axes_content = content.pop('axes', None)
+        refuse_unknown_keys(content, ('axes', 'tracker', 'effects', *_NUMBERS), source)
+        axes_content = content.get('axes')
         if not isinstance(axes_content, dict) or not axes_content:
             raise StageError(f'{source}: axes must map x and y to their parameters')
         unknown = sorted(set(map(str, axes_content)) - set(AXES))
         if unknown:
             raise StageError(f'{source}: axes.{unknown[0]} is not an axis: use x and y')
         axes = {
-            name: _axis(AXIS_TYPES[kind], axes_content[name], f'{source}: axes.{name}')
+            name: _axis(kind, axes_content[name], source, name)
             for name in AXES
             if name in axes_content
         }
-        tracker_content = content.pop('tracker', None)
-        tracker = None
-        if tracker_content is not None:
-            if not isinstance(tracker_content, dict):
-                raise StageError(f'{source}: tracker must hold rate and noise')
-            tracker = TrackerSpec(
-                rate=_number(tracker_content.get('rate', 100.0), f'{source}: tracker.rate', True),
-                noise=_number(tracker_content.get('noise', 1e-6), f'{source}: tracker.noise'),
-            )
+        numbers = {
+            name: _number(content[name], f'{source}: {name}', name == 'control_period')
+            for name in _NUMBERS
+            if name in content
+        }
+        if numbers.get('repeatability', 0.0) < 0.0:
+            raise StageError(f'{source}: repeatability must be a length in m, at least zero')
         return cls(
             kind=kind,
             axes=axes,
-            control_period=_number(
-                content.pop('control_period', 0.001), f'{source}: control_period', True
-            ),
-            tracker=tracker,
-            temperature_reference=_number(
-                content.pop('temperature_reference', 20.0), f'{source}: temperature_reference'
-            ),
-            effects=_effects(content.pop('effects', None), source),
-            extra=content,
+            tracker=_tracker(content.get('tracker'), source),
+            effects=_effects(content.get('effects'), source),
+            **numbers,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -174,7 +196,8 @@ class TwinFile:
         content['temperature_reference'] = self.temperature_reference
         if self.effects:
             content['effects'] = copy.deepcopy(self.effects)
-        content.update(copy.deepcopy(self.extra))
+        if self.repeatability is not None:
+            content['repeatability'] = self.repeatability
         return content
 
     def to_yaml(self) -> str:
@@ -205,21 +228,33 @@ class TwinFile:
         return found
 
 
-def _axis(kind: type[Axis], content: Any, where: str) -> Axis:
+def _axis(kind: str, content: Any, source: str, axis: str) -> Axis:
+    where = f'{source}: axes.{axis}'
     if not isinstance(content, dict):
         raise StageError(f'{where} must hold the parameters of the axis')
-    known = {f.name: f for f in fields(kind)}
+    known = {f.name: f for f in fields(AXIS_TYPES[kind])}
+    refuse_unknown_keys(content, known.keys() | _UNUSED[kind], source, f'axes.{axis}.')
     values: dict[str, float] = {}
     for name, value in content.items():
+        number = _number(value, f'{where}.{name}', name in POSITIVE)
         if name in known:
-            values[name] = _number(value, f'{where}.{name}', name in POSITIVE)
-    required = [n for n in ('mass', 'viscous') if n in known and kind is ServoAxis]
-    if kind is ForceAxis:
-        required = ['mass']
-    for name in required:
-        if name not in values:
+            values[name] = number
+    for name, key in known.items():
+        if key.default is MISSING and name not in values:
             raise StageError(f'{where}.{name} is missing: add it, see section 5 of the contract')
-    return kind(**values)
+    return AXIS_TYPES[kind](**values)
+
+
+def _tracker(content: Any, source: str) -> TrackerSpec | None:
+    if content is None:
+        return None
+    if not isinstance(content, dict):
+        raise StageError(f'{source}: tracker must hold rate and noise')
+    refuse_unknown_keys(content, [f.name for f in fields(TrackerSpec)], source, 'tracker.')
+    return TrackerSpec(
+        rate=_number(content.get('rate', TrackerSpec.rate), f'{source}: tracker.rate', True),
+        noise=_number(content.get('noise', TrackerSpec.noise), f'{source}: tracker.noise'),
+    )
 
 
 def _effects(content: Any, source: str) -> dict[str, dict[str, float]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -182,7 +181,11 @@ def limits_of(value: Values) -> tuple[AxisLimits, ...]:
 def servo_config(value: Values) -> ServoConfig:
     """Configuration of the servo backend from the parameters' values."""
     axes = axes_of(value)
-    twin = TwinFile.load(Path(value('twin'))) if value('twin') else TwinFile.nominal_servo()
+    twin = (
+        TwinFile.load(value('twin'), with_gains=True)
+        if value('twin')
+        else TwinFile.nominal_servo()
+    )
     friction = None
     if value('friction_compensation') == 'lugre':
         names = ('coulomb_force', 'static_force', 'stribeck_velocity', 'presliding')

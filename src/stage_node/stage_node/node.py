@@ -31,8 +31,10 @@ from sensor_msgs.msg import JointState
 from stage_core import topics
 from stage_core.clocks import join_stamp, split_stamp
 from stage_core.errors import EXIT_BAD_INPUT, StageError
+from stage_core.names import nearest
 from stage_core.parameters import Parameter, Value, check
 from stage_core.priority import to_real_time
+from stage_node import parameter_files
 from stage_node.joint_state_wire import JointSample, JointStateLayout
 from stage_node.peers import PEERS, PeerWatch
 
@@ -101,6 +103,7 @@ class StageNode(Node):
 
     def __init__(self, name: str, parameters: Sequence[Parameter], **options: Any) -> None:
         super().__init__(name, **options)
+        parameter_files.refuse_misspelt(sys.argv, self.get_name())
         self._specifications = {p.name: p for p in parameters}
         self._started = False
         self._refuse_unknown()
@@ -150,10 +153,17 @@ class StageNode(Node):
         known = set(self._specifications) | set(_ROS_PARAMETERS)
         for name in self._parameter_overrides:
             if name not in known and not name.startswith('qos_overrides'):
-                raise StageError(
-                    f'{self.get_name()} has no parameter {name}: it has '
-                    f'{", ".join(sorted(self._specifications))}'
-                )
+                raise StageError(self._unknown(name))
+
+    def _unknown(self, name: str) -> str:
+        return f'{self.get_name()} has no parameter {name}: {nearest(name, self._specifications)}'
+
+    def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
+        """Set parameters, as the services do; for an unknown one the reason names the nearest."""
+        for parameter in parameter_list:
+            if not self.has_parameter(parameter.name):
+                return SetParametersResult(successful=False, reason=self._unknown(parameter.name))
+        return super().set_parameters_atomically(parameter_list)
 
     def _declare(self, parameter: Parameter) -> None:
         override = self._parameter_overrides.get(parameter.name)
@@ -336,8 +346,9 @@ def run(factory: Callable[[], StageNode], arguments: Sequence[str] | None = None
     local_graph()
     ended = threading.Event()
     try:
+        parameter_files.check_files(sys.argv if arguments is None else arguments)
         rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    except rclpy_implementation.RCLError as error:
+    except (StageError, rclpy_implementation.RCLError) as error:
         return _refused(error)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())

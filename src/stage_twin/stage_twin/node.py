@@ -92,7 +92,7 @@ class StageTwin(StageNode):
         super().__init__('stage_twin', PARAMETERS, **options)
         self.diagnostics.hardware_id = 'emulated stage'
         path = self.value('twin')
-        twin = TwinFile.load(path) if path else TwinFile.nominal_servo()
+        twin = TwinFile.load(path, with_gains=True) if path else TwinFile.nominal_servo()
         self._tracker: TrackerServer | SaTextSender | None = None
         self._clock_publisher: Publisher | None = None
         self._simulated = 0

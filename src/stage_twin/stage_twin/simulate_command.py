@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         value = getattr(options, name)
         if not 0.0 < value < math.inf:
             raise StageError(f'--{name} must be above zero, got {value:g}')
-    twin = TwinFile.load(options.twin)
+    twin = TwinFile.load(options.twin, with_gains=True)
     reference, velocity = circle(twin, options.seconds, options.radius, options.speed)
     result = simulate(twin, reference, velocity, seed=options.seed)
     print(

@@ -8,7 +8,6 @@ wide in all (ISO 230-2: R = 4 s).
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -56,13 +55,7 @@ class StepperPlant:
         self.twin = twin
         self._arrays = pack(twin)
         self._axes = [axis for axis in twin.axes.values() if isinstance(axis, StepperAxis)]
-        repeatability = twin.extra.get('repeatability', 0.0)
-        try:
-            self._scatter = float(repeatability) / 4.0
-        except (TypeError, ValueError):
-            self._scatter = math.nan
-        if not 0.0 <= self._scatter < math.inf:
-            raise StageError(f'repeatability must be a length in m, got {repeatability!r}')
+        self._scatter = (twin.repeatability or 0.0) / 4.0
         self._random = np.random.default_rng(seed)
         self._noise = np.random.default_rng((seed, 1))
         self._time = 0.0

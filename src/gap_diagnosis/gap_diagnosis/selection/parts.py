@@ -89,8 +89,7 @@ def rest_scatter(twin: TwinFile, records: list[Record]) -> float | None:
     measured = [r.rest_scatter for r in records if r.rest_scatter is not None]
     if measured:
         return float(np.sqrt(np.mean(np.square(measured))))
-    stated = twin.extra.get('repeatability')
-    return 0.25 * float(stated) if isinstance(stated, (int, float)) else None
+    return None if twin.repeatability is None else 0.25 * twin.repeatability
 
 
 def fit_part(
