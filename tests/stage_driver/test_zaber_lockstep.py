@@ -21,7 +21,7 @@ TWIN = TwinFile(
     kind='stepper',
     axes={'x': StepperAxis(), 'y': StepperAxis()},
     tracker=TrackerSpec(rate=100.0, noise=1e-6),
-    extra={'repeatability': 3e-6},
+    repeatability=3e-6,
 )
 LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
 SETTLE = 0.2

@@ -17,7 +17,7 @@ TWIN = TwinFile(
     kind='stepper',
     axes={'x': StepperAxis(), 'y': StepperAxis()},
     tracker=TrackerSpec(rate=100.0, noise=1e-6),
-    extra={'repeatability': 3e-6},
+    repeatability=3e-6,
 )
 
 
