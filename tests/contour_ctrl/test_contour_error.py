@@ -70,7 +70,7 @@ def test_osculating_circle_is_exact_on_a_circle_and_on_a_line() -> None:
     assert value == pytest.approx(-0.1)
 
 
-def test_sign_follows_the_contract() -> None:
+def test_sign_follows_the_interface() -> None:
     # Moving along +x, a point below the path lies to its right: e_y > 0, contour error > 0.
     line = np.column_stack([np.linspace(0, 1, 50), np.zeros(50)])
     path = PathTable.from_points(line, 1.0, False)

@@ -41,7 +41,7 @@ def iterate(gains: Gains, settings: LearningSettings | None, count: int) -> list
     return Rehearsal(MACHINE).iterate(Controller(REFERENCE, gains), learner, count, forces)
 
 
-def test_p_loop_is_the_controller_of_the_contract() -> None:
+def test_p_loop_is_the_servo_controller() -> None:
     gains = Gains(velocity_feedforward=(0.0, 0.0))
     controller = Controller(REFERENCE, gains)
     Rehearsal(MACHINE).run(controller)

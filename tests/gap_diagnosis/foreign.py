@@ -57,7 +57,7 @@ class Shape:
     tracker: bool = True
     temperature: bool = True
     stamped: bool = True  # whether headers hold a stamp
-    full: bool = True  # whether velocity and effort are filled where the contract lets them out
+    full: bool = True  # whether velocity and effort are filled where they may be empty
     extra: bool = False  # topics that nobody knows
     late: dict[str, float] = field(default_factory=dict)  # s, added to the stamps of a topic
 

@@ -37,7 +37,7 @@ def test_the_rule_sees_a_forbidden_import(tmp_path: Path) -> None:
     assert imports(bad) & FORBIDDEN
 
 
-def test_the_blind_machine_follows_the_contracts_controller() -> None:
+def test_the_blind_machine_follows_the_servo_controller() -> None:
     from benchmarks.blind.machine import NOMINAL, record
 
     made = record({'coulomb_friction.x': {'coulomb_positive': 5.0, 'coulomb_negative': 5.0}}, 3,

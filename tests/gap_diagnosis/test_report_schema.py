@@ -1,4 +1,4 @@
-"""report.json to the letter of section 6 of the contract."""
+"""report.json to the letter of docs/interfaces_report.md."""
 
 from __future__ import annotations
 

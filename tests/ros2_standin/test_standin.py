@@ -161,7 +161,7 @@ def test_bag_record_then_info(
     words = [sys.executable, '-m', 'ros2_standin', 'bag', 'record', '-o', str(bag), '/lab/value']
     process = subprocess.Popen(words, env=ros_env, stderr=subprocess.DEVNULL)
     try:
-        # The topic is outside the contract: its type is learnt from the graph.
+        # No session has this topic: its type is learnt from the graph.
         from session_bags.bag import open_bag
 
         for _ in range(200):

@@ -133,7 +133,7 @@ def test_without_dask_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         map_items(eval, ['1'], tmp_path, where=Where(scheduler='tcp://127.0.0.1:9'))
 
 
-def test_converters_keep_the_contract(data_root: Path, tmp_path: Path) -> None:
+def test_converters_write_session_bags(data_root: Path, tmp_path: Path) -> None:
     for module in (convert_xy_circle, convert_emps, convert_ess_tank):
         assert module.main(['--out', str(tmp_path), '--data', str(data_root)]) == 0
     names = sorted(path.name for path in tmp_path.iterdir())
@@ -152,7 +152,8 @@ def test_converters_keep_the_contract(data_root: Path, tmp_path: Path) -> None:
         assert 2.0 < twin.axes[axis].viscous < 10.0 and twin.axes[axis].mass > 0.0  # type: ignore[union-attr]
     emps = read_session(tmp_path / 'emps')
     assert emps.axes == ('x',)
-    # The published least-squares model explains the recorded force to 4.1 % (FACTS.md).
+    # The published least-squares model explains the recorded force to 4.1 % (Janot, Gautier,
+    # Brunot, EMPS, 2019).
     joints, command = emps.series[topics.JOINT_STATES], emps.series[topics.COMMAND]
     velocity = joints.values['velocity.x']
     acceleration = np.gradient(velocity, emps.seconds(topics.JOINT_STATES))

@@ -339,7 +339,7 @@ class TestBadInput:
     def test_wrong_type(self, tmp_path: Path) -> None:
         with SessionWriter(tmp_path / 'bag') as writer:
             writer.add_topic(topics.REFERENCE, 'geometry_msgs/msg/PointStamped')
-        with pytest.raises(StageError, match='the contract has sensor_msgs/msg/JointState'):
+        with pytest.raises(StageError, match='a session has sensor_msgs/msg/JointState'):
             read_session(tmp_path / 'bag')
 
     @pytest.mark.parametrize(

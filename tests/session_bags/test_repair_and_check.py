@@ -242,7 +242,7 @@ def test_repair_says_what_it_did(
 
 
 def smooth_session() -> Session:
-    """A session that keeps the contract: a circle, followed exactly."""
+    """A good session: a circle, followed exactly."""
     count = 2000
     stamps = START + np.arange(count) * 1_000_000
     angle = np.linspace(0, 6, count)
@@ -270,12 +270,12 @@ def smooth_session() -> Session:
     return Session('smooth', series, TwinFile.nominal_servo().to_dict())
 
 
-def test_a_good_bag_keeps_the_contract(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_good_bag_is_a_session_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write_session(tmp_path / 'bag', smooth_session())
     assert [f for f in check_bag(path) if f.level != OK] == []
     assert check.main([str(path)]) == 0
     out = capsys.readouterr().out
-    assert 'keeps the contract: 0 errors, 0 warnings' in out and '1000 Hz' in out
+    assert 'is a session bag: 0 errors, 0 warnings' in out and '1000 Hz' in out
     assert info.main([str(path)]) == 0
     assert 'Topic: /stage/reference' in capsys.readouterr().out
 
@@ -376,7 +376,7 @@ def test_findings_about_the_container(tmp_path: Path) -> None:
     text = '\n'.join(str(finding) for finding in check_bag(tmp_path / 'bag'))
     for expected in (
         'twin is no twin file',
-        '/stage/refrence: is no topic of the contract',
+        '/stage/refrence: is no topic of a session',
         '/calibrator/model: is not latched',
         '/stage/contact_force: is of type geometry_msgs/msg/PointStamped',
         '/stage/reference: 2 messages were dropped',

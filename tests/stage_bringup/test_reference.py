@@ -14,7 +14,7 @@ def test_reference_is_of_this_code() -> None:
     assert (ROOT / 'docs' / 'reference.md').read_text() == render()
 
 
-def test_every_service_of_the_contract_is_found() -> None:
+def test_every_service_is_found() -> None:
     text = render()
     for service in ('home', 'stop', 'reset_fault', 'enable', 'align', 'reset', 'retrain'):
         assert f'`~/{service}`' in text

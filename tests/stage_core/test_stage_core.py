@@ -76,7 +76,7 @@ def test_seconds_keep_nanoseconds_at_an_epoch() -> None:
     np.testing.assert_array_equal(to_stamps(to_seconds(stamps, start), start), stamps)
 
 
-def test_contract_twin_file_round_trip() -> None:
+def test_twin_file_round_trip() -> None:
     nominal = TwinFile.nominal_servo()
     assert nominal.servo('x') == ServoAxis(18.0, 40.0)
     text = nominal.with_effects({'backlash.x': {'width': 1.2e-5}}).to_yaml()

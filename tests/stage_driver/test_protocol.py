@@ -1,4 +1,4 @@
-"""The pure Zaber ASCII codec: fact sheet vectors, properties, fuzz."""
+"""The pure Zaber ASCII codec: vectors of the protocol, properties, fuzz."""
 
 import contextlib
 import random
@@ -40,11 +40,11 @@ def sealed(body: bytes) -> bytes:
         (('foo bar', 1, 0, 2), b'/1 0 02 foo bar:44\n'),
     ],
 )
-def test_fact_sheet_command_vectors(command, expected):
+def test_command_vectors(command, expected):
     assert encode_command(*command) == expected
 
 
-def test_fact_sheet_reply_vector():
+def test_reply_vector():
     assert decode_answer(b'@01 0 OK IDLE -- 0:8D\r\n') == Reply(1, 0, None, True, False, '--', '0')
 
 

@@ -83,7 +83,7 @@ def test_a_move_is_the_same_run_to_run():
     assert traces[0] == traces[1]
 
 
-def test_published_values_are_those_of_the_contract():
+def test_published_values_are_those_of_the_equations():
     """F_k, vf_k and vc_k recomputed from the published columns alone."""
     with rig() as (_, backend, recorder):
         move(backend, recorder, 0.01, 0.0)

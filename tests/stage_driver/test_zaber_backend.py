@@ -58,7 +58,7 @@ def position(server):
     return [server.chain.plant.position_steps(axis) * STEP for axis in range(2)]
 
 
-def test_units_of_the_fact_sheet():
+def test_native_units():
     units = ZaberUnits(STEP)
     assert units.steps(0.005) == 104987
     assert units.speed(0.001) == 34402

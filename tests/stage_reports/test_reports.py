@@ -278,7 +278,7 @@ def test_a_missing_bag_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize('name', ['foxglove_live.json', 'foxglove_recorded.json'])
-def test_foxglove_layouts_name_topics_of_the_contract(name: str) -> None:
+def test_foxglove_layouts_name_known_topics(name: str) -> None:
     layout = json.loads((LAYOUTS / name).read_text())
     placed: list[str] = []
 
@@ -299,7 +299,7 @@ def test_foxglove_layouts_name_topics_of_the_contract(name: str) -> None:
         assert topic in topics.TOPIC_TYPES
 
 
-def test_the_plotjuggler_layout_names_topics_of_the_contract() -> None:
+def test_the_plotjuggler_layout_names_known_topics() -> None:
     root = ElementTree.parse(LAYOUTS / 'plotjuggler.xml').getroot()
     curves = [curve.get('name') or '' for curve in root.iter('curve')]
     assert len(curves) > 10

@@ -143,9 +143,9 @@ def closed_loop_impulse(
 ) -> FloatArray:
     """Position (count,) [m] of the nominal axis after a velocity command of 1 m/s for one tick.
 
-    The loop of the contract's section 5 without quantisation and force limit: P position loop,
-    PI velocity loop on the filtered difference quotient, mass and viscous friction under a
-    zero-order hold.
+    The loop of docs/interfaces.md, "Servo controller", without quantisation and force limit:
+    P position loop, PI velocity loop on the filtered difference quotient, mass and viscous
+    friction under a zero-order hold.
     """
     decay = np.exp(-axis.viscous * period / axis.mass) if axis.viscous > 0.0 else 1.0
     coast = axis.mass / axis.viscous * (1.0 - decay) if axis.viscous > 0.0 else period

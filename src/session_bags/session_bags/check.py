@@ -1,4 +1,4 @@
-"""Whether a bag keeps the contract, and what is wrong with it."""
+"""Whether a bag is a session bag (docs/interfaces.md, "Session bag"), and what is wrong."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Finding:
 
 
 def check_bag(path: str | Path) -> list[Finding]:
-    """Check a bag against sections 3 and 4 of the contract.
+    """Check a bag against docs/interfaces.md, "Topics" and "Session bag".
 
     Raises
     ------
@@ -118,9 +118,9 @@ def _check_topics(bag: Bag) -> Iterator[Finding]:
         expected = topics.TOPIC_TYPES.get(topic)
         if expected is None:
             if topic.startswith(('/stage', '/tracker', '/contour', '/calibrator')):
-                yield Finding(WARNING, topic, 'is no topic of the contract and is not read')
+                yield Finding(WARNING, topic, 'is no topic of a session and is not read')
         elif type_name != expected:
-            yield Finding(ERROR, topic, f'is of type {type_name}, the contract has {expected}')
+            yield Finding(ERROR, topic, f'is of type {type_name}, a session has {expected}')
         elif not counts.get(topic):
             yield Finding(OK, topic, 'no message, counts as absent')
     if not counts.get(topics.REFERENCE):
@@ -227,9 +227,10 @@ def _check_stamps(key: str, series: Series) -> Iterator[Finding]:
 
 @command_line
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the findings; exit 0 where the bag keeps the contract, else 1."""
+    """Print the findings; exit 0 where the bag is a session bag, else 1."""
     parser = argparse.ArgumentParser(
-        prog='check', description='Check whether a bag keeps the contract of a session.'
+        prog='check',
+        description='Check whether a bag is a session bag as docs/interfaces.md describes it.',
     )
     parser.add_argument('bag', help='directory of a bag, or an mcap file')
     parser.add_argument('-q', '--quiet', action='store_true', help='print only what is wrong')
@@ -240,6 +241,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(finding)
     errors = sum(finding.level == ERROR for finding in findings)
     warnings = sum(finding.level == WARNING for finding in findings)
-    verdict = 'breaks' if errors else 'keeps'
-    print(f'{parsed.bag} {verdict} the contract: {errors} errors, {warnings} warnings')
+    verdict = 'is no session bag' if errors else 'is a session bag'
+    print(f'{parsed.bag} {verdict}: {errors} errors, {warnings} warnings')
     return 1 if errors else 0

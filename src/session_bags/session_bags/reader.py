@@ -56,7 +56,7 @@ def read_session(
     Raises
     ------
     StageError
-        If there is no such bag, it holds no message, it is damaged, a topic of the contract has
+        If there is no such bag, it holds no message, it is damaged, a topic of a session has
         another type, a message is malformed or holds a NaN.
     """
     bag = open_bag(path)
@@ -65,7 +65,7 @@ def read_session(
         expected = names.TOPIC_TYPES.get(topic)
         if expected in NUMERIC_TYPES and type_name != expected:
             raise StageError(
-                f'{path}: {topic} is of type {type_name} where the contract has {expected}: '
+                f'{path}: {topic} is of type {type_name} where a session has {expected}: '
                 'record it with the right type'
             )
     wanted = [

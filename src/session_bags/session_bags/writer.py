@@ -105,12 +105,12 @@ class SessionWriter:
     def add_topic(
         self, topic: str, type_name: str | None = None, latched: bool | None = None
     ) -> int:
-        """Announce a topic and return its channel; the contract's topics need no type.
+        """Announce a topic and return its channel; a session's topics need no type.
 
         Raises
         ------
         StageError
-            For a type that is unknown, or no type for a topic outside the contract.
+            For a type that is unknown, or no type for a topic that no session has.
         """
         if topic in self._channels:
             return self._channels[topic]

@@ -1,4 +1,4 @@
-"""Axes, links of the chain and names of the effects (section 6 of the contract)."""
+"""Axes, links of the chain and names of the effects (docs/interfaces.md, "Effects")."""
 
 from __future__ import annotations
 

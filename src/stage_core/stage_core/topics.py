@@ -1,4 +1,4 @@
-"""Names and types of topics and services (sections 2 and 3 of the contract): the one place."""
+"""Names and types of topics (docs/interfaces.md, "Topics"): the one place."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CONTOUR_ERROR = '/contour/error'
 MODEL = '/calibrator/model'
 CLOCK = '/clock'
 DIAGNOSTICS = '/diagnostics'
-#: Wanted table position; the calibrator turns it into a set-point. Not part of the contract.
+#: Wanted table position; the calibrator turns it into a set-point.
 TARGET = '/stage/target'
 
 #: Topic -> message type, in ROS 2 spelling.

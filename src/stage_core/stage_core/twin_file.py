@@ -1,4 +1,4 @@
-"""The twin file (section 5 of the contract): a machine's nominal parameters and its effects."""
+"""The twin file: a machine's nominal parameters and its effects (docs/interfaces.md)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ KINDS = ('servo', 'stepper', 'measured_force')
 
 @dataclass(frozen=True)
 class ServoAxis:
-    """One axis of the nominal servo twin; units as in the contract."""
+    """One axis of the nominal servo twin; units as in docs/interfaces.md."""
 
     mass: float  # kg
     viscous: float  # N·s/m
@@ -105,7 +105,7 @@ class TwinFile:
 
     @classmethod
     def nominal_servo(cls) -> TwinFile:
-        """The nominal servo twin of the contract; y scales x's loop gains with its mass."""
+        """The nominal servo twin; y scales x's loop gains with its mass."""
         ratio = 8.0 / 18.0
         return cls(
             kind='servo',
@@ -136,9 +136,9 @@ class TwinFile:
         Raises
         ------
         StageError
-            If it is absent, no YAML, or breaks the contract; the message names the key.
+            If it is absent, no YAML, or holds what no twin file does; the message names the key.
         """
-        what, remedy = f'twin file {path}', 'name a twin file as docs/twin.md describes it'
+        what, remedy = f'twin file {path}', 'name a twin file as docs/interfaces.md describes it'
         content = yaml_mapping(file_text(path, what, remedy), what, remedy)
         found = cls.from_dict(content, str(path))
         if with_gains and found.kind == 'servo':
@@ -241,7 +241,9 @@ def _axis(kind: str, content: Any, source: str, axis: str) -> Axis:
             values[name] = number
     for name, key in known.items():
         if key.default is MISSING and name not in values:
-            raise StageError(f'{where}.{name} is missing: add it, see section 5 of the contract')
+            raise StageError(
+                f'{where}.{name} is missing: add it (docs/interfaces.md, "Twin file")'
+            )
     return AXIS_TYPES[kind](**values)
 
 

@@ -38,7 +38,7 @@ from stage_node import parameter_files
 from stage_node.joint_state_wire import JointSample, JointStateLayout
 from stage_node.peers import PEERS, PeerWatch
 
-#: Measurements are recorded for science: reliable, with a second of depth (contract section 3).
+#: Measurements are recorded for science: reliable, with a second of depth (docs/interfaces.md).
 STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 SETPOINT_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED_QOS = QoSProfile(

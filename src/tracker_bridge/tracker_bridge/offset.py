@@ -1,4 +1,4 @@
-"""The constant offset between the source's clock and ROS time (contract section 3)."""
+"""The constant offset between the source's clock and ROS time (docs/interfaces.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The kernel against a literal transcription of section 5 of the contract."""
+"""The kernel against a literal transcription of docs/interfaces.md, "Servo controller"."""
 
 import math
 from dataclasses import replace
@@ -11,7 +11,7 @@ from stage_twin.simulate import simulate
 
 
 def literal(axis, period, reference, reference_velocity, compensation):
-    """Section 5 of the contract line by line for one axis, in plain Python."""
+    """The servo controller line by line for one axis, in plain Python."""
     m, b = axis.mass, axis.viscous
 
     def move(p, v, force, length):
@@ -64,7 +64,7 @@ def session(period, axes, seconds=0.6):
 @pytest.mark.parametrize('period', [0.001, 0.0004])
 @pytest.mark.parametrize('delay', [0.0, 0.0003, 0.002, 0.0027])
 @pytest.mark.parametrize('limit', [600.0, 40.0])
-def test_kernel_is_the_contract(period, delay, limit):
+def test_kernel_is_the_servo_controller(period, delay, limit):
     twin = TwinFile.nominal_servo()
     change = {'delay': delay, 'force_limit': limit, 'velocity_feedforward': 0.9}
     twin = replace(
