@@ -1,4 +1,4 @@
-"""Held-out error of the calibration methods on the recorded stages (docs/bags.md names their sources).
+"""Held-out error of the calibration methods on the recorded stages (sources: docs/bags.md).
 
 xy_circle: encoder - reference learnt on the six records of day 1, predicted on the two of day 2,
 beside a table over the phase of the lap. `+ offset` refits one constant per axis on the first
