@@ -9,6 +9,7 @@ moved back by it, and the small rest is fitted as ever.
 from __future__ import annotations
 
 import cmath
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,18 +76,14 @@ def find(records: list[Record]) -> Coarse:
     measured = _plane(record.tracker[rows])
 
     def table(lag: float) -> Plane:
-        at = time - lag
-        return _plane(
-            np.column_stack(
-                [np.interp(at, record.time, record.encoder[:, i]) for i in range(axes)]
-            )
-        )
+        return _plane(record.encoder_at(time - lag))
 
     lag = 0.0
     for step in () if rests else STEPS:
         reach = SEARCHED if step == STEPS[0] else STEPS[0]
         lags = lag + np.arange(-reach, reach + 0.5 * step, step)
         lag = float(min(lags, key=lambda x: _rest(measured, table(float(x)), axes)))
+    best = lag
     if abs(lag) < LEAST_LAG or _rest(measured, table(lag), axes) > CLEARLY * _rest(
         measured, table(0.0), axes
     ):
@@ -102,8 +99,10 @@ def find(records: list[Record]) -> Coarse:
             f'{record.name}: the frame of {topics.TRACKER_POINT} is mirrored against the stage '
             '(one of its axes points the other way): align the tracker with `~/align`'
         )
-    turn = np.vdot(where - where.mean(), measured - measured.mean())
-    angle = cmath.phase(turn) if axes == 2 else 0.0
+    # On a circle a latency looks like a rotation: what remains of one is fitted beside it.
+    speed = [table(best - STEPS[1]) - table(best + STEPS[1])] if not rests else []
+    beside = [*speed, *(time * v for v in speed)]
+    angle = cmath.phase(_factor(measured, table(best), beside)) if axes == 2 else 0.0
     angle = angle if abs(angle) > LEAST_ANGLE else 0.0
     away = complex(measured.mean() - cmath.exp(1j * angle) * where.mean())
     far = bool(angle) or abs(away) > LEAST_OFFSET
@@ -140,6 +139,13 @@ def moved_back(record: Record, coarse: Coarse) -> Record:
 def _plane(points: Array) -> Plane:
     """Points (n, a) as complex numbers (n,)."""
     return np.asarray(points[:, 0] + (1j * points[:, 1] if points.shape[1] == 2 else 0j))
+
+
+def _factor(measured: Plane, where: Plane, beside: Sequence[Plane]) -> complex:
+    """Factor of the table in the measured points, beside an offset and other columns (n,)."""
+    columns = np.column_stack([where, np.ones(len(where)), *beside])
+    columns /= np.linalg.norm(columns, axis=0) + 1e-300
+    return complex(np.linalg.lstsq(columns, measured)[0][0])
 
 
 def _rest(measured: Plane, where: Plane, axes: int) -> float:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from gap_diagnosis.input.checks import (
     MINIMUM_TRAVEL,
@@ -71,6 +73,18 @@ class Record:
     def duration(self) -> float:
         """Length of the session [s]."""
         return float(self.time[-1] - self.time[0] + self.period)
+
+    @cached_property
+    def _path(self) -> CubicSpline:
+        return CubicSpline(self.time, self.encoder)
+
+    def encoder_at(self, time: Array) -> Array:
+        """Encoder (m, a) [m] at any times (m,) [s] of the session, a cubic spline of the ticks.
+
+        A straight line between ticks would leave a T²/8 of an acceleration a: at 10 m/s² and 1 ms
+        more than an encoder step of 1 µm. A spline leaves (ω T)⁴/384 of a motion of frequency ω.
+        """
+        return np.asarray(self._path(np.clip(time, self.time[0], self.time[-1])))
 
     def point_time(self, latency: float = 0.0, drift: float = 0.0) -> Array:
         """Machine's time (m,) [s] of the tracker points, their stamps late or drifting."""
@@ -162,13 +176,13 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
     grid = Grid(start, period, series, axes, resolution, session.path)
     check_duration(grid.time, period, session.path)
     effort_unit = np.array([getattr(twin.axes[axis], 'effort_unit', 1.0) for axis in axes])
-    encoder = grid.columns(states, 'position', axes)
+    encoder = grid.positions(states, axes)
     record = Record(
         name=session.path,
         axes=axes,
         period=period,
         time=grid.time,
-        reference=grid.columns(reference, 'position', axes),
+        reference=grid.positions(reference, axes),
         reference_velocity=grid.optional(reference, 'velocity', axes),
         velocity_command=grid.optional(command, 'velocity', axes),
         force=grid.columns(command, 'effort', axes) * effort_unit,

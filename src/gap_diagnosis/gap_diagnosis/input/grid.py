@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from gap_diagnosis.input.ticks import Clock, machine_clock, tick_numbers
 from stage_core.clocks import to_seconds
@@ -157,6 +158,20 @@ class Grid:
         return np.column_stack(
             [np.interp(self.numbers, ticks, values[:, i]) for i in range(len(axes))]
         )
+
+    def positions(self, series: Series, axes: tuple[str, ...]) -> Array:
+        """Position of each axis on the common ticks, shape (n, a) [m].
+
+        A few lost ticks are filled by a cubic spline through the others, long gaps by a line.
+        """
+        line = self.columns(series, 'position', axes)
+        ticks, first = np.unique(self.ticks[series.topic], return_index=True)
+        if len(ticks) < 4 or ticks[-1] - ticks[0] + 1 == len(ticks):
+            return line
+        after = np.clip(np.searchsorted(ticks, self.numbers), 1, len(ticks) - 1)
+        short = ticks[after] - ticks[after - 1] <= LONG
+        curve = CubicSpline(ticks, series.columns('position', axes)[first])
+        return np.where(short[:, None], curve(self.numbers), line)
 
     def optional(self, series: Series, quantity: str, axes: tuple[str, ...]) -> Array:
         """As `columns`; NaN where the topic does not carry the quantity."""

@@ -39,15 +39,13 @@ class Kinematics:
             )
             for i in range(len(self.axes))
         ]
-        self._points = [self._at(r, r.tracker_time) for r in self.records]
+        self._points = [self._at_points(r) for r in self.records]
 
     @staticmethod
-    def _at(record: Record, time: Array | None) -> Array:
-        """Encoder (m, a) at any times [s] of the session, linear between the ticks."""
-        assert time is not None
-        return np.column_stack(
-            [np.interp(time, record.time, record.encoder[:, i]) for i in range(len(record.axes))]
-        )
+    def _at_points(record: Record) -> Array:
+        """Encoder (m, a) [m] at the tracker's points."""
+        assert record.tracker_time is not None
+        return record.encoder_at(record.tracker_time)
 
     def _rows(self, parts: list[list[Array]]) -> Array:
         """Columns from parts[session][axis], each (m, k): sessions below one another."""
@@ -126,7 +124,7 @@ class Kinematics:
                 moved['tracker_misalignment'].append(list(turn.T))
             if 'tracker_latency' in moved:
                 # The stamps say that the table was there later, where it was on its way already.
-                later = self._at(record, record.point_time(latency=-coarse.latency))
+                later = record.encoder_at(record.point_time(latency=-coarse.latency))
                 moved['tracker_latency'].append(list((table - later).T))
         return {name: self._rows(parts) for name, parts in moved.items()}
 
@@ -316,7 +314,7 @@ class Kinematics:
         )
 
     def _shifted(self, true_time: list[Array]) -> Array:
-        moved = [self._at(r, t) for r, t in zip(self.records, true_time, strict=True)]
+        moved = [r.encoder_at(t) for r, t in zip(self.records, true_time, strict=True)]
         return self._rows(
             [
                 [(m - p)[:, i : i + 1] for i in range(len(self.axes))]

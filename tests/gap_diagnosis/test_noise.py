@@ -1,0 +1,83 @@
+"""What a record holds beside the motion: points between ticks, noise, jitter, units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.input import coarse
+from gap_diagnosis.input.data import load_record
+from stage_core import topics
+from stage_core.session import Series, Session
+from stage_core.twin_file import TwinFile
+
+Maker = Callable[..., Session]
+
+
+def on_circles(session: Session, latency: float, drift: float = 0.0) -> Session:
+    """The session as if its axes ran circles with the tracker late, its ticks exact."""
+    series = dict(session.series)
+    stamps = series[topics.REFERENCE].stamps
+    start, seconds = stamps[0], (stamps - stamps[0]) * 1e-9
+
+    def circle(t: np.ndarray) -> np.ndarray:
+        angle = 2.0 * np.pi * (0.5 * t + 0.02 * t**2)
+        return 0.03 * np.column_stack([np.cos(angle), np.sin(angle)])
+
+    joints = circle(seconds)
+    for key in (topics.REFERENCE, topics.JOINT_STATES):
+        values = dict(series[key].values)
+        values |= {f'position.{axis}': joints[:, i] for i, axis in enumerate('xy')}
+        series[key] = Series(key, stamps, values)
+    tracker = series[topics.TRACKER_POINT]
+    true = (tracker.stamps - start) * 1e-9 / (1.0 + drift) - latency
+    x, y = circle(true).T
+    values = {'x': x, 'y': y, 'z': np.zeros_like(x)}
+    series[topics.TRACKER_POINT] = Series(topics.TRACKER_POINT, tracker.stamps, values)
+    return replace(session, series=series)
+
+
+@pytest.mark.parametrize(('latency', 'drift'), [(5e-3, 0.0), (-0.011, 0.0), (0.0, 2e-4)])
+def test_points_that_are_late_on_a_circle_are_no_rotation(
+    planted: Maker, monkeypatch: pytest.MonkeyPatch, latency: float, drift: float
+) -> None:
+    session = on_circles(planted({}, axes=('x', 'y'), duration=10.0), latency, drift)
+    monkeypatch.setattr('gap_diagnosis.input.data.check_controller', lambda record, twin: None)
+    record = load_record(session, TwinFile.nominal_servo())
+    assert coarse.find([record]) == coarse.Coarse(offset=(0.0, 0.0))
+
+
+def test_points_between_ticks_are_those_of_the_motion(planted: Maker) -> None:
+    session = planted({}, duration=10.0)
+    record = load_record(session, TwinFile.nominal_servo())
+    motion = 6e-4 * np.sin(2.0 * np.pi * 28.0 * record.time)
+    shaken = replace(record, encoder=motion[:, None])
+    time = record.time[50:-50] + 0.5 * record.period
+    exact = 6e-4 * np.sin(2.0 * np.pi * 28.0 * time)
+    straight = np.interp(time, record.time, motion)
+    assert np.abs(straight - exact).max() > 2e-6
+    assert np.abs(shaken.encoder_at(time)[:, 0] - exact).max() < 5e-9
+
+
+def test_a_few_lost_ticks_are_filled_along_the_motion(planted: Maker) -> None:
+    session = planted({}, duration=10.0)
+    whole = load_record(session, TwinFile.nominal_servo())
+    states = session.series[topics.JOINT_STATES]
+    kept = np.random.default_rng(0).random(len(states)) > 0.02
+    kept[[0, -1]] = True
+    cut = Series(states.topic, states.stamps[kept], {k: v[kept] for k, v in states.values.items()})
+    series = {**session.series, topics.JOINT_STATES: cut}
+    record = load_record(replace(session, series=series), TwinFile.nominal_servo())
+    # As far as the encoder's own steps go.
+    assert np.abs(record.encoder - whole.encoder).max() < 1.6e-6
+
+
+def test_a_latency_between_ticks_is_named_alone(planted: Maker) -> None:
+    session = planted({'tracker_latency': {'latency': 4.5e-3}}, axes=('x', 'y'))
+    found: Diagnosis = diagnose([session], [], TwinFile.nominal_servo())
+    assert found.verdict == ['tracker_latency']
+    assert found.parameters['tracker_latency']['latency'][0] == pytest.approx(4.5e-3, abs=5e-6)
