@@ -49,7 +49,9 @@ def test_the_parts_of_an_asymmetric_friction(planted: Maker, tmp_path: Path) -> 
     # The friction was planted without a Stribeck part.
     falling = parts.get('stribeck_friction.x')
     assert falling is None or falling['shrink'] < 0.05
-    assert 'asymmetric_friction.x contains' in page.render(found)
+    text = page.render(found)
+    assert 'asymmetric_friction.x contains' in text
+    assert 'asymmetric_friction.x: friction differs between the directions' in text
 
 
 def test_a_plain_effect_has_no_parts(planted: Maker) -> None:

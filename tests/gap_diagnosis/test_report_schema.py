@@ -11,9 +11,10 @@ import pytest
 
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.report import document as report
-from stage_core.quantities import EFFECT_LINKS, LINKS, split_effect
+from stage_core.quantities import LINKS, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
+from stage_twin.effects import EFFECTS, link_of
 
 Maker = Callable[..., Session]
 CONDITIONS = {
@@ -65,7 +66,7 @@ def test_the_fields_of_the_report(planted: Maker, tmp_path: Path, effects: dict)
     assert names[: len(named)] == named == found['verdict']
     assert set(found['verdict']) == set(effects)
     if found['verdict']:
-        assert where['link'] == EFFECT_LINKS[split_effect(named[0])[0]]
+        assert where['link'] == link_of(named[0])
     rest = [c['probability'] for c in causes[len(accepted) :]]
     assert rest == sorted(rest, reverse=True)
     if len(found['verdict']) <= 1:
@@ -89,7 +90,7 @@ def _gap(gap: dict[str, Any]) -> None:
 
 def _cause(cause: dict[str, Any]) -> None:
     effect = cause['effect']
-    assert split_effect(effect)[0] in {*EFFECT_LINKS, 'unknown', 'none'}
+    assert split_effect(effect)[0] in {*EFFECTS, 'unknown', 'none'}
     assert 0.0 <= cause['probability'] <= 1.0
     assert cause['status'] in ('accepted', 'rejected', 'below_noise')
     assert isinstance(cause['alternatives'], list)

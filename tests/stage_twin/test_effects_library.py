@@ -1,15 +1,18 @@
 """The library as a whole: complete, checked, and every parameter reaches the simulation."""
 
+import importlib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stage_core import quantities
 from stage_core.errors import StageError
+from stage_core.quantities import LINKS
 from stage_core.twin_file import TwinFile
+from stage_twin import effects
 from stage_twin.effects import EFFECTS, separating
 from stage_twin.packing import pack
 from stage_twin.simulate import simulate
@@ -39,11 +42,15 @@ def nominal():
     return run({})
 
 
-def test_the_library_holds_every_effect_that_has_a_link():
-    links = {name: effect.link for name, effect in EFFECTS.items()}
-    assert quantities.EFFECT_LINKS.items() <= links.items()
-    for name in quantities.EFFECT_LINKS:
-        assert EFFECTS[name].per_axis == quantities.per_axis(name)
+def test_the_library_holds_every_file_of_its_folder():
+    files = {path.stem for path in Path(effects.__file__).parent.glob('*.py')}
+    assert files > EFFECTS.keys()
+    for name in files - EFFECTS.keys() - {'__main__'}:
+        module = importlib.import_module(f'stage_twin.effects.{name}')
+        # An effect of another name than its file's would be found by nobody.
+        assert not hasattr(module, 'EFFECT')
+    links = [LINKS.index(effect.link) for effect in EFFECTS.values()]
+    assert links == sorted(links)
 
 
 @pytest.mark.parametrize('name', EFFECTS)

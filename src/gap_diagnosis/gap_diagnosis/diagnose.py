@@ -41,9 +41,10 @@ from gap_diagnosis.selection.parts import (
     with_steps,
 )
 from stage_core.errors import StageError
-from stage_core.quantities import EFFECT_LINKS, UNKNOWN, split_effect
+from stage_core.quantities import UNKNOWN
 from stage_core.session import Session
 from stage_core.twin_file import TrackerSpec, TwinFile
+from stage_twin.effects import link_of
 from stage_twin.packing import pack
 
 Array = NDArray[np.float64]
@@ -207,7 +208,7 @@ def _conclude(
     progress('where the gap lies')
     found = _conditions(scored, records, twin, parts, seed)
     shares, worst = axis_shares(records[0].axes, channels, replace(twin, tracker=tracker))
-    link = EFFECT_LINKS[split_effect(accepted[0])[0]] if accepted else worst
+    link = link_of(accepted[0]) if accepted else worst
     others = judge.rejected_causes(parts, accepted, structured, before, after)
     counted = replace(with_counted_steps(twin), tracker=tracker)
     floor = judge.noise_floor(counted, channels, effects)

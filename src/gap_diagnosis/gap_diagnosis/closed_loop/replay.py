@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.nominal import merged
-from stage_core.quantities import EFFECT_LINKS, split_effect
+from stage_core.quantities import split_effect
 from stage_core.twin_file import ForceAxis, TwinFile
+from stage_twin.effects import link_of
 from stage_twin.measured_force import simulate_measured_force, smooth_motion
 from stage_twin.simulate import simulate
 
@@ -90,7 +91,7 @@ def replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]
         name: dict(values)
         for name, values in effects.items()
         if split_effect(name)[1] in record.axes
-        and (EFFECT_LINKS[split_effect(name)[0]] == 'servo' or name.startswith('encoder'))
+        and (link_of(name) == 'servo' or name.startswith('encoder'))
     }
     machine = replace(twin, axes={a: twin.axes[a] for a in record.axes}, tracker=None)
     own = {n: v for n, v in twin.effects.items() if split_effect(n)[1] in (None, *record.axes)}

@@ -8,33 +8,8 @@ import numpy as np
 
 from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.input.checks import EXCITATION_HINT
-from stage_core.quantities import UNKNOWN, split_effect
-
-#: Pair of effects (sorted) -> the experiment that separates them.
-SEPARATES: dict[tuple[str, str], str] = {
-    ('actuation_delay', 'structural_resonance'): 'a frequency sweep beyond the suspected '
-    'resonance (to 150 Hz): a delay turns the phase without a peak of the amplitude',
-    ('backlash', 'cyclic_pitch_error'): 'the same positions approached from both sides: play '
-    'changes sign with the direction, a pitch error does not',
-    ('coulomb_friction', 'stribeck_friction'): 'constant-speed strokes from 0.1 to 20 mm/s: only '
-    'Stribeck friction falls with speed',
-    ('asymmetric_friction', 'coulomb_friction'): 'strokes of equal speed in both directions '
-    'with the force averaged over whole screw turns',
-    ('asymmetric_friction', 'force_offset'): 'reversals within a few micrometres: an offset stays '
-    'constant while friction builds up',
-    ('scale_error', 'thermal_expansion'): 'the same grid cold and warm (temperature apart by at '
-    'least 3 K): a scale error does not change',
-    ('angular_error', 'scale_error'): 'the same line along the axis at two far coordinates of '
-    'the other axis: only yaw changes the slope',
-    ('nonorthogonality', 'tracker_misalignment'): 'lines along both axes: squareness turns only '
-    'one of them in the tracker frame',
-    ('tracker_clock_drift', 'tracker_latency'): 'the same fast stroke at the beginning and at the '
-    'end of a session of 10 minutes: a latency stays the same',
-    ('drive_gain', 'inertia_mismatch'): 'a known mass on the table, or strokes at constant high '
-    'speed: viscous friction does not depend on the mass',
-    ('force_saturation', 'inertia_mismatch'): 'the same stroke at two accelerations: saturation '
-    'acts only on the fast one',
-}  # fmt: skip
+from stage_core.quantities import UNKNOWN
+from stage_twin.effects import separating
 
 REFERENCE_FILE = 'next_reference.yaml'
 SHARE_OF_TRAVEL, POINTS = 0.4, 240
@@ -47,8 +22,7 @@ def steps(diagnosis: Diagnosis) -> list[str]:
         if cause.status != 'accepted':
             continue
         for rival in cause.alternatives:
-            pair = sorted((split_effect(cause.effect)[0], split_effect(rival)[0]))
-            how = SEPARATES.get((pair[0], pair[1]), 'a session with more reversals and speeds')
+            how = separating(cause.effect, rival)
             found.append(f'{cause.effect} or {rival}: these data cannot tell. Measure {how}.')
     if UNKNOWN in diagnosis.verdict:
         worst = diagnosis.conditions[0] if diagnosis.conditions else None

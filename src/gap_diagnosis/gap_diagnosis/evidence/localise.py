@@ -8,12 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.residuals.operators import (
-    central_difference,
-    presliding_state,
-    second_difference,
-    smooth,
-)
+from gap_diagnosis.residuals.operators import central_difference, second_difference, smooth
+from stage_twin.effects.friction import presliding_state
 
 Array = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ from gap_diagnosis.evidence import experiments
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.report import document as report
 from gap_diagnosis.report import figures
+from stage_twin.effects import effect_of
 
 STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#222}
@@ -26,6 +27,7 @@ def render(diagnosis: Diagnosis) -> str:
     parts = [
         '<h1>Where the twin and the machine differ</h1>',
         f'<p class="verdict">{_text(report.sentence(diagnosis))}</p>',
+        _found(diagnosis),
         _summary(diagnosis),
         '<h2>The gap before and after, on data that no fit has seen</h2>',
         _channels(diagnosis),
@@ -72,6 +74,21 @@ def _row(cells: list[object], kind: str = 'td', style: str = '') -> str:
 
 def _table(head: list[object], rows: list[str]) -> str:
     return f'<table>{_row(head, "th")}{"".join(rows)}</table>'
+
+
+def _found(diagnosis: Diagnosis) -> str:
+    """What each accepted effect means on this machine."""
+    items = ''.join(
+        f'<li>{_text(cause.effect)}: {_text(_meaning(cause))}.</li>'
+        for cause in diagnosis.causes
+        if cause.status == 'accepted' and cause.parameters
+    )
+    return f'<ul>{items}</ul>' if items else ''
+
+
+def _meaning(cause: Cause) -> str:
+    values = {name: value for name, (value, _) in cause.parameters.items()}
+    return effect_of(cause.effect).says(values)
 
 
 def _summary(diagnosis: Diagnosis) -> str:

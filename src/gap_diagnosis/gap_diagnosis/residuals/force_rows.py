@@ -13,7 +13,6 @@ from gap_diagnosis.residuals.operators import (
     band_limited,
     central_difference,
     centred_hold,
-    presliding_state,
     second_difference,
     smooth,
 )
@@ -41,11 +40,7 @@ class ForceRows:
         self.corner = CORNER
         self._signals = [self._prepare(r) for r in records]
         self._predictions = [Prediction(r, twin) for r in records] if twin.effects else []
-        keep = [self._used(r, s) for r, s in zip(records, self._signals, strict=True)]
-        self.keep = keep
-        self.position = np.concatenate(
-            [s['p'][k] for s, k in zip(self._signals, keep, strict=True)]
-        )
+        self.keep = [self._sliding(r, s) for r, s in zip(records, self._signals, strict=True)]
 
     def _prepare(self, record: Record) -> dict[str, Array]:
         i = record.column(self.axis)
@@ -63,7 +58,7 @@ class ForceRows:
             'v_smooth': smooth(velocity, period, 60.0),
         }
 
-    def _used(self, record: Record, signals: dict[str, Array]) -> NDArray[np.bool_]:
+    def _sliding(self, record: Record, signals: dict[str, Array]) -> NDArray[np.bool_]:
         """Rows at which the axis slides: at rest a force within the friction says nothing."""
         window = max(2, int(round(0.02 / record.period)))
         travel = np.abs(signals['p'][window:] - signals['p'][:-window])
@@ -79,19 +74,52 @@ class ForceRows:
             moving &= np.isin(blocks, wanted)
         return moving
 
-    def _columns(self, *parts: list[Array]) -> Array:
-        """Columns: one list of per-session signals each, low-passed, sliding rows only."""
+    def columns(self, *signals: list[Array]) -> Array:
+        """Columns (n, k): each per-session signal low-passed, sliding rows only."""
         columns = []
-        for part in parts:
+        for signal in signals:
             rows = [
-                smooth(signal, record.period, self.corner)[keep]
-                for signal, record, keep in zip(part, self.records, self.keep, strict=True)
+                smooth(one, record.period, self.corner)[keep]
+                for one, record, keep in zip(signal, self.records, self.keep, strict=True)
             ]
             columns.append(np.concatenate(rows))
         return np.column_stack(columns)
 
+    def used(self, signal: list[Array]) -> Array:
+        """A per-session signal (n,) at the sliding rows, as it is."""
+        return np.concatenate([one[k] for one, k in zip(signal, self.keep, strict=True)])
+
     def _of(self, name: str) -> list[Array]:
         return [s[name] for s in self._signals]
+
+    @property
+    def periods(self) -> list[float]:
+        """Tick of each session [s]."""
+        return [r.period for r in self.records]
+
+    def position(self) -> list[Array]:
+        """Path for friction and ripple [m]: no encoder steps, no overshoot at reversals."""
+        return self._of('p')
+
+    def velocity(self) -> list[Array]:
+        """Central difference of the encoder [m/s]."""
+        return self._of('v')
+
+    def smooth_velocity(self) -> list[Array]:
+        """Velocity that may stand in a nonlinear function [m/s]."""
+        return self._of('v_smooth')
+
+    def acceleration(self) -> list[Array]:
+        """Second difference of the encoder [m/s²]."""
+        return self._of('a')
+
+    def limited_acceleration(self) -> list[Array]:
+        """Acceleration without what is above the structure's frequencies [m/s²]."""
+        return self._of('a_limited')
+
+    def commanded(self) -> list[Array]:
+        """Force as it was commanded [N]."""
+        return self._of('force')
 
     def applied(self, delay: float = 0.0, limit: float = math.inf) -> list[Array]:
         """Mean force around each tick, clipped and delayed as a drive would do it."""
@@ -99,6 +127,3 @@ class ForceRows:
             centred_hold(np.clip(s['force'], -limit, limit), (self.delay + delay) / r.period)
             for s, r in zip(self._signals, self.records, strict=True)
         ]
-
-    def _state(self, presliding: float) -> list[Array]:
-        return [presliding_state(p, presliding) for p in self._of('p')]

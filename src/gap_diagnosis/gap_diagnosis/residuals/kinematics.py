@@ -8,16 +8,16 @@ adds columns to it. The parametrisation is that of `stage_twin.effects`.
 from __future__ import annotations
 
 import math
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.input.coarse import Coarse
 from gap_diagnosis.input.data import Record, held_out_windows, inside, motion_step
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
-from gap_diagnosis.residuals.operators import play
-from gap_diagnosis.residuals.regression import Problem, Term, Theta
+from gap_diagnosis.residuals.regression import Problem
 from stage_core.twin_file import TwinFile
+from stage_twin import effects
 
 Array = NDArray[np.float64]
 
@@ -32,33 +32,16 @@ class Kinematics:
         self.records = [r for r in records if r.tracker is not None]
         self.twin = twin
         self.axes = self.records[0].axes
-        self.travel = [
-            (
-                min(float(r.encoder[:, i].min()) for r in self.records),
-                max(float(r.encoder[:, i].max()) for r in self.records),
-            )
-            for i in range(len(self.axes))
-        ]
-        self._points = [self._at_points(r) for r in self.records]
+        self.axis = ''  # of the effect in question; empty for the machine as a whole
+        first = self.records[0]
+        self.frames = tuple(f for f in (first.coarse, first.frame) if f is not None)
+        self.rests = any(r.points_per_row > 1.0 for r in self.records)
+        self.both_move = len(self.axes) == 2 and any(all(r.moving) for r in self.records)
+        self._points = [r.encoder_at(_required(r.tracker_time)) for r in self.records]
 
-    @staticmethod
-    def _at_points(record: Record) -> Array:
-        """Encoder (m, a) [m] at the tracker's points."""
-        assert record.tracker_time is not None
-        return record.encoder_at(record.tracker_time)
-
-    def _rows(self, parts: list[list[Array]]) -> Array:
+    def rows(self, parts: list[list[Array]]) -> Array:
         """Columns from parts[session][axis], each (m, k): sessions below one another."""
         return np.concatenate([np.concatenate(axes, axis=0) for axes in parts], axis=0)
-
-    def _on_axis(self, i: int, signals: list[Array]) -> Array:
-        """Signals (m, k) per session on the rows of one axis, zero on the other's."""
-        parts = []
-        for signal in signals:
-            columns = signal.reshape(len(signal), -1)
-            zero = np.zeros_like(columns)
-            parts.append([columns if j == i else zero for j in range(len(self.axes))])
-        return self._rows(parts)
 
     def problem(self) -> Problem:
         """The regression problem over all sessions."""
@@ -80,12 +63,12 @@ class Kinematics:
                 block.append(labels)
                 time.append(record.tracker_time)
                 number.append(np.full(len(mask), session))
-        terms, rows = self.terms(), np.concatenate(target)
+        terms, rows = effects.terms(self._candidates()), np.concatenate(target)
         if self.twin.effects:
             own = [Prediction(r, self.twin) for r in self.records]
 
             def nominal(without: tuple[str, ...]) -> Array:
-                return self._rows([list(p.table(without).T) for p in own])
+                return self.rows([list(p.table(without).T) for p in own])
 
             whole = nominal(())
             rows -= whole
@@ -107,7 +90,7 @@ class Kinematics:
             not any_held_session,
             seams=np.cumsum([0, *(len(t) for t in target[:-1])]),
             before=self._before(),
-            signatures=dict.fromkeys(('tracker_latency', 'tracker_clock_drift'), self._lateness),
+            signatures=effects.signatures(self._candidates()),
         )
 
     def _before(self) -> dict[str, Array]:
@@ -126,7 +109,7 @@ class Kinematics:
                 # The stamps say that the table was there later, where it was on its way already.
                 later = record.encoder_at(record.point_time(latency=-coarse.latency))
                 moved['tracker_latency'].append(list((table - later).T))
-        return {name: self._rows(parts) for name, parts in moved.items()}
+        return {name: self.rows(parts) for name, parts in moved.items()}
 
     def row_axis(self) -> NDArray[np.int64]:
         """Column of the axis to which each row of the problem belongs."""
@@ -134,234 +117,111 @@ class Kinematics:
             [np.repeat(np.arange(len(self.axes)), len(points)) for points in self._points]
         )
 
-    def terms(self) -> dict[str, Term]:
-        """Every candidate that these sessions can show."""
-        terms: list[Term] = []
-        for i, axis in enumerate(self.axes):
-            if not any(r.moving[i] for r in self.records):
-                continue
-            terms += [self._scale(i, axis), self._cyclic(i, axis), self._backlash(i, axis)]
-            if self._temperature_known(i):
-                terms.append(self._thermal(i, axis))
-            if len(self.axes) == 2:
-                terms += [self._straightness(i, axis), self._angular(i, axis)]
-        if len(self.axes) == 2 and any(all(r.moving) for r in self.records):
-            terms.append(self._nonorthogonality())
-        terms.append(self._misalignment())
-        # The clock of a tracker shows in motion alone.
-        if not any(r.points_per_row > 1.0 for r in self.records):
-            terms += [self._latency(), self._drift()]
-        return {term.name: term for term in terms}
+    def _candidates(self) -> dict[str, Kinematics]:
+        """Names of the effects of these links, each with the rows that its axis is asked for."""
+        out = {}
+        for effect in effects.EFFECTS.values():
+            if effect.link != 'servo' and not effect.per_axis:
+                out[effect.name] = self
+            elif effect.link != 'servo':
+                for i, axis in enumerate(self.axes):
+                    if any(r.moving[i] for r in self.records):
+                        out[f'{effect.name}.{axis}'] = self._of(axis)
+        return out
 
-    def _scale(self, i: int, axis: str) -> Term:
-        signal = self._on_axis(i, [p[:, i] for p in self._points])
-        return Term(
-            f'scale_error.{axis}',
-            lambda theta: signal,
-            lambda theta, c: {'error': float(c[0])},
-            admissible=lambda theta, c: abs(c[0]) < 0.01,
-        )
+    def _of(self, axis: str) -> Kinematics:
+        """The same rows, asked for one axis."""
+        other = copy(self)
+        other.axis = axis
+        return other
 
-    def _cyclic(self, i: int, axis: str) -> Term:
-        lead = float(getattr(self.twin.axes[axis], 'lead', 0.010))
-        angles = [2.0 * np.pi * p[:, i] / lead for p in self._points]
-        signal = self._on_axis(i, [np.column_stack([np.sin(a), np.cos(a)]) for a in angles])
-        return Term(
-            f'cyclic_pitch_error.{axis}',
-            lambda theta: signal,
-            lambda theta, c: {
-                'amplitude': float(np.hypot(c[0], c[1])),
-                'phase': float(np.arctan2(c[1], c[0])),
-            },
-            admissible=lambda theta, c: float(np.hypot(c[0], c[1])) < 200e-6,
-            nuisances=(0, 1),
-            phase=True,
-        )
+    @property
+    def _column(self) -> int:
+        return self.axes.index(self.axis)
 
-    def _backlash(self, i: int, axis: str) -> Term:
-        def columns(theta: Theta) -> Array:
-            parts = []
-            for record in self.records:
-                assert record.tracker_time is not None
-                slack = play(record.encoder[:, i], theta[0])
-                parts.append(np.interp(record.tracker_time, record.time, slack))
-            return self._on_axis(i, parts)
+    @property
+    def lead(self) -> float:
+        """Lead of the axis' screw [m]."""
+        return float(getattr(self.twin.axes[self.axis], 'lead', 0.010))
 
-        return Term(
-            f'backlash.{axis}',
-            columns,
-            lambda theta, c: {'width': theta[0]},
-            grid=tuple((w,) for w in np.geomspace(0.5e-6, 300e-6, 22)),
-            lower=(0.0,),
-            upper=(1.0e-3,),
-            fixed=True,
-        )
-
-    def _temperature_known(self, i: int) -> bool:
-        known = [r.temperature for r in self.records]
-        return all(
-            t is not None
-            and (
-                np.ptp(t[:, i]) > TEMPERATURE_SPAN
-                or abs(float(t[:, i].mean()) - self.twin.temperature_reference) > TEMPERATURE_SPAN
-            )
-            for t in known
-        )
-
-    def _thermal(self, i: int, axis: str) -> Term:
-        parts = []
-        for record, points in zip(self.records, self._points, strict=True):
-            assert record.temperature is not None and record.tracker_time is not None
-            rise = np.interp(record.tracker_time, record.time, record.temperature[:, i])
-            rise = rise - self.twin.temperature_reference
-            parts.append(np.column_stack([rise * points[:, i], -rise]))
-        signal = self._on_axis(i, parts)
-        return Term(
-            f'thermal_expansion.{axis}',
-            lambda theta: signal,
-            lambda theta, c: {'coefficient': float(c[0]), 'fixed_point': float(c[1] / c[0])},
-            # Screws grow with heat; a shrinking one is a drift of another kind.
-            admissible=lambda theta, c: 0.0 < c[0] < 50e-6 and abs(c[1]) < 2.0 * abs(c[0]),
-        )
-
-    def _shape(self, i: int) -> tuple[float, float]:
-        low, high = self.travel[i]
+    @property
+    def travel(self) -> tuple[float, float]:
+        """Middle of the axis' travel and half its length [m]."""
+        paths = self.encoder()
+        low, high = min(float(q.min()) for q in paths), max(float(q.max()) for q in paths)
         return 0.5 * (low + high), max(0.5 * (high - low), 1e-3)
 
-    def _straightness(self, i: int, axis: str) -> Term:
-        centre, half = self._shape(i)
-        parts = []
-        for points in self._points:
-            s = (points[:, i] - centre) / half
-            parts.append(np.column_stack([1.5 * s**2 - 0.5, 2.5 * s**3 - 1.5 * s]))
-        signal = self._on_axis(1 - i, parts)
-        return Term(
-            f'straightness.{axis}',
-            lambda theta: signal,
-            lambda theta, c: {
-                'quadratic': float(c[0]),
-                'cubic': float(c[1]),
-                'centre': centre,
-                'half_range': half,
-            },
-            admissible=lambda theta, c: float(np.max(np.abs(c))) < 1e-3,
-        )
+    def encoder(self) -> list[Array]:
+        """Encoder of the axis at every tick [m]."""
+        return [r.encoder[:, self._column] for r in self.records]
 
-    def _angular(self, i: int, axis: str) -> Term:
-        centre, half = self._shape(i)
-        sign = -1.0 if i == 0 else 1.0
-        parts = []
-        for points in self._points:
-            s = (points[:, i] - centre) / half
-            parts.append(sign * np.column_stack([s * points[:, 1 - i], s]))
-        signal = self._on_axis(i, parts)
-        return Term(
-            f'angular_error.{axis}',
-            lambda theta: signal,
-            lambda theta, c: {
-                'linear': float(c[0]),
-                'quadratic': 0.0,
-                'arm': float(c[1] / c[0]),
-                'centre': centre,
-                'half_range': half,
-            },
-            admissible=lambda theta, c: abs(c[0]) < 5e-3 and abs(c[1]) < abs(c[0]),
-        )
+    def at_points(self, signal: list[Array]) -> list[Array]:
+        """A signal of every tick, at the points."""
+        return [
+            np.interp(_required(r.tracker_time), r.time, one)
+            for r, one in zip(self.records, signal, strict=True)
+        ]
 
-    def _nonorthogonality(self) -> Term:
-        signal = self._rows([[-p[:, 1:2], np.zeros((len(p), 1))] for p in self._points])
-        return Term(
-            'nonorthogonality',
-            lambda theta: signal,
-            lambda theta, c: {'angle': float(np.arcsin(np.clip(c[0], -0.05, 0.05)))},
-            admissible=lambda theta, c: abs(c[0]) < 0.05,
-        )
+    def points(self) -> list[Array]:
+        """Encoder of all axes (m, a) at the points [m]."""
+        return self._points
 
-    def _misalignment(self) -> Term:
-        coarse, frame = self.records[0].coarse or Coarse(), self.records[0].frame or Coarse()
-        if len(self.axes) == 1:
-            key = f'offset_{self.axes[0]}'
-            away = float(coarse.away(1)[0] + frame.away(1)[0])
-            signal = self._rows([[np.ones((len(p), 1))] for p in self._points])
-            return Term(
-                'tracker_misalignment',
-                lambda theta: signal,
-                lambda theta, c: {'angle': 0.0, key: away + float(c[0])},
-                nuisances=(0,),
-            )
-        parts = []
-        for p in self._points:
-            one, zero = np.ones(len(p)), np.zeros(len(p))
-            parts.append(
-                [np.column_stack([-p[:, 1], one, zero]), np.column_stack([p[:, 0], zero, one])]
-            )
-        signal = self._rows(parts)
+    def position(self) -> list[Array]:
+        """Encoder of the axis at the points [m]."""
+        return [p[:, self._column] for p in self._points]
 
-        def parameters(theta: Theta, c: Array) -> dict[str, float]:
-            away = coarse.turned(c[None, 1:]) + coarse.away(2)
-            away = (frame.turned(away) + frame.away(2))[0]
-            return {
-                'angle': frame.angle + coarse.angle + float(np.arcsin(np.clip(c[0], -1.0, 1.0))),
-                'offset_x': float(away[0]),
-                'offset_y': float(away[1]),
-            }
+    def position_across(self) -> list[Array]:
+        """Encoder of the other one of two axes at the points [m]."""
+        return [p[:, 1 - self._column] for p in self._points]
 
-        return Term(
-            'tracker_misalignment',
-            lambda theta: signal,
-            parameters,
-            nuisances=(1, 2),
-        )
+    def temperature_rise(self) -> list[Array] | None:
+        """Screw temperature above the reference at the points [K].
 
-    def _shifted(self, true_time: list[Array]) -> Array:
-        moved = [r.encoder_at(t) for r, t in zip(self.records, true_time, strict=True)]
-        return self._rows(
+        None where a session has none, or none that scale and heat could be told apart by.
+        """
+        reference = self.twin.temperature_reference
+        known = [r.temperature[:, self._column] for r in self.records if r.temperature is not None]
+        if len(known) < len(self.records):
+            return None
+        for own in known:
+            if max(np.ptp(own), abs(float(own.mean()) - reference)) <= TEMPERATURE_SPAN:
+                return None
+        return [rise - reference for rise in self.at_points(known)]
+
+    def shifted(self, latency: float = 0.0, drift: float = 0.0) -> Array:
+        """Rows (n, 1) [m]: where the table was if the stamps are late or drift, less without."""
+        moved = [r.encoder_at(r.point_time(latency, drift)) for r in self.records]
+        return self.rows(
             [
                 [(m - p)[:, i : i + 1] for i in range(len(self.axes))]
                 for m, p in zip(moved, self._points, strict=True)
             ]
         )
 
-    def _latency(self) -> Term:
-        def columns(theta: Theta) -> Array:
-            return self._shifted([r.point_time(latency=theta[0]) for r in self.records])
-
-        coarse, frame = self.records[0].coarse or Coarse(), self.records[0].frame or Coarse()
-        known = coarse.latency + frame.latency
-        grid = [s * v for v in np.geomspace(1e-4, 0.05, 12) for s in (1.0, -1.0)]
-        return Term(
-            'tracker_latency',
-            columns,
-            lambda theta, c: {'latency': known + theta[0]},
-            grid=tuple((v,) for v in grid),
-            lower=(-0.1,),
-            upper=(0.1,),
-            fixed=True,
-            noisy=True,
-        )
-
-    def _lateness(self) -> Array:
-        """A time error that changes with time in any smooth way: columns velocity · tᵏ."""
-        step = 0.5e-3
-        velocity = self._shifted([r.point_time(latency=-step) for r in self.records])[:, 0] / step
+    def session_share(self) -> Array:
+        """Time of each row (n,) as a share of its session."""
         times = [r.point_time() for r in self.records]
-        parts = [np.tile(t / max(float(t[-1]), 1e-9), len(self.axes)) for t in times]
-        share = np.concatenate(parts)
-        return np.column_stack([velocity * share**k for k in range(3)])
-
-    def _drift(self) -> Term:
-        def columns(theta: Theta) -> Array:
-            return self._shifted([r.point_time(drift=theta[0]) for r in self.records])
-
-        known = (self.records[0].frame or Coarse()).drift
-        grid = [s * v for v in np.geomspace(2e-6, 1e-3, 12) for s in (1.0, -1.0)]
-        return Term(
-            'tracker_clock_drift',
-            columns,
-            lambda theta, c: {'drift': known + theta[0]},
-            grid=tuple((v,) for v in grid),
-            lower=(-1e-3,),
-            upper=(1e-3,),
-            fixed=True,
-            noisy=True,
+        return np.concatenate(
+            [np.tile(t / max(float(t[-1]), 1e-9), len(self.axes)) for t in times]
         )
+
+    def along(self, signals: list[Array]) -> Array:
+        """Columns (n, k): signals (m, k) per session on the rows of the axis, else zero."""
+        return self._on(self._column, signals)
+
+    def across(self, signals: list[Array]) -> Array:
+        """Columns (n, k): signals (m, k) per session on the rows of the other axis, else zero."""
+        return self._on(1 - self._column, signals)
+
+    def _on(self, i: int, signals: list[Array]) -> Array:
+        parts = []
+        for signal in signals:
+            columns = signal.reshape(len(signal), -1)
+            zero = np.zeros_like(columns)
+            parts.append([columns if j == i else zero for j in range(len(self.axes))])
+        return self.rows(parts)
+
+
+def _required(values: Array | None) -> Array:
+    assert values is not None
+    return values

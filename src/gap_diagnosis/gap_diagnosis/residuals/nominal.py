@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.coarse import Coarse
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.residuals.regression import Term, Theta
-from gap_diagnosis.selection.forward import HOLDS
-from stage_core.quantities import EFFECT_LINKS, split_effect
+from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import EFFECTS
+from stage_twin.effects import effect_of, held_by, link_of
+from stage_twin.effects.term import Term, Theta
 from stage_twin.kinematics import carry
 from stage_twin.measured_force import required_force
 
@@ -32,15 +31,9 @@ NOTHING = 0.05  # of what the twin's effect does, below which the machine does n
 
 def merged(twin: TwinFile, effects: Effects) -> TwinFile:
     """The twin with these effects; those of its own that one of them holds go."""
-    gone = {held for name in effects for held in holds(name)}
+    gone = {held for name in effects for held in held_by(name)}
     own = {n: v for n, v in twin.effects.items() if n not in gone}
     return replace(twin, effects=own).with_effects(effects)
-
-
-def holds(name: str) -> tuple[str, ...]:
-    """Names of the effects that this one has as special cases, on its axis."""
-    effect, axis = split_effect(name)
-    return tuple(f'{held}.{axis}' for held in HOLDS.get(effect, ()))
 
 
 def with_counted_steps(twin: TwinFile) -> TwinFile:
@@ -73,19 +66,19 @@ def re_estimated(
     it holds as special cases. What one of the twin's effects holds is estimated with that one.
     """
     out = {}
-    held = {name for effect in own for name in holds(effect)}
+    held = {name for effect in own for name in held_by(effect)}
     for name, term in terms.items():
         if name in held and name not in own:
             continue
-        replaced = tuple(n for n in own if n == name or n in holds(name))
-        out[name] = _over(term, share(replaced)) if replaced else term
+        replaced = tuple(n for n in own if n == name or n in held_by(name))
+        out[name] = _over(name, term, share(replaced)) if replaced else term
     return out
 
 
-def _over(term: Term, base: Array) -> Term:
+def _over(name: str, term: Term, base: Array) -> Term:
     """The candidate over what the twin has; next to nothing of it is an answer, too."""
     nothing = NOTHING * float(np.linalg.norm(base))
-    limits = EFFECTS[split_effect(term.name)[0]].parameters
+    limits = effect_of(name).parameters
 
     def admissible(theta: Theta, coefficients: Array) -> bool:
         if term.admissible(theta, coefficients):
@@ -116,7 +109,7 @@ class Prediction:
         return [
             name
             for name in self.twin.effects
-            if EFFECT_LINKS[split_effect(name)[0]] == link
+            if link_of(name) == link
             and axis in (None, split_effect(name)[1])
             and split_effect(name)[0] != QUANTISATION
         ]

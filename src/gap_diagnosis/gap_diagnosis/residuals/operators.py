@@ -1,53 +1,14 @@
-"""Signals of mechanisms, from recorded motion: play, pre-sliding, filters, carried masses."""
+"""Filters and differences of recorded signals."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 Array = NDArray[np.float64]
-
-
-@njit(cache=True)
-def play(position: Array, width: float) -> Array:
-    """Output of the play operator minus its input, shape (n,) [m]; centred at the start.
-
-    Nordin and Gutman, "Controlling mechanical systems with backlash", Automatica 38 (2002).
-    """
-    out = np.empty(len(position))
-    half = 0.5 * width
-    follower = position[0]
-    for k in range(len(position)):
-        if position[k] - follower > half:
-            follower = position[k] - half
-        elif follower - position[k] > half:
-            follower = position[k] + half
-        out[k] = follower - position[k]
-    return out
-
-
-@njit(cache=True)
-def presliding_state(position: Array, presliding: float) -> Array:
-    """Friction as a share of its sliding value, -1 … 1, from the path of a position (n,) [m].
-
-    dz/dp = (1 - z sign(dp)) / presliding, integrated exactly over each step (Dahl 1968).
-    """
-    out = np.zeros(len(position))
-    z = 0.0
-    for k in range(1, len(position)):
-        step = position[k] - position[k - 1]
-        if step != 0.0:
-            towards = 1.0 if step > 0.0 else -1.0
-            if presliding > 0.0:
-                z = towards + (z - towards) * math.exp(-abs(step) / presliding)
-            else:
-                z = towards
-        out[k] = z
-    return out
 
 
 def smooth(signal: Array, period: float, corner: float) -> Array:
@@ -103,19 +64,6 @@ def shifted(signal: Array, ticks: int) -> Array:
     if ticks == 0:
         return signal
     return np.concatenate([np.full(ticks, signal[0]), signal[:-ticks]])
-
-
-def carried_mass(acceleration: Array, period: float, frequency: float, damping: float) -> Array:
-    """Acceleration of a mass on a spring and damper minus that of its motor, shape (n,).
-
-    -s² / (s² + 2ζω s + ω²) of the motor's acceleration, bilinear with the frequency warped.
-    """
-    omega = 2.0 * math.pi * frequency
-    k = omega / math.tan(min(0.5 * omega * period, 1.5))
-    a0 = k * k + 2.0 * damping * omega * k + omega**2
-    a = [1.0, 2.0 * (omega**2 - k * k) / a0, (k * k - 2.0 * damping * omega * k + omega**2) / a0]
-    b = [-k * k / a0, 2.0 * k * k / a0, -k * k / a0]
-    return np.asarray(lfilter(b, a, acceleration))
 
 
 def band_limited(signal: Array, period: float, corner: float = 90.0) -> Array:

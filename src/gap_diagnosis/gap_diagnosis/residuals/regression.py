@@ -16,50 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from stage_twin.effects.term import Term, Theta
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Theta = tuple[float, ...]
 
 FOLD, FOLDS = 2.0, 6  # s, and number of the folds of cross-validation
-
-
-@dataclass(frozen=True)
-class Term:
-    """One candidate effect as columns of a regression.
-
-    Attributes
-    ----------
-    name : effect with its axis, ``backlash.x``
-    columns : θ -> (n, k) columns for all rows of the problem
-    grid : starts for θ; a single empty tuple where the term is linear
-    lower, upper : bounds of θ
-    admissible : (θ, coefficients) -> whether they are physical
-    parameters : (θ, coefficients) -> parameters of the twin's effect
-    fixed : whether θ says everything (a width, a delay): the one column has coefficient 1
-    noisy : whether its columns hold the same measurement noise as the target, so that it can
-        seem to explain as much as the noise
-    base : share (n,) of the effect that the nominal twin has already, left out of the target
-    nuisances : indices of the columns whose coefficients belong to a session
-    phase : whether the nuisance is the phase of a sine and a cosine, not their amplitude
-    """
-
-    name: str
-    columns: Callable[[Theta], Array]
-    parameters: Callable[[Theta, Array], dict[str, float]]
-    grid: tuple[Theta, ...] = ((),)
-    lower: Theta = ()
-    upper: Theta = ()
-    admissible: Callable[[Theta, Array], bool] = lambda theta, coefficients: True
-    fixed: bool = False
-    noisy: bool = False
-    base: Array | None = None
-    nuisances: tuple[int, ...] = ()
-    phase: bool = False
-
-    def share(self, theta: Theta, coefficients: Array) -> Array:
-        """What the effect explains of the target (n,): all of it, less what the twin has."""
-        whole = self.columns(theta) @ coefficients
-        return whole if self.base is None else whole - self.base
 
 
 @dataclass(frozen=True)

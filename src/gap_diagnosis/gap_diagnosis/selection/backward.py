@@ -11,7 +11,8 @@ import math
 from dataclasses import replace
 
 from gap_diagnosis.residuals.regression import Fit
-from gap_diagnosis.selection.forward import HOLDS, Rules, Selection, Selector
+from gap_diagnosis.selection.forward import Rules, Selection, Selector
+from stage_twin.effects import effect_of
 
 #: Rows for each free coefficient, below which all effects at once explain anything.
 ROWS_PER_COEFFICIENT = 2.5
@@ -48,7 +49,7 @@ def select_backwards(
 def _everything(selector: Selector) -> Fit | None:
     """All effects that hold no other as a special case; None where the rows are too few."""
     problem, regression = selector.problem, selector.regression
-    names = [n for n in problem.terms if n.partition('.')[0] not in HOLDS]
+    names = [n for n in problem.terms if not effect_of(n).holds]
     linear = {n: problem.terms[n].grid[0] for n in names if not problem.terms[n].lower}
     coefficients = sum(regression.columns(n, t).shape[1] for n, t in linear.items())
     others = [n for n in names if n not in linear]

@@ -15,8 +15,9 @@ import numpy as np
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import Rung
 from gap_diagnosis.residuals.regression import Fit, Problem, Theta
-from gap_diagnosis.selection.forward import HOLDS, Selection
+from gap_diagnosis.selection.forward import Selection
 from gap_diagnosis.selection.parts import Part
+from stage_twin.effects import EFFECTS
 
 DRAWS = 500  # of the bootstrap over blocks
 #: Order in which rungs are added: the plain ones of the servo link as the EMPS ladder has them.
@@ -59,7 +60,7 @@ class _Ladder:
 def contained(part: Part | None, name: str, seed: int) -> list[Rung]:
     """Rungs of an accepted effect; none where it holds no special case."""
     effect, dot, axis = name.partition('.')
-    if part is None or not HOLDS.get(effect) or part.selector.rules.prefer_plain:
+    if part is None or not EFFECTS[effect].holds or part.selector.rules.prefer_plain:
         return []
     problem = part.selector.problem
     ladder = _Ladder(replace(part, problem=problem), seed)
@@ -69,7 +70,7 @@ def contained(part: Part | None, name: str, seed: int) -> list[Rung]:
     thetas = {n: t for n, t in whole.thetas.items() if n != name}
     fit = regression.linear(thetas)
     rungs: list[tuple[str, Fit, Fit]] = []
-    held = [f'{h}{dot}{axis}' for h in ORDER if h in HOLDS[effect]]
+    held = [f'{h}{dot}{axis}' for h in ORDER if h in EFFECTS[effect].holds]
     for plain in [h for h in held if h in problem.terms and h not in thetas]:
         own: Theta = theta[:1] if problem.terms[plain].lower else ()
         thetas[plain] = own

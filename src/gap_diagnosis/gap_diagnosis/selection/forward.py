@@ -15,28 +15,9 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.regression import Fit, Problem, Regression
 from gap_diagnosis.selection.gains import block_gains, block_rms_gains, bootstrap_interval
+from stage_twin.effects import EFFECTS, effect_of
 
 Array = NDArray[np.float64]
-
-#: Effects that hold others as special cases: the holder must beat the plain one clearly.
-HOLDS: dict[str, tuple[str, ...]] = {
-    'asymmetric_friction': ('coulomb_friction', 'viscous_friction', 'force_offset'),
-    'stribeck_friction': ('coulomb_friction',),
-    'cable_force': ('force_offset',),
-    'angular_error': ('scale_error',),
-}
-
-#: With a free gain, mass and friction the equation of motion has the trivial solution 0 = 0:
-#: only one of the two scales of an axis can be judged at a time.
-EXCLUDES: dict[str, tuple[str, ...]] = {
-    'drive_gain': ('inertia_mismatch',),
-    'inertia_mismatch': ('drive_gain',),
-}
-
-#: Two effects that together imitate a single one: the single one is taken if it does as well.
-MERGES: dict[str, tuple[str, str]] = {
-    'drive_gain': ('inertia_mismatch', 'viscous_friction'),
-}
 
 #: Among effects that gain about the same, the one with fewer parameters is taken.
 ABOUT_THE_SAME = 0.98
@@ -223,15 +204,13 @@ class Selector:
         """Whether an accepted effect holds this one as a special case or excludes it."""
         effect, _, axis = name.partition('.')
         others = [a.partition('.')[0] for a in accepted if a.partition('.')[2] == axis]
-        return any(
-            effect in HOLDS.get(other, ()) or effect in EXCLUDES.get(other, ()) for other in others
-        )
+        return any(effect in (*EFFECTS[other].holds, *EFFECTS[other].excludes) for other in others)
 
     @staticmethod
     def _replaced(name: str, accepted: list[str]) -> tuple[str, ...]:
         """Accepted effects that this one holds as special cases."""
         effect, _, axis = name.partition('.')
-        held = HOLDS.get(effect, ())
+        held = EFFECTS[effect].holds
         return tuple(
             a for a in accepted if a.partition('.')[0] in held and a.partition('.')[2] == axis
         )
@@ -280,7 +259,7 @@ class Selector:
         """Replace two effects by the single one that explains as much as both."""
         for name in self.problem.terms:
             effect, _, axis = name.partition('.')
-            pair = [f'{other}.{axis}' for other in MERGES.get(effect, ())]
+            pair = [f'{other}.{axis}' for other in EFFECTS[effect].merges]
             if not pair or any(p not in accepted for p in pair):
                 continue
             kept = {n: t for n, t in fit.thetas.items() if n not in pair}
@@ -298,7 +277,7 @@ class Selector:
         """Replace effects by special cases of theirs that lose nothing significant."""
         for name in list(accepted):
             effect, _, axis = name.partition('.')
-            for held in HOLDS.get(effect, ()):
+            for held in EFFECTS[effect].holds:
                 plain = f'{held}.{axis}'
                 if plain not in self.problem.terms or plain in accepted:
                     continue
@@ -355,7 +334,7 @@ class Selector:
                     continue
                 loss = block_gains(self.problem, other, fit)
                 gained = float(block_gains(self.problem, less, other).mean())
-                holder = name.partition('.')[0] in HOLDS.get(rival.partition('.')[0], ())
+                holder = name.partition('.')[0] in effect_of(rival).holds
                 close = float(loss.mean()) < 0.05 * evidence[name].gain
                 low, _ = bootstrap_interval(loss, self.seed, level=self.rules.level)
                 if gained > 0.5 * rest and not holder and (close or low <= 0.0):

@@ -18,8 +18,9 @@ from gap_diagnosis.residuals.regression import Problem
 from gap_diagnosis.selection.backward import select_backwards
 from gap_diagnosis.selection.forward import Evidence, Rules, Selection, Selector
 from stage_core.errors import StageError
-from stage_core.quantities import EFFECT_LINKS, split_effect
+from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
+from stage_twin.effects import link_of
 
 Array = NDArray[np.float64]
 
@@ -161,7 +162,7 @@ def _imitations(part: Part) -> list[str]:
         solution, *_ = np.linalg.lstsq(basis, part.residual[rows], rcond=1e-8)
         fit = selection.fit
         own = problem.terms[name].share(fit.thetas[name], fit.coefficients[name])[rows]
-        least = UNEXHAUSTED[EFFECT_LINKS[split_effect(name)[0]]]
+        least = UNEXHAUSTED[link_of(name)]
         if np.sum((basis @ solution) ** 2) > least * np.sum(own**2):
             found.append(name)
     return found
@@ -216,7 +217,7 @@ def _modelled(problem: Problem, selection: Selection, residual: Array) -> Array:
     """Residual with the effects of the sensor link alone taken out: what mechanics make."""
     out = residual.copy()
     for name, theta in selection.fit.thetas.items():
-        if EFFECT_LINKS[split_effect(name)[0]] != 'sensor':
+        if link_of(name) != 'sensor':
             out += problem.terms[name].share(theta, selection.fit.coefficients[name])
     return out
 

@@ -1,6 +1,24 @@
 """The library of unmodelled effects: one file holds all that is known of one."""
 
 from stage_twin.effects.definition import Effect, Parameter
-from stage_twin.effects.registry import EFFECTS, effect_of, held_by, link_of, separating
+from stage_twin.effects.registry import (
+    EFFECTS,
+    effect_of,
+    held_by,
+    link_of,
+    separating,
+    signatures,
+    terms,
+)
 
-__all__ = ['EFFECTS', 'Effect', 'Parameter', 'effect_of', 'held_by', 'link_of', 'separating']
+__all__ = [
+    'EFFECTS',
+    'Effect',
+    'Parameter',
+    'effect_of',
+    'held_by',
+    'link_of',
+    'separating',
+    'signatures',
+    'terms',
+]

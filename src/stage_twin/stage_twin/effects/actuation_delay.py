@@ -1,6 +1,10 @@
 """The force acts later than it is commanded."""
 
+from __future__ import annotations
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
     name='actuation_delay',
@@ -16,3 +20,21 @@ EFFECT = Effect(
         'delay turns the phase without a peak of the amplitude',
     },
 )
+
+
+def term(rows: ForceRows) -> Term:
+    """The force less the same force later (θ)."""
+    direct = rows.applied()
+
+    def columns(theta: Theta) -> Array:
+        late = rows.applied(theta[0])
+        return rows.columns([f - g for f, g in zip(direct, late, strict=True)])
+
+    return Term(
+        columns,
+        lambda theta, c: {'delay': theta[0]},
+        grid=tuple((d,) for d in (2e-4, 5e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 4e-3, 6e-3, 9e-3)),
+        lower=(0.0,),
+        upper=(0.02,),
+        fixed=True,
+    )

@@ -1,7 +1,13 @@
 """Yaw of the carriage, seen with an Abbe arm."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import CENTRE, HALF_RANGE
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='angular_error',
@@ -25,3 +31,26 @@ EFFECT = Effect(
     },
     holds=('scale_error',),
 )
+
+
+def term(rows: TrackerRows) -> Term | None:
+    """The place over the travel, times the other coordinate and alone."""
+    if len(rows.axes) != 2:
+        return None
+    centre, half = rows.travel
+    sign = -1.0 if rows.axis == rows.axes[0] else 1.0
+    parts = []
+    for position, across in zip(rows.position(), rows.position_across(), strict=True):
+        s = (position - centre) / half
+        parts.append(sign * np.column_stack([s * across, s]))
+    return Term(
+        constant(rows.along(parts)),
+        lambda theta, c: {
+            'linear': float(c[0]),
+            'quadratic': 0.0,
+            'arm': float(c[1] / c[0]),
+            'centre': centre,
+            'half_range': half,
+        },
+        admissible=lambda theta, c: abs(c[0]) < 5e-3 and abs(c[1]) < abs(c[0]),
+    )

@@ -1,7 +1,18 @@
 """Friction with a level and a slope of its own in each direction."""
 
+from __future__ import annotations
+
 from stage_twin.effects.definition import Effect
-from stage_twin.effects.shared import PRESLIDING, friction_force, viscous
+from stage_twin.effects.friction import (
+    PRESLIDING,
+    PRESLIDING_GRID,
+    bristles,
+    friction_force,
+    speed_curve,
+    viscous,
+)
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
     name='asymmetric_friction',
@@ -27,3 +38,41 @@ EFFECT = Effect(
     },
     holds=('coulomb_friction', 'viscous_friction', 'force_offset'),
 )
+
+
+signature = speed_curve
+
+
+def term(rows: ForceRows) -> Term:
+    """Direction and velocity, each for both directions; θ is the pre-sliding displacement."""
+
+    def columns(theta: Theta) -> Array:
+        z = bristles(rows, theta[0])
+        up = [(v >= 0.0).astype(float) for v in rows.smooth_velocity()]
+        v = rows.velocity()
+        return rows.columns(
+            [zi * ui for zi, ui in zip(z, up, strict=True)],
+            [zi * (1.0 - ui) for zi, ui in zip(z, up, strict=True)],
+            [vi * ui for vi, ui in zip(v, up, strict=True)],
+            [vi * (1.0 - ui) for vi, ui in zip(v, up, strict=True)],
+        )
+
+    return Term(
+        columns,
+        lambda theta, c: {
+            'coulomb_positive': float(c[0]),
+            'coulomb_negative': float(c[1]),
+            'viscous_positive': float(c[2]),
+            'viscous_negative': float(c[3]),
+            'presliding': theta[0],
+        },
+        grid=tuple((g,) for g in PRESLIDING_GRID),
+        lower=(0.0,),
+        upper=(20e-6,),
+        admissible=lambda theta, c: bool(
+            0.0 < c[0] < 500.0
+            and 0.0 < c[1] < 500.0
+            and min(c[2], c[3]) >= -rows.viscous
+            and max(c[2], c[3]) < 2000.0
+        ),
+    )

@@ -1,6 +1,13 @@
 """Play between motor and table."""
 
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import TrackerRows
+from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
     name='backlash',
@@ -15,3 +22,34 @@ EFFECT = Effect(
         'with the direction, a pitch error does not',
     },
 )
+
+
+@njit(cache=True)
+def slack(position: Array, width: float) -> Array:
+    """Output of the play operator minus its input, shape (n,) [m]; centred at the start."""
+    out = np.empty(len(position))
+    half = 0.5 * width
+    follower = position[0]
+    for k in range(len(position)):
+        if position[k] - follower > half:
+            follower = position[k] - half
+        elif follower - position[k] > half:
+            follower = position[k] + half
+        out[k] = follower - position[k]
+    return out
+
+
+def term(rows: TrackerRows) -> Term:
+    """What a play of some width (θ) leaves behind."""
+
+    def columns(theta: Theta) -> Array:
+        return rows.along(rows.at_points([slack(q, theta[0]) for q in rows.encoder()]))
+
+    return Term(
+        columns,
+        lambda theta, c: {'width': theta[0]},
+        grid=tuple((w,) for w in np.geomspace(0.5e-6, 300e-6, 22)),
+        lower=(0.0,),
+        upper=(1.0e-3,),
+        fixed=True,
+    )

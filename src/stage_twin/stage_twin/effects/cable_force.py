@@ -1,6 +1,12 @@
 """The cable chain as a spring."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='cable_force',
@@ -18,3 +24,14 @@ EFFECT = Effect(
     excited_by='slow strokes over the whole travel',
     holds=('force_offset',),
 )
+
+
+def term(rows: ForceRows) -> Term:
+    """The position and a constant."""
+    p = rows.position()
+    signal = rows.columns(p, [np.ones_like(pi) for pi in p])
+    return Term(
+        constant(signal),
+        lambda theta, c: {'stiffness': float(c[0]), 'centre': float(-c[1] / c[0])},
+        admissible=lambda theta, c: bool(0.0 < c[0] < 2e4 and abs(c[1]) < c[0]),
+    )

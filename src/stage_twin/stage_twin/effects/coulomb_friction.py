@@ -1,7 +1,17 @@
 """Coulomb friction with elastic pre-sliding."""
 
+from __future__ import annotations
+
 from stage_twin.effects.definition import Effect
-from stage_twin.effects.shared import PRESLIDING, friction_force
+from stage_twin.effects.friction import (
+    PRESLIDING,
+    PRESLIDING_GRID,
+    bristles,
+    friction_force,
+    speed_curve,
+)
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Term
 
 EFFECT = Effect(
     name='coulomb_friction',
@@ -13,3 +23,18 @@ EFFECT = Effect(
     sentence='friction of {coulomb} opposes the motion at any speed',
     excited_by='reversals at several speeds',
 )
+
+
+signature = speed_curve
+
+
+def term(rows: ForceRows) -> Term:
+    """The direction, built up over the pre-sliding displacement (θ)."""
+    return Term(
+        lambda theta: rows.columns(bristles(rows, theta[0])),
+        lambda theta, c: {'coulomb': float(c[0]), 'presliding': theta[0]},
+        grid=tuple((g,) for g in PRESLIDING_GRID),
+        lower=(0.0,),
+        upper=(20e-6,),
+        admissible=lambda theta, c: 0.0 < c[0] < 500.0,
+    )

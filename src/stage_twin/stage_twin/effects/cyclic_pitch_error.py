@@ -1,7 +1,13 @@
 """Wobble and eccentricity of the screw."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import PERIOD, PHASE
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='cyclic_pitch_error',
@@ -12,3 +18,18 @@ EFFECT = Effect(
     sentence='the table swings by {amplitude} with each turn of the screw',
     excited_by='positions within several turns of the screw',
 )
+
+
+def term(rows: TrackerRows) -> Term:
+    """Sine and cosine over the lead."""
+    angles = [2.0 * np.pi * p / rows.lead for p in rows.position()]
+    return Term(
+        constant(rows.along([np.column_stack([np.sin(a), np.cos(a)]) for a in angles])),
+        lambda theta, c: {
+            'amplitude': float(np.hypot(c[0], c[1])),
+            'phase': float(np.arctan2(c[1], c[0])),
+        },
+        admissible=lambda theta, c: float(np.hypot(c[0], c[1])) < 200e-6,
+        nuisances=(0, 1),
+        phase=True,
+    )

@@ -1,6 +1,10 @@
 """An error of the force constant."""
 
+from __future__ import annotations
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='drive_gain',
@@ -18,3 +22,13 @@ EFFECT = Effect(
     excludes=('inertia_mismatch',),
     merges=('inertia_mismatch', 'viscous_friction'),
 )
+
+
+def term(rows: ForceRows) -> Term:
+    """The force itself."""
+    signal = rows.columns([-f for f in rows.applied()])
+    return Term(
+        constant(signal),
+        lambda theta, c: {'error': float(c[0])},
+        admissible=lambda theta, c: -0.8 < c[0] < 1.0,
+    )

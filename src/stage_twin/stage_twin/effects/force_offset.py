@@ -1,6 +1,12 @@
 """A constant force of the drive."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='force_offset',
@@ -13,3 +19,13 @@ EFFECT = Effect(
     sentence='a constant force of {offset} acts on the moving mass',
     excited_by='strokes in both directions',
 )
+
+
+def term(rows: ForceRows) -> Term:
+    """A constant."""
+    signal = rows.columns([-np.ones_like(p) for p in rows.position()])
+    return Term(
+        constant(signal),
+        lambda theta, c: {'offset': float(c[0])},
+        admissible=lambda theta, c: abs(c[0]) < 200.0,
+    )

@@ -1,6 +1,12 @@
 """An amplifier that clips below the limit that the controller knows of."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
     name='force_saturation',
@@ -19,3 +25,27 @@ EFFECT = Effect(
         'fast one',
     },
 )
+
+
+def term(rows: ForceRows) -> Term | None:
+    """The force less the same force clipped at a share (θ) of its peak."""
+    peak = max(float(np.abs(f).max()) for f in rows.commanded())
+    if rows.measured_force or peak <= 0.0:
+        return None
+    direct = rows.applied()
+    strength = np.abs(rows.used(rows.commanded()))
+
+    def columns(theta: Theta) -> Array:
+        clipped = rows.applied(limit=theta[0] * peak)
+        return rows.columns([f - g for f, g in zip(direct, clipped, strict=True)])
+
+    return Term(
+        columns,
+        lambda theta, c: {'limit': theta[0] * peak},
+        grid=tuple((s,) for s in (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)),
+        lower=(0.002,),
+        upper=(1.0,),
+        fixed=True,
+        # With no force at all the equation of motion has the trivial solution 0 = 0.
+        admissible=lambda theta, c: float(np.mean(strength > theta[0] * peak)) < 0.5,
+    )

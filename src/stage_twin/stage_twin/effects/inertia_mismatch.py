@@ -1,6 +1,10 @@
 """A moving mass other than the nominal one."""
 
+from __future__ import annotations
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='inertia_mismatch',
@@ -12,3 +16,13 @@ EFFECT = Effect(
     excited_by='strokes at several accelerations',
     excludes=('drive_gain',),
 )
+
+
+def term(rows: ForceRows) -> Term:
+    """The mass times the acceleration."""
+    signal = rows.columns([rows.mass * a for a in rows.acceleration()])
+    return Term(
+        constant(signal),
+        lambda theta, c: {'ratio': float(c[0])},
+        admissible=lambda theta, c: -0.8 < c[0] < 3.0,
+    )

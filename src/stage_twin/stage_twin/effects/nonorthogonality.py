@@ -1,6 +1,12 @@
 """Squareness error of two stacked axes."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import TrackerRows
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='nonorthogonality',
@@ -19,3 +25,15 @@ EFFECT = Effect(
         'tracker frame',
     },
 )
+
+
+def term(rows: TrackerRows) -> Term | None:
+    """The second coordinate, along the first axis."""
+    if not rows.both_move:
+        return None
+    signal = rows.rows([[-p[:, 1:2], np.zeros((len(p), 1))] for p in rows.points()])
+    return Term(
+        constant(signal),
+        lambda theta, c: {'angle': float(np.arcsin(np.clip(c[0], -0.05, 0.05)))},
+        admissible=lambda theta, c: abs(c[0]) < 0.05,
+    )

@@ -6,12 +6,16 @@ The order is that of the chain, within a link alphabetical.
 from __future__ import annotations
 
 import pkgutil
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from stage_core.quantities import LINKS, split_effect
 from stage_twin.effects.definition import Effect
+from stage_twin.effects.term import Array, Term
 
 
 def _collect() -> dict[str, ModuleType]:
@@ -36,6 +40,36 @@ def effect_of(name: str) -> Effect:
 def link_of(name: str) -> str:
     """Link of the chain of an effect, named with or without its axis."""
     return effect_of(name).link
+
+
+def terms(candidates: Mapping[str, Any]) -> dict[str, Term]:
+    """What effects add to a residual; one that these rows cannot show is left out.
+
+    Parameters
+    ----------
+    candidates
+        Effect, with its axis where it has one -> the rows that it is asked for:
+        :class:`~stage_twin.effects.rows.ForceRows` in the servo link,
+        :class:`~stage_twin.effects.rows.TrackerRows` in the others.
+    """
+    made = {n: m.term(candidates[n]) for n, m in _modules(candidates) if hasattr(m, 'term')}
+    return {name: term for name, term in made.items() if term is not None}
+
+
+def signatures(candidates: Mapping[str, Any]) -> dict[str, Callable[[], Array]]:
+    """For effects that are functions of one condition: a general basis (n, k) of that condition.
+
+    `candidates` as for :func:`terms`.
+    """
+    return {
+        n: partial(m.signature, candidates[n])
+        for n, m in _modules(candidates)
+        if hasattr(m, 'signature')
+    }
+
+
+def _modules(names: Iterable[str]) -> list[tuple[str, ModuleType]]:
+    return [(name, MODULES[split_effect(name)[0]]) for name in names]
 
 
 def held_by(name: str) -> tuple[str, ...]:

@@ -1,6 +1,10 @@
 """Mean pitch error of the screw or the scale."""
 
+from __future__ import annotations
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import TrackerRows
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='scale_error',
@@ -14,3 +18,12 @@ EFFECT = Effect(
         'scale error does not change',
     },
 )
+
+
+def term(rows: TrackerRows) -> Term:
+    """The position."""
+    return Term(
+        constant(rows.along(rows.position())),
+        lambda theta, c: {'error': float(c[0])},
+        admissible=lambda theta, c: abs(c[0]) < 0.01,
+    )

@@ -1,7 +1,13 @@
 """A guide that is not straight: it displaces the other axis."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import CENTRE, HALF_RANGE
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='straightness',
@@ -19,3 +25,24 @@ EFFECT = Effect(
     '{cubic} (S shape)',
     excited_by='the whole travel at a fixed place of the other axis',
 )
+
+
+def term(rows: TrackerRows) -> Term | None:
+    """Legendre polynomials of second and third order over the travel, across the axis."""
+    if len(rows.axes) != 2:
+        return None
+    centre, half = rows.travel
+    parts = []
+    for position in rows.position():
+        s = (position - centre) / half
+        parts.append(np.column_stack([1.5 * s**2 - 0.5, 2.5 * s**3 - 1.5 * s]))
+    return Term(
+        constant(rows.across(parts)),
+        lambda theta, c: {
+            'quadratic': float(c[0]),
+            'cubic': float(c[1]),
+            'centre': centre,
+            'half_range': half,
+        },
+        admissible=lambda theta, c: float(np.max(np.abs(c))) < 1e-3,
+    )

@@ -1,7 +1,21 @@
 """Stribeck friction: the sliding force falls with speed near standstill (LuGre)."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
-from stage_twin.effects.shared import PRESLIDING, friction_force
+from stage_twin.effects.friction import (
+    PRESLIDING,
+    PRESLIDING_GRID,
+    bristles,
+    friction_force,
+    speed_curve,
+)
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Array, Term, Theta
+
+STRIBECK_GRID = (1e-3, 3e-3, 8e-3, 20e-3, 60e-3)  # m/s
 
 EFFECT = Effect(
     name='stribeck_friction',
@@ -25,3 +39,29 @@ EFFECT = Effect(
     },
     holds=('coulomb_friction',),
 )
+
+
+signature = speed_curve
+
+
+def term(rows: ForceRows) -> Term:
+    """The direction, and the direction near standstill; θ is pre-sliding and velocity."""
+
+    def columns(theta: Theta) -> Array:
+        z = bristles(rows, theta[0])
+        near = [np.exp(-((v / theta[1]) ** 2)) for v in rows.smooth_velocity()]
+        return rows.columns(z, [zi * n for zi, n in zip(z, near, strict=True)])
+
+    return Term(
+        columns,
+        lambda theta, c: {
+            'coulomb': float(c[0]),
+            'breakaway': float(c[1]),
+            'stribeck_velocity': theta[1],
+            'presliding': theta[0],
+        },
+        grid=tuple((g, w) for g in PRESLIDING_GRID for w in STRIBECK_GRID),
+        lower=(0.0, 1e-3),
+        upper=(20e-6, 0.2),
+        admissible=lambda theta, c: bool(0.0 < c[0] < 500.0 and 0.0 < c[1] < 500.0),
+    )

@@ -1,6 +1,15 @@
 """A share of the moving mass hangs on a spring behind the motor."""
 
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.signal import lfilter
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
     name='structural_resonance',
@@ -31,3 +40,41 @@ EFFECT = Effect(
     sentence='a share of {mass_ratio} of the moving mass swings at {frequency}',
     excited_by='a frequency sweep to 150 Hz',
 )
+
+
+def carried_mass(acceleration: Array, period: float, frequency: float, damping: float) -> Array:
+    """Acceleration of a mass on a spring and damper minus that of its motor, shape (n,).
+
+    -s² / (s² + 2ζω s + ω²) of the motor's acceleration, bilinear with the frequency warped.
+    """
+    omega = 2.0 * math.pi * frequency
+    k = omega / math.tan(min(0.5 * omega * period, 1.5))
+    a0 = k * k + 2.0 * damping * omega * k + omega**2
+    a = [1.0, 2.0 * (omega**2 - k * k) / a0, (k * k - 2.0 * damping * omega * k + omega**2) / a0]
+    b = [-k * k / a0, 2.0 * k * k / a0, -k * k / a0]
+    return np.asarray(lfilter(b, a, acceleration))
+
+
+def term(rows: ForceRows) -> Term:
+    """Force on the mass behind the spring; θ is its frequency and damping."""
+
+    def columns(theta: Theta) -> Array:
+        accelerations = zip(rows.limited_acceleration(), rows.periods, strict=True)
+        return rows.columns(
+            [rows.mass * carried_mass(a, period, *theta) for a, period in accelerations]
+        )
+
+    return Term(
+        columns,
+        lambda theta, c: {
+            'frequency': theta[0],
+            'damping': theta[1],
+            'mass_ratio': float(c[0]),
+        },
+        grid=tuple((f, z) for f in (12.0, 18.0, 25.0, 35.0, 50.0, 70.0) for z in (0.02, 0.1)),
+        lower=(8.0, 0.0),
+        upper=(90.0, 0.3),
+        admissible=lambda theta, c: bool(
+            0.0 < c[0] < 0.9 and 8.5 < theta[0] < 88.0 and theta[1] < 0.25
+        ),
+    )

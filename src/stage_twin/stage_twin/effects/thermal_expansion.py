@@ -1,6 +1,12 @@
 """A screw that grows with heat."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import TrackerRows
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='thermal_expansion',
@@ -45,3 +51,20 @@ EFFECT = Effect(
     sentence='the screw grows by {coefficient} with its temperature',
     excited_by='the same grid cold and warm',
 )
+
+
+def term(rows: TrackerRows) -> Term | None:
+    """The rise of the temperature times the position, and alone."""
+    rises = rows.temperature_rise()
+    if rises is None:
+        return None
+    parts = [
+        np.column_stack([rise * position, -rise])
+        for rise, position in zip(rises, rows.position(), strict=True)
+    ]
+    return Term(
+        constant(rows.along(parts)),
+        lambda theta, c: {'coefficient': float(c[0]), 'fixed_point': float(c[1] / c[0])},
+        # Screws grow with heat; a shrinking one is a drift of another kind.
+        admissible=lambda theta, c: 0.0 < c[0] < 50e-6 and abs(c[1]) < 2.0 * abs(c[0]),
+    )

@@ -1,6 +1,13 @@
 """A clock of the tracker that runs fast or slow."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.lateness import lateness
+from stage_twin.effects.rows import TrackerRows
+from stage_twin.effects.term import Term
 
 EFFECT = Effect(
     name='tracker_clock_drift',
@@ -16,3 +23,23 @@ EFFECT = Effect(
         '10 minutes: a latency stays the same',
     },
 )
+
+
+signature = lateness
+
+
+def term(rows: TrackerRows) -> Term | None:
+    """Where the table was by a clock that runs fast (θ), less where it is."""
+    if rows.rests:
+        return None
+    known = sum(frame.drift for frame in rows.frames)
+    grid = [s * v for v in np.geomspace(2e-6, 1e-3, 12) for s in (1.0, -1.0)]
+    return Term(
+        lambda theta: rows.shifted(drift=theta[0]),
+        lambda theta, c: {'drift': known + theta[0]},
+        grid=tuple((v,) for v in grid),
+        lower=(-1e-3,),
+        upper=(1e-3,),
+        fixed=True,
+        noisy=True,
+    )

@@ -1,6 +1,13 @@
 """Age of a tracker point at its stamp."""
 
+from __future__ import annotations
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.lateness import lateness
+from stage_twin.effects.rows import TrackerRows
+from stage_twin.effects.term import Term
 
 EFFECT = Effect(
     name='tracker_latency',
@@ -12,3 +19,23 @@ EFFECT = Effect(
     excited_by='fast strokes in both directions',
     per_axis=False,
 )
+
+
+signature = lateness
+
+
+def term(rows: TrackerRows) -> Term | None:
+    """Where the table was earlier (θ), less where it is."""
+    if rows.rests:
+        return None
+    known = sum(frame.latency for frame in rows.frames)
+    grid = [s * v for v in np.geomspace(1e-4, 0.05, 12) for s in (1.0, -1.0)]
+    return Term(
+        lambda theta: rows.shifted(latency=theta[0]),
+        lambda theta, c: {'latency': known + theta[0]},
+        grid=tuple((v,) for v in grid),
+        lower=(-0.1,),
+        upper=(0.1,),
+        fixed=True,
+        noisy=True,
+    )

@@ -1,7 +1,11 @@
 """Viscous friction beyond what the twin file says."""
 
+from __future__ import annotations
+
 from stage_twin.effects.definition import Effect
-from stage_twin.effects.shared import viscous
+from stage_twin.effects.friction import speed_curve, viscous
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='viscous_friction',
@@ -13,3 +17,17 @@ EFFECT = Effect(
     sentence='friction grows with speed by {viscous} more than the twin says',
     excited_by='strokes at several constant speeds',
 )
+
+
+signature = speed_curve
+
+
+def term(rows: ForceRows) -> Term:
+    """The velocity."""
+    signal = rows.columns(rows.velocity())
+    return Term(
+        constant(signal),
+        lambda theta, c: {'viscous': float(c[0])},
+        # Less than none at all is no friction.
+        admissible=lambda theta, c: -rows.viscous <= c[0] < 2000.0,
+    )

@@ -1,0 +1,73 @@
+"""What the frictions have in common: parameters, bristles that bend, a curve over the speed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from stage_twin.effects.definition import Parameter
+from stage_twin.effects.rows import ForceRows, Signal
+from stage_twin.effects.term import Array
+
+PRESLIDING = Parameter(
+    'presliding',
+    'm',
+    0.0,
+    20e-6,
+    1e-6,
+    'displacement over which the force builds up after a reversal (bristle deflection when it '
+    'slides or breaks away); 0 is dry friction',
+)
+PRESLIDING_GRID = (0.0, 1e-6, 3e-6, 8e-6, 15e-6)
+CURVE_KNOTS = (0.0, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1)  # m/s
+
+
+def friction_force(name: str, when_on: float, meaning: str) -> Parameter:
+    """A level of friction [N]."""
+    return Parameter(name, 'N', 0.0, 500.0, when_on, meaning)
+
+
+def viscous(name: str, when_on: float, meaning: str) -> Parameter:
+    """A viscous coefficient [N·s/m]."""
+    return Parameter(name, 'N·s/m', -500.0, 2000.0, when_on, meaning)
+
+
+@njit(cache=True)
+def presliding_state(position: Array, presliding: float) -> Array:
+    """Friction as a share of its sliding value, -1 … 1, from the path of a position (n,) [m].
+
+    dz/dp = (1 - z sign(dp)) / presliding, integrated exactly over each step (Dahl 1968).
+    """
+    out = np.zeros(len(position))
+    z = 0.0
+    for k in range(1, len(position)):
+        step = position[k] - position[k - 1]
+        if step != 0.0:
+            towards = 1.0 if step > 0.0 else -1.0
+            if presliding > 0.0:
+                z = towards + (z - towards) * math.exp(-abs(step) / presliding)
+            else:
+                z = towards
+        out[k] = z
+    return out
+
+
+def bristles(rows: ForceRows, presliding: float) -> Signal:
+    """:func:`presliding_state` of the axis in each session."""
+    return [presliding_state(p, presliding) for p in rows.position()]
+
+
+def speed_curve(rows: ForceRows) -> Array:
+    """Any function of the speed, for each direction: hats over `CURVE_KNOTS`, (n, k)."""
+    hats = []
+    for sign in (1.0, -1.0):
+        for height in np.eye(len(CURVE_KNOTS)):
+            hats.append(
+                [
+                    np.where(sign * v > 0.0, np.interp(sign * v, CURVE_KNOTS, height), 0.0)
+                    for v in rows.smooth_velocity()
+                ]
+            )
+    return rows.columns(*hats)

@@ -1,0 +1,54 @@
+"""What an effect adds to a residual: columns, their coefficients' meaning, a grid, bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Theta = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One candidate effect as columns of a regression: separable, linear in most parameters.
+
+    Attributes
+    ----------
+    columns : θ -> (n, k) columns for all rows of the problem
+    parameters : (θ, coefficients) -> parameters of the twin's effect
+    grid : starts for θ; a single empty tuple where the term is linear
+    lower, upper : bounds of θ
+    admissible : (θ, coefficients) -> whether they are physical
+    fixed : whether θ says everything (a width, a delay): the one column has coefficient 1
+    noisy : whether its columns hold the same measurement noise as the target, so that it can
+        seem to explain as much as the noise
+    base : share (n,) of the effect that the nominal twin has already, left out of the target
+    nuisances : indices of the columns whose coefficients belong to a session
+    phase : whether the nuisance is the phase of a sine and a cosine, not their amplitude
+    """
+
+    columns: Callable[[Theta], Array]
+    parameters: Callable[[Theta, Array], dict[str, float]]
+    grid: tuple[Theta, ...] = ((),)
+    lower: Theta = ()
+    upper: Theta = ()
+    admissible: Callable[[Theta, Array], bool] = lambda theta, coefficients: True
+    fixed: bool = False
+    noisy: bool = False
+    base: Array | None = None
+    nuisances: tuple[int, ...] = ()
+    phase: bool = False
+
+    def share(self, theta: Theta, coefficients: Array) -> Array:
+        """What the effect explains of the target (n,): all of it, less what the twin has."""
+        whole = self.columns(theta) @ coefficients
+        return whole if self.base is None else whole - self.base
+
+
+def constant(signal: Array) -> Callable[[Theta], Array]:
+    """Columns that depend on no θ."""
+    return lambda theta: signal
