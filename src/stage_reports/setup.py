@@ -18,6 +18,6 @@ setup(
     description='Pictures and standard figures: ISO 230-2, ISO 230-4, error maps, learning curves.',
     license='Apache-2.0',
     entry_points={
-        'console_scripts': ['report = stage_reports.session_report:main'],
+        'console_scripts': ['report = stage_reports.command:main'],
     },
 )

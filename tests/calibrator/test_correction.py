@@ -51,7 +51,7 @@ def test_correction_refuses_what_is_too_large_or_no_number():
     correction = Correction(2e-5)
     correction.stored = stored()
     correction.activate(True)
-    with pytest.raises(StageError, match='beyond max_correction 20.0 um'):
+    with pytest.raises(StageError, match='beyond max_correction 20.0 µm'):
         correction.apply(np.array([0.04, 0.04]))
     with pytest.raises(StageError, match='not finite'):
         correction.apply(np.array([np.nan, 0.0]))

@@ -40,5 +40,5 @@ def table(results: dict[str, Training | StageError]) -> str:
             f'{1e6 * result.train_after.rms:10.3f} {result.seconds:8.2f}'
         )
     failures = [f'{m:18s} {r}' for m, r in results.items() if isinstance(r, StageError)]
-    header = f'{"held-out um":18s} {"RMS":>10s} {"MAE":>10s} {"max":>10s} {"sigma":>10s} '
+    header = f'{"held-out µm":18s} {"RMS":>10s} {"MAE":>10s} {"max":>10s} {"sigma":>10s} '
     return '\n'.join([header + f'{"train RMS":>10s} {"fit s":>8s}', *rows, *failures])

@@ -70,8 +70,8 @@ class Correction:
         correction = float(np.max(np.abs(command - wanted)))
         if correction > self.max_correction:
             raise StageError(
-                f'the correction at {wanted.tolist()} m is {1e6 * correction:.1f} um, beyond '
-                f'max_correction {1e6 * self.max_correction:.1f} um: the target is ignored; '
+                f'the correction at {wanted.tolist()} m is {1e6 * correction:.1f} µm, beyond '
+                f'max_correction {1e6 * self.max_correction:.1f} µm: the target is ignored; '
                 'retrain, or raise max_correction'
             )
         self.largest = max(self.largest, correction)

@@ -237,8 +237,8 @@ class Calibrator(StageNode):
         largest = self.value('max_correction')
         if error is not None and error > largest:
             raise StageError(
-                f'the new model still errs by {1e6 * error:.0f} um, beyond max_correction '
-                f'{1e6 * largest:.0f} um: the old model stays; check the tracker and its alignment'
+                f'the new model still errs by {1e6 * error:.0f} µm, beyond max_correction '
+                f'{1e6 * largest:.0f} µm: the old model stays; check the tracker and its alignment'
             )
 
     def _use(self, path: Path) -> None:

@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.restarts > 1:
         result, values = train_restarts(*how, options.restarts, options.results, where)
         listed = ' '.join(f'{1e6 * value:.4f}' for value in values)
-        print(f'training RMS from {len(values)} starts [um]: {listed}; the least is taken')
+        print(f'training RMS from {len(values)} starts [µm]: {listed}; the least is taken')
     else:
         result = train(*how, _progress())
     print(result.model.describe())
@@ -92,7 +92,7 @@ def train_from_bags(
 
 def before_and_after(before: Metrics, after: Metrics, count: int) -> str:
     """Table of the four metrics in micrometres."""
-    lines = [f'{"held-out " + str(count) + " [um]":22s} {"before":>10s} {"after":>10s}']
+    lines = [f'{"held-out " + str(count) + " [µm]":22s} {"before":>10s} {"after":>10s}']
     for name, label in (('rms', 'RMS'), ('mae', 'MAE'), ('max', 'max'), ('sigma', 'sigma')):
         lines.append(
             f'{label:22s} {1e6 * getattr(before, name):10.3f} {1e6 * getattr(after, name):10.3f}'
@@ -108,7 +108,7 @@ def _held_out_table(options: argparse.Namespace, samples: Samples, result: Train
         baseline = PhaseTable().fit(samples.command, samples.measured)
         predictors['phase table'] = lambda s: baseline.predict(s.command)
     predictors[model.method] = lambda s: predict(model, s)
-    lines = [f'{"held-out RMS [um]":22s} ' + ' '.join(f'{name:>12s}' for name in predictors)]
+    lines = [f'{"held-out RMS [µm]":22s} ' + ' '.join(f'{name:>12s}' for name in predictors)]
     for bag in bags:
         session = read_training_session(bag, options.input, options.target)
         held = prepare(session, options.input, options.target).only(result.sensors)

@@ -74,8 +74,8 @@ class Training:
     def line(self) -> str:
         """One line with the held-out error before and after."""
         return (
-            f'{self.model.method}: held-out RMS {1e6 * self.before.rms:.3f} um before, '
-            f'{1e6 * self.after.rms:.3f} um after ({self.held_out} held-out of '
+            f'{self.model.method}: held-out RMS {1e6 * self.before.rms:.3f} µm before, '
+            f'{1e6 * self.after.rms:.3f} µm after ({self.held_out} held-out of '
             f'{self.trained_on + self.held_out} samples)'
         )
 

@@ -25,8 +25,8 @@ class Figures:
         """One line in micrometres."""
         rms, largest = 1e6 * self.tracking_rms, 1e6 * self.tracking_max
         return (
-            f'tracking RMS x {rms[0]:.2f} y {rms[1]:.2f} um, max x {largest[0]:.1f} '
-            f'y {largest[1]:.1f} um, contour RMS {1e6 * self.contour_rms:.2f} um, '
+            f'tracking RMS x {rms[0]:.2f} y {rms[1]:.2f} µm, max x {largest[0]:.1f} '
+            f'y {largest[1]:.1f} µm, contour RMS {1e6 * self.contour_rms:.2f} µm, '
             f'max {1e6 * self.contour_max:.1f} um'
         )
 

@@ -75,7 +75,7 @@ def diagnose_bag(bag: str, root: str, twin: str, out: str, how: dict[str, Any]) 
 def table(names: Sequence[str], outcomes: Sequence[Outcome]) -> str:
     """A line per bag, and in how many bags each effect was named."""
     width = max(len(name) for name in names)
-    lines = [f'{"held-out gap, RMS [um]":{width}s} {"before":>9s} {"after":>9s} {"floor":>9s}']
+    lines = [f'{"held-out gap, RMS [µm]":{width}s} {"before":>9s} {"after":>9s} {"floor":>9s}']
     found: Counter[str] = Counter()
     done = 0
     for name, outcome in zip(names, outcomes, strict=True):

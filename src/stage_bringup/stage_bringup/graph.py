@@ -70,13 +70,23 @@ def zaber_port(options: Options) -> Path:
     return options.out / 'zaber_port'
 
 
+def nominal_twin(options: Options) -> Path:
+    """Twin file of the nominal machine, with which driver, recorder and diagnosis work."""
+    kind = 'stepper_' if options.backend == 'zaber' else ''
+    return options.nominal or config_folder() / f'twin_{kind}nominal.yaml'
+
+
+def reality_twin(options: Options) -> Path:
+    """Twin file of the machine that is emulated."""
+    kind = 'stepper_' if options.backend == 'zaber' else ''
+    return options.reality or config_folder() / f'twin_{kind}reality.yaml'
+
+
 def commands(options: Options) -> list[NodeCommand]:
     """Every node of the session, the plant first."""
     config = config_folder()
     stepper = options.backend == 'zaber'
-    kind = 'stepper_' if stepper else ''
-    nominal = options.nominal or config / f'twin_{kind}nominal.yaml'
-    reality = options.reality or config / f'twin_{kind}reality.yaml'
+    nominal, reality = nominal_twin(options), reality_twin(options)
     lockstep = options.clock == 'lockstep'
     clock: dict[str, object] = {'use_sim_time': True} if lockstep else {}
     drive_port, tracker_port = free_port(socket.SOCK_DGRAM), free_port()

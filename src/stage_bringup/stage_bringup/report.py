@@ -1,58 +1,166 @@
-"""The report of a session: table, pictures, and a page for each bag."""
+"""The pages of a session: its own, and one for each recording, linked with each other."""
 
 from __future__ import annotations
 
+import json
+import time
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from calibrator import model_file
 from session_bags.reader import read_session
-from stage_bringup.graph import Options
+from stage_bringup.graph import Options, nominal_twin, reality_twin
 from stage_bringup.steps import SessionResult
-from stage_core.quantities import MICROMETRE
+from stage_core.pages import Page
+from stage_core.quantities import MICROMETRE, split_effect
+from stage_core.session import Session
+from stage_core.wording import effect_words, measure, span, with_interval, with_std
 from stage_reports import figures
-from stage_reports.report import Report
-from stage_reports.session_report import session_report
+from stage_reports.command import session_page
+from stage_reports.intervals import distance_rms, rms_interval
+from stage_twin.effects import EFFECTS
+
+Link = tuple[str, str, str]
+#: Names of the pages beside the recordings that they are about.
+TITLES = {'calibration': 'Calibration', 'circle': 'Contour', 'positioning': 'Positioning test'}
 
 
 def write_report(options: Options, result: SessionResult) -> Path:
-    """Write ``report.html`` and its PNG pictures into the session's folder; its path."""
-    report = Report(f'Session {options.out.name}')
-    report.text(
-        f'Backend {options.backend}, {options.clock} clock, seed {options.seed}. Errors are those '
-        'of the table position that the tracker measures, at points that no model was trained on.'
+    """Write ``report.html``, the pages it links to, and its pictures as PNG; its path."""
+    links = [(TITLES.get(name, name), f'{name}.html') for name in result.bags]
+    diagnosis = options.out / 'diagnosis' / 'report.json'
+    if diagnosis.exists():
+        links.append(('Diagnosis', 'diagnosis/report.html'))
+    entries = _conditions(options)
+    cards: list[Link] = []
+    for name, bag in result.bags.items():
+        session = read_session(bag)
+        page = session_page(session, _model(options), entries)
+        here = f'{name}.html'
+        others = [(n, a if a != here else '') for n, a in links]
+        page.navigation([('Session', 'report.html'), *others])
+        page.save(options.out / here)
+        cards.append((TITLES.get(name, name), here, page.brief))
+    found = json.loads(diagnosis.read_text()) if diagnosis.exists() else None
+    if found is not None:
+        cards.append(('Diagnosis', 'diagnosis/report.html', _verdict(found)))
+    page = _session_page(options, result, [*entries, _heat(session)], cards)
+    page.navigation([('Session', ''), *links])
+    if found is not None:
+        _diagnosis(page, found)
+    _steps(page, result)
+    page.save_pictures(options.out, 'picture')
+    return page.save(options.out / 'report.html')
+
+
+def _conditions(options: Options) -> list[tuple[str, str]]:
+    return [
+        ('Machine', f'emulated: {reality_twin(options).stem}, {options.backend}'),
+        ('Twin', nominal_twin(options).stem),
+        ('Model', options.method),
+        ('Date', time.strftime('%Y-%m-%d %H:%M')),
+        ('Clock', f'{options.clock}, seed {options.seed}'),
+    ]
+
+
+def _heat(session: Session) -> tuple[str, str]:
+    readings = [s.values['temperature'] for s in session.temperatures().values()]
+    values = np.concatenate(readings or [np.empty(0)])
+    return 'Temperature', span(values.min(), values.max(), '°C', 1) if values.size else ''
+
+
+def _model(options: Options) -> model_file.StoredModel | None:
+    """The model that the session trained; None where it left none."""
+    files = sorted((options.out / 'models').glob('model_*.json'))
+    return model_file.load(files[-1]) if files else None
+
+
+def _session_page(
+    options: Options, result: SessionResult, entries: list[tuple[str, str]], cards: list[Link]
+) -> Page:
+    before, after = result.before, result.after
+    page = Page('A session: calibrate, follow a contour, diagnose')
+    rms = distance_rms(after)
+    shrinks = 100.0 * (1.0 - rms / distance_rms(before))
+    page.headline(
+        with_interval(rms, *rms_interval(after)),
+        f'RMS distance between wanted and measured position after the correction, at '
+        f'{len(after)} places that no model has seen. Before the correction it was '
+        f'{measure(distance_rms(before))}: {shrinks:.0f} % less.',
+        warn=shrinks <= 0.0,
     )
-    report.heading('Errors before and after the correction')
-    names = [f'{n} {w}' for w in ('before', 'after') for n in ('RMS', 'MAE', 'max', 'σ')]
-    report.table(
-        ['µm, k = 1', *names],
+    corner = ', '.join(
+        f'{axis} {span(low, high, "mm")}'
+        for axis, low, high in zip(
+            'xy', result.targets.min(axis=0) * 1e3, result.targets.max(axis=0) * 1e3, strict=True
+        )
+    )
+    page.conditions([*entries, ('Places', f'{len(after)}, {corner}')])
+    page.cards(cards)
+    page.heading('Before and after the correction')
+    page.figure(
+        figures.error_map(result.targets, before, after),
+        'Error at the places that no model has seen, both at one scale',
+        'Short arrows in all directions on the right: what is left is noise. Arrows that still '
+        'point the same way: the model has missed something there.',
+    )
+    names = [f'{n} {w}' for w in ('before', 'after') for n in ('RMS', 'mean |e|', 'largest', 'σ')]
+    page.table(
+        ['error (µm)', *names],
         [
             [
                 row.name,
                 *(
-                    value / MICROMETRE
+                    f'{value / MICROMETRE:.2f}'
                     for f in (row.before, row.after)
                     for value in (f.rms, f.mae, f.maximum, f.sigma)
                 ),
             ]
             for row in result.rows
         ],
+        'by the tracker, with the tracker noise in it (k = 1)',
     )
-    report.figure(
-        figures.error_map(result.targets, result.before, result.after),
-        'Error at the held-out points, before and after',
+    return page
+
+
+def _verdict(report: dict[str, Any]) -> str:
+    gap = report['gap']
+    names = ', '.join(effect_words(name) for name in report['verdict']) or 'no cause named'
+    return f'{names}: gap {measure(gap["before"])} to {measure(gap["after"])}'
+
+
+def _diagnosis(page: Page, report: dict[str, Any]) -> None:
+    gap, rows = report['gap'], []
+    for cause in report['causes']:
+        if cause['effect'] not in report['verdict']:
+            continue
+        effect = EFFECTS.get(split_effect(cause['effect'])[0])
+        values = {n: p['value'] for n, p in cause['parameters'].items()}
+        parameters = ', '.join(
+            f'{n.replace("_", " ")} {with_std(p["value"], p["std"], p["unit"])}'
+            for n, p in cause['parameters'].items()
+        )
+        low, high = cause['shrink_ci95']
+        rows.append(
+            [
+                effect_words(cause['effect']),
+                '' if effect is None else effect.says(values),
+                parameters,
+                f'{100 * cause["shrink"]:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)',
+            ]
+        )
+    page.heading('Where the twin and the machine differ')
+    page.text(
+        f'The gap between the nominal twin and this machine is {measure(gap["before"])} RMS on '
+        f'stretches that no fit has seen. With the effects below it is {measure(gap["after"])}; '
+        f'noise and resolution alone make {measure(gap["noise_floor"])}.'
     )
-    report.heading('What each step found')
-    for line in result.lines:
-        report.text(line)
-    report.heading('Pages')
-    for name, bag in result.bags.items():
-        page = session_report(read_session(bag))
-        page.save(options.out / f'{name}.html')
-        report.text(f'{name}.html: the recorded session {name}, with its standard tests')
-        # One picture of each bag is worth having on the first page.
-        caption, figure = page.figures[0]
-        report.figure(figure, f'{name}: {caption}')
-    if (options.out / 'diagnosis' / 'report.html').exists():
-        report.text('diagnosis/report.html: where the nominal twin and this machine differ')
-    for number, (_, figure) in enumerate(report.figures):
-        figure.savefig(options.out / f'picture_{number + 1}.png', dpi=110, bbox_inches='tight')
-    return report.save(options.out / 'report.html')
+    if rows:
+        page.table(['effect', 'what it does', 'parameters ± 1 σ', 'closes (95 %)'], rows)
+
+
+def _steps(page: Page, result: SessionResult) -> None:
+    with page.folded('What each step said'):
+        page.table(['step', 'message'], [line.split(': ', 1) for line in result.lines])

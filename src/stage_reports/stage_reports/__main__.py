@@ -2,6 +2,6 @@
 
 import sys
 
-from stage_reports.session_report import main
+from stage_reports.command import main
 
 sys.exit(main())

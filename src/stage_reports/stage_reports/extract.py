@@ -19,11 +19,15 @@ SAME_TARGET = 1e-7
 
 @dataclass(frozen=True)
 class PositioningRuns:
-    """Deviations for ISO 230-2: targets (m,), up and down (m, n), metres."""
+    """Deviations for ISO 230-2: targets (m,), up and down (m, n), metres.
+
+    `noise` is the standard uncertainty of one deviation (m) from the scatter of the sensor.
+    """
 
     targets: Array
     up: Array
     down: Array
+    noise: float = 0.0
 
 
 def rests(seconds: ArrayLike, reference: ArrayLike, shortest: float) -> list[tuple[int, int]]:
@@ -61,6 +65,7 @@ def positioning_runs(
     commanded = np.asarray(reference, dtype=float)
     found: dict[int, tuple[list[float], list[float]]] = {}
     previous: float | None = None
+    variances: list[float] = []
     for start, stop in rests(seconds, commanded, shortest):
         target = float(commanded[start])
         if previous is None or abs(target - previous) > SAME_TARGET:
@@ -69,6 +74,8 @@ def positioning_runs(
             if previous is not None and values.size:
                 approaches = found.setdefault(round(target / SAME_TARGET), ([], []))
                 approaches[0 if target > previous else 1].append(float(values.mean() - target))
+                if values.size > 1:
+                    variances.append(float(values.var(ddof=1)) / values.size)
             previous = target
     usable = {key: sides for key, sides in found.items() if min(len(sides[0]), len(sides[1])) >= 2}
     if len(usable) < 2:
@@ -80,6 +87,7 @@ def positioning_runs(
         np.array(keys) * SAME_TARGET,
         np.array([usable[key][0][:count_up] for key in keys]),
         np.array([usable[key][1][:count_down] for key in keys]),
+        float(np.sqrt(np.mean(variances))) if variances else 0.0,
     )
 
 

@@ -40,7 +40,7 @@ def summary(twin: TwinFile, reference: np.ndarray, result: SimulationResult) -> 
     following = reference - result.encoder
     carried = result.table - result.encoder
     lines = [
-        f'{"axis":<5}{"reference-encoder um":>24}{"table-encoder um":>22}{"force N":>16}',
+        f'{"axis":<5}{"reference-encoder µm":>24}{"table-encoder µm":>22}{"force N":>16}',
         f'{"":<5}{"rms":>14}{"max":>10}{"rms":>12}{"max":>10}{"rms":>8}{"max":>8}',
     ]
     for index, name in enumerate(twin.axes):

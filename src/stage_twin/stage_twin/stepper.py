@@ -1,6 +1,6 @@
 """The stepper stage of paper 1: two stacked axes that follow their motor steps without feedback.
 
-Microstep 0.047625 um, 104 mm/s, accuracy 15 um and repeatability 3 um (section 2 of paper 1).
+Microstep 0.047625 µm, 104 mm/s, accuracy 15 µm and repeatability 3 µm (section 2 of paper 1).
 The accuracy comes from the kinematic effects of the twin file, the repeatability from its key
 `repeatability` [m]: where a move ends scatters by a normal deviate, four standard deviations
 wide in all (ISO 230-2: R = 4 s).

@@ -216,7 +216,7 @@ class TrackerBridge(StageNode):
             values['quantum'] = f'{quantum:.2e}'
             if self.value('limits.quantum') < quantum < 1.0:
                 complaints.append(
-                    f'numbers are displayed in steps of {quantum * 1e6:.1f} um: '
+                    f'numbers are displayed in steps of {quantum * 1e6:.1f} µm: '
                     'raise the decimals in SpatialAnalyzer'
                 )
         return (WARN, '; '.join(complaints), values) if complaints else (OK, 'fine', values)

@@ -14,7 +14,7 @@ from stage_twin.emulators.zaber_device import ZaberDevice
 from stage_twin.emulators.zaber_faults import LineFaults
 from stage_twin.emulators.zaber_lines import CommandBuffer, Request, parse_request
 
-#: Travel of a 150 mm stage in microsteps of 0.047625 um.
+#: Travel of a 150 mm stage in microsteps of 0.047625 µm.
 DEFAULT_LIMITS = (0, 3149606)
 FIRST_SERIAL = 50001
 

@@ -1,0 +1,238 @@
+"""The one writer of HTML pages: a self-contained file for light, dark, narrow, wide and paper.
+
+A page loads nothing and runs no script. Every text is escaped, so that a name from a bag cannot
+become markup; words between backticks are set as code.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from stage_core import theme
+from stage_core.errors import StageError
+
+#: A picture wider than this (inches) gets a row of its own.
+_WIDE = 7.0
+
+_CSS = """
+*{box-sizing:border-box}
+html{color-scheme:light dark;-webkit-text-size-adjust:100%}
+body{font:16px/1.55 system-ui,'Segoe UI',sans-serif;color:var(--ink);background:var(--page);
+margin:0 auto;max-width:74rem;padding:1.2rem clamp(1rem,4vw,3rem) 4rem}
+h1{font-size:1.55rem;line-height:1.25;margin:.8rem 0}
+h2{font-size:1.2rem;margin:2.6rem 0 .6rem}h3{font-size:1rem;margin:1.6rem 0 .4rem}
+p,li{max-width:44rem}a{color:var(--blue)}
+code{font:.9em ui-monospace,monospace;background:var(--card);padding:.1em .3em;border-radius:3px;
+overflow-wrap:anywhere}
+nav{display:flex;flex-wrap:wrap;gap:.3rem 1.4rem;border-bottom:1px solid var(--rule);
+padding-bottom:.6rem;font-size:.95rem}nav [aria-current]{font-weight:650}
+.headline{background:var(--card);border-left:5px solid var(--blue);padding:1rem 1.2rem;
+margin:1rem 0}.headline.warn{border-color:var(--orange)}
+.headline p{margin:.2rem 0 0}.headline .value{font-size:1.65rem;font-weight:650;line-height:1.3;
+margin:0;max-width:none}
+dl{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,15rem),1fr));
+gap:.7rem 1.6rem;margin:1.2rem 0}dt{color:var(--muted);font-size:.85rem}dd{margin:0}
+.scroll{overflow-x:auto;margin:1rem 0}table{border-collapse:collapse}
+caption{text-align:left;color:var(--muted);padding-bottom:.3rem;font-size:.92rem}
+th,td{border-bottom:1px solid var(--rule);padding:.35rem 1.3rem .35rem 0;text-align:left;
+vertical-align:top}td{font-variant-numeric:tabular-nums}
+.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,19rem),1fr));gap:1rem;
+margin:1rem 0}.cards a{display:block;border:1px solid var(--rule);border-radius:6px;
+padding:.8rem 1rem;color:inherit;text-decoration:none}.cards a:hover{border-color:var(--blue)}
+.cards b{color:var(--blue)}.cards span{display:block;color:var(--muted);font-size:.94rem}
+.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,27rem),1fr));
+gap:1.4rem 2rem;margin:1.2rem 0}figure{margin:0;min-width:0}figure.wide{grid-column:1/-1}
+figure:only-child:not(.wide){max-width:34rem}
+figure div{overflow-x:auto}figure img{display:block;width:100%;height:auto}
+figure.wide img{min-width:36rem}figcaption{color:var(--muted);font-size:.92rem;max-width:44rem;
+margin-top:.3rem}figcaption b{color:var(--ink)}
+details{margin:1rem 0}@media (max-width:40rem){td{min-width:6rem}}
+summary{cursor:pointer;color:var(--blue)}
+footer{margin-top:3rem;color:var(--muted);font-size:.88rem}
+@media print{body{font-size:10.5pt;max-width:none;padding:0}h2,h3{break-after:avoid}
+figure,table,.headline{break-inside:avoid}nav{display:none}figure.wide img{min-width:0}}
+"""
+
+
+def css() -> str:
+    """The style of every page, with the colours of both themes."""
+    light = f'{theme.variables(0)}--page:#fff;--card:#f3f6f8'
+    dark = f'{theme.variables(1)}--page:#14181c;--card:#1f262d'
+    return (
+        f':root{{{light}}}@media (prefers-color-scheme:dark) and (not print){{:root{{{dark}}}}}'
+        + _CSS
+    )
+
+
+class Page:
+    """Collects the parts of a page in order and writes them as one file.
+
+    Parameters
+    ----------
+    title : what the page shows, as its heading.
+    """
+
+    def __init__(self, title: str) -> None:
+        self.title = title
+        self.figures: list[tuple[str, Any]] = []
+        self.brief = ''
+        self._nav = ''
+        self._parts: list[str] = []
+        self._row: list[str] = []
+
+    def navigation(self, entries: Sequence[tuple[str, str]]) -> Page:
+        """Links to the pages of this session, (name, address); an empty address is this page."""
+        links = (
+            f'<a href="{html.escape(address)}">{html.escape(name)}</a>'
+            if address
+            else f'<span aria-current="page">{html.escape(name)}</span>'
+            for name, address in entries
+        )
+        self._nav = f'<nav>{"".join(links)}</nav>'
+        return self
+
+    def headline(self, value: str, meaning: str, brief: str = '', warn: bool = False) -> Page:
+        """The one figure that counts, with its interval, and what it says.
+
+        `brief` follows the figure where another page links to this one.
+        """
+        self.brief = f'{value} {brief}'.strip()
+        kind = 'headline warn' if warn else 'headline'
+        return self._add(
+            f'<div class="{kind}"><p class="value">{_text(value)}</p><p>{_text(meaning)}</p></div>'
+        )
+
+    def conditions(self, entries: Sequence[tuple[str, str]]) -> Page:
+        """Under what conditions it was measured: (name, value); empty values are left out."""
+        rows = (f'<div><dt>{_text(n)}</dt><dd>{_text(v)}</dd></div>' for n, v in entries if v)
+        return self._add(f'<dl>{"".join(rows)}</dl>')
+
+    def heading(self, text: str) -> Page:
+        """Start a section."""
+        return self._add(f'<h2>{_text(text)}</h2>')
+
+    def subheading(self, text: str) -> Page:
+        """Start a part of a section."""
+        return self._add(f'<h3>{_text(text)}</h3>')
+
+    def text(self, text: str) -> Page:
+        """Add paragraphs; an empty line starts the next one."""
+        return self._add(''.join(f'<p>{_text(p.strip())}</p>' for p in text.split('\n\n')))
+
+    def items(self, texts: Sequence[str]) -> Page:
+        """Add a list."""
+        return self._add(f'<ul>{"".join(f"<li>{_text(t)}</li>" for t in texts)}</ul>')
+
+    def cards(self, entries: Sequence[tuple[str, str, str]]) -> Page:
+        """Links with what is found there: (name, address, sentence)."""
+        cards = (
+            f'<a href="{html.escape(address)}"><b>{_text(name)}</b><span>{_text(says)}</span></a>'
+            for name, address, says in entries
+        )
+        return self._add(f'<div class="cards">{"".join(cards)}</div>')
+
+    def table(
+        self, header: Sequence[str], rows: Sequence[Sequence[object]], caption: str = ''
+    ) -> Page:
+        """Add a table; cells are shown as they are, numbers to four digits, None as a dash.
+
+        Raises
+        ------
+        StageError
+            If a row has another number of cells than the header.
+        """
+        lines = [f'<caption>{_text(caption)}</caption>'] if caption else []
+        names = ''.join(f'<th scope="col">{_text(name)}</th>' for name in header)
+        lines.append(f'<thead><tr>{names}</tr></thead><tbody>')
+        for row in rows:
+            if len(row) != len(header):
+                raise StageError(
+                    f'a table row of {len(row)} cells under {len(header)} headings: '
+                    'give one cell for each'
+                )
+            lines.append(f'<tr>{"".join(f"<td>{_text(_cell(v))}</td>" for v in row)}</tr>')
+        body = ''.join(lines)
+        return self._add(f'<div class="scroll"><table>{body}</tbody></table></div>')
+
+    def figure(self, figure: Any, title: str, look_for: str = '') -> Page:
+        """Embed a matplotlib figure; pictures that follow each other stand side by side.
+
+        Parameters
+        ----------
+        title : what it shows; the alternative text too.
+        look_for : what the reader should look for in it.
+        """
+        data = base64.b64encode(theme.svg(figure).encode()).decode('ascii')
+        kind = ' class="wide"' if figure.get_figwidth() > _WIDE else ''
+        self._row.append(
+            f'<figure{kind}><div><img alt="{html.escape(title)}" '
+            f'src="data:image/svg+xml;base64,{data}"></div>'
+            f'<figcaption><b>{_text(title)}.</b> {_text(look_for)}</figcaption></figure>'
+        )
+        self.figures.append((title, figure))
+        return self
+
+    @contextmanager
+    def folded(self, summary: str) -> Iterator[Page]:
+        """What is added inside is hidden until the reader opens it."""
+        self._add(f'<details><summary>{_text(summary)}</summary>')
+        yield self
+        self._add('</details>')
+
+    def _add(self, part: str) -> Page:
+        self._close_row()
+        self._parts.append(part)
+        return self
+
+    def _close_row(self) -> None:
+        if self._row:
+            self._parts.append(f'<div class="figures">{"".join(self._row)}</div>')
+            self._row = []
+
+    def render(self) -> str:
+        """The page as HTML."""
+        self._close_row()
+        title, body = html.escape(self.title), '\n'.join(self._parts)
+        return (
+            '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">'
+            f'<title>{title}</title><style>{css()}</style></head>\n'
+            f'<body>{self._nav}<main><h1>{title}</h1>\n{body}\n</main></body></html>\n'
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page; missing folders are made.
+
+        Raises
+        ------
+        StageError
+            If the file cannot be written.
+        """
+        target = Path(path)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(self.render(), encoding='utf-8')
+        except OSError as error:
+            raise StageError(f'cannot write {target}: {error.strerror}') from error
+        return target
+
+    def save_pictures(self, folder: Path, name: str) -> None:
+        """Write each picture as ``<name>_<number>.png`` on white."""
+        for number, (_, figure) in enumerate(self.figures, 1):
+            figure.savefig(folder / f'{name}_{number:02d}.png', dpi=110, facecolor='white')
+
+
+def _text(text: str) -> str:
+    return re.sub(r'`([^`]+)`', r'<code>\1</code>', html.escape(text, quote=False))
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return '–'
+    return f'{value:.4g}' if isinstance(value, float) else str(value)

@@ -1,0 +1,166 @@
+"""Page of a contour session: the contour error run by run, without approach and pauses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from stage_core.metrics import error_figures
+from stage_core.pages import Page
+from stage_core.quantities import MICROMETRE
+from stage_core.session import Session
+from stage_core.wording import measure
+from stage_reports import figures
+from stage_reports.extract import circular_paths
+from stage_reports.figures.contours import Run as Curve
+from stage_reports.sections import (
+    circular_section,
+    condition_entries,
+    recorded_section,
+    temperature_section,
+)
+from stage_reports.tracking import Array, Run, Tracking, tracking_errors
+
+#: Stretches of the path over which the spread of the error is stated.
+STRETCHES = 12
+MICRO = 1.0 / MICROMETRE
+
+
+def contour_page(
+    session: Session, found: list[Run], entries: list[tuple[str, str]] | None = None
+) -> Page:
+    """Page of a session with a contour; `found` are its runs, see `tracking.runs`."""
+    rms = [error_figures(run.contour).rms for run in found]
+    best = int(np.argmin(rms))
+    parts = [error_figures(p).rms for p in np.array_split(found[best].contour, STRETCHES)]
+    page = Page(f'{Path(session.path).name}: following a contour')
+    first = f', {measure(rms[0])} in the first' if best else ''
+    page.headline(
+        f'{rms[best] * MICRO:.2f} µm ({min(parts) * MICRO:.2f} to {max(parts) * MICRO:.2f} µm '
+        'along the path)',
+        f'RMS contour error in run {best + 1} of {len(found)}{first}: the distance of the encoder '
+        f'from the wanted path. In brackets: the RMS of the calmest and of the worst of '
+        f'{STRETCHES} equal stretches. Approach and pauses are left out.',
+        'from the contour, RMS of the best run',
+    )
+    encoder = {item.sensor: item for item in tracking_errors(session)}
+    page.conditions(
+        [
+            *condition_entries(session, entries),
+            ('Runs', f'{len(found)} of {found[0].seconds[-1] - found[0].seconds[0]:.2f} s each'),
+        ]
+    )
+    _learning(page, found, rms)
+    seen = [encoder[s] for s in ('encoder', 'tracker') if s in encoder]
+    _over_path(page, found, best, seen)
+    _table(page, found, seen)
+    _standard(page, found, seen)
+    temperature_section(page, session)
+    recorded_section(page, session)
+    return page
+
+
+def _learning(page: Page, found: list[Run], rms: list[float]) -> None:
+    largest = [error_figures(run.contour).maximum for run in found]
+    page.heading('Better from run to run')
+    if len(found) > 1:
+        page.figure(
+            figures.convergence({'RMS': rms, 'largest': largest}),
+            'Contour error over the runs',
+            'A straight fall, then a floor: the rest does not repeat. A rise: learning too fast.',
+        )
+    ends = [found[0], found[-1]] if len(found) > 1 else found
+    page.figure(
+        figures.histogram({f'run {run.number}': run.contour for run in ends}, rare=True),
+        'How often which contour error occurs',
+        'A narrow heap with far tails: short events, as reversals, make the largest errors.',
+    )
+
+
+def _places(run: Run, tracking: Tracking) -> tuple[Array, Array] | None:
+    """Reference points (n, 2) [m] of a run, on the instants of its contour errors."""
+    inside = run.within(tracking.seconds)
+    if tracking.reference.shape[1] != 2 or inside.sum() < 8:
+        return None
+    seconds, points = tracking.seconds[inside], tracking.reference[inside]
+    return run.seconds, np.column_stack(
+        [np.interp(run.seconds, seconds, column) for column in points.T]
+    )
+
+
+def _over_path(page: Page, found: list[Run], best: int, seen: list[Tracking]) -> None:
+    if not seen:
+        return
+    chosen = [found[0]] if best == 0 else [found[0], found[best]]
+    circle = _circle(found[0], seen[0])
+    curves: list[Curve] = []
+    for run in chosen:
+        known = _places(run, seen[0])
+        if known is None:
+            return
+        points = known[1]
+        if circle is None:
+            steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+            place = np.concatenate([[0.0], np.cumsum(steps)]) * 1e3
+        else:
+            offset = points - circle[0]
+            place = np.degrees(np.unwrap(np.arctan2(offset[:, 1], offset[:, 0])))
+        curves.append((f'run {run.number}', place, run.contour))
+    label = 'way along the path (mm)' if circle is None else 'angle of the path (°)'
+    page.heading('Where on the path')
+    page.figure(
+        figures.error_over_path(curves, label),
+        'Contour error over the path, first and best run',
+        'On a circle an axis reverses at 0°, 90°, 180° and 270°: spikes there are friction or '
+        'play. A wave between them: screw pitch or force ripple.',
+    )
+    if circle is not None:
+        page.figure(
+            figures.contour_polar(
+                [(name, np.radians(place), error) for name, place, error in curves], circle[1]
+            ),
+            'The same on the circle, magnified',
+            'An ellipse: unequal gains of the axes, or axes that are not square.',
+        )
+
+
+def _circle(run: Run, tracking: Tracking) -> tuple[Array, float] | None:
+    inside = run.within(tracking.seconds)
+    part = tracking.take(inside)
+    if part.reference.shape[1] != 2 or len(part.reference) < 16:
+        return None
+    paths = circular_paths(part.reference, part.measured)
+    return None if paths is None else (paths.centre, paths.radius)
+
+
+def _table(page: Page, found: list[Run], seen: list[Tracking]) -> None:
+    header = ['run', 'contour RMS (µm)', 'contour largest (µm)']
+    header += [f'{t.sensor}: RMS of {a} (µm)' for t in seen for a in 'xy'[: t.errors.shape[1]]]
+    rows: list[list[object]] = []
+    for run in found:
+        f = error_figures(run.contour)
+        row: list[object] = [run.number, f'{f.rms * MICRO:.2f}', f'{f.maximum * MICRO:.1f}']
+        for tracking in seen:
+            part = tracking.errors[run.within(tracking.seconds)]
+            row += (
+                [f'{error_figures(column).rms * MICRO:.2f}' for column in part.T]
+                if len(part)
+                else [None] * tracking.errors.shape[1]
+            )
+        rows.append(row)
+    page.table(header, rows, 'reference minus what the sensor says, while the contour is followed')
+    if any(t.sensor == 'tracker' for t in seen):
+        page.text(
+            'The encoder sits on the motor side: it does not see play, screw pitch and axes that '
+            'are not square. The tracker sees them, and its own noise.'
+        )
+
+
+def _standard(page: Page, found: list[Run], seen: list[Tracking]) -> None:
+    """ISO 230-4 of all runs together, where they run both ways; else of the last one."""
+    for tracking in reversed(seen):
+        if _circle(found[-1], tracking) is None:
+            continue
+        page.heading(f'Circular test (ISO 230-4), {tracking.sensor}')
+        circular_section(page, tracking.take(found[-1].within(tracking.seconds)))

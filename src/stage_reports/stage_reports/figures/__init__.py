@@ -1,0 +1,31 @@
+"""Pictures of error maps, standard tests, contours, learning and signals.
+
+Every function takes SI arrays and returns a matplotlib ``Figure`` drawn without pyplot, so that
+nothing depends on a display or on global state. Deviations are drawn in micrometres.
+"""
+
+from stage_reports.figures.contours import contour_polar, error_over_path
+from stage_reports.figures.curves import (
+    convergence,
+    histogram,
+    learning_rate,
+    spectrum,
+    time_series,
+)
+from stage_reports.figures.maps import error_map, error_over_axis, path_plot
+from stage_reports.figures.standards import circular_plot, positioning_plot
+
+__all__ = [
+    'circular_plot',
+    'contour_polar',
+    'convergence',
+    'error_map',
+    'error_over_axis',
+    'error_over_path',
+    'histogram',
+    'learning_rate',
+    'path_plot',
+    'positioning_plot',
+    'spectrum',
+    'time_series',
+]

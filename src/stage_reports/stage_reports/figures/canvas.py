@@ -1,0 +1,72 @@
+"""What all pictures share: the style, units, and the check and thinning of arrays."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable
+from typing import ParamSpec
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from stage_core.errors import StageError
+from stage_core.theme import SERIES, STYLE
+
+Array = NDArray[np.float64]
+Arguments = ParamSpec('Arguments')
+MICRO = 1e6
+MILLI = 1e3
+#: Points of a curve in a picture. More make the page large and show nothing else.
+MOST_POINTS = 2000
+
+
+def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
+    """Draw in the style of the pages, whatever the settings of the process are."""
+
+    @functools.wraps(draw)
+    def drawn(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
+        with matplotlib.rc_context(STYLE):
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def canvas(width: float, height: float) -> Figure:
+    """An empty figure of this size in inches, on a page of about 11 inches."""
+    return Figure(figsize=(width, height), layout='constrained')
+
+
+def colours(count: int) -> Iterable[str]:
+    """So many colours of the series, from the start again where they run out."""
+    return (str(c) for c in np.resize(SERIES, count))
+
+
+def pairs(name: str, values: ArrayLike) -> Array:
+    """Points (n, 2) in metres.
+
+    Raises
+    ------
+    StageError
+        For another shape or a value that is not finite.
+    """
+    table = np.asarray(values, dtype=float)
+    if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
+        raise StageError(f'{name} of shape {table.shape}: give finite numbers (n, 2) in metres')
+    return table
+
+
+def thin(count: int, limit: int = MOST_POINTS) -> NDArray[np.int64]:
+    """Indices that leave at most ``limit`` of ``count`` samples, evenly."""
+    return np.unique(np.linspace(0, count - 1, min(count, limit)).astype(int))
+
+
+def envelope(values: Array, limit: int = MOST_POINTS) -> NDArray[np.int64]:
+    """Indices of the extremes of equal stretches, so that a thinned curve keeps its peaks."""
+    count = len(values)
+    if count <= limit:
+        return np.arange(count)
+    stretches = np.array_split(np.arange(count), limit // 2)
+    chosen = [(s[np.argmin(values[s])], s[np.argmax(values[s])]) for s in stretches]
+    return np.unique(np.array(chosen).ravel())

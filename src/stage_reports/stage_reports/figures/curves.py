@@ -1,0 +1,126 @@
+"""Pictures of signals and of errors over trials: curves, spectra, histograms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+from numpy.typing import ArrayLike
+from scipy import signal
+
+from stage_core.errors import StageError
+from stage_reports.figures.canvas import MICRO, canvas, colours, envelope, styled
+
+
+@styled
+def convergence(errors: Mapping[str, ArrayLike], title: str = '') -> Figure:
+    """Errors over the trials of iterative learning, metres, on a logarithmic axis.
+
+    Parameters
+    ----------
+    errors : name of a figure (RMS, maximum, a scheme) -> its value in each trial (n,), m.
+    """
+    if not errors:
+        raise StageError('no learning curve given: pass at least one list of errors')
+    figure = canvas(5.6, 4.2)
+    axes = figure.subplots()
+    for colour, (name, values) in zip(colours(len(errors)), errors.items(), strict=True):
+        curve = np.asarray(values, dtype=float)
+        axes.plot(
+            np.arange(1, curve.size + 1), curve * MICRO, marker='o', color=colour, label=name
+        )
+    axes.set(title=title, xlabel='iteration', ylabel='error (µm)', yscale='log')
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(lambda value, _: f'{value:g}')
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.legend()
+    return figure
+
+
+@styled
+def learning_rate(values: Mapping[str, ArrayLike], title: str = '') -> Figure:
+    """Factors without unit over the trials: learning rates, reinforcement signals.
+
+    Parameters
+    ----------
+    values : name of a factor -> its value in each trial (n,).
+    """
+    if not values:
+        raise StageError('no learning rate given: pass at least one list')
+    figure = canvas(5.6, 4.2)
+    axes = figure.subplots()
+    for colour, (name, curve) in zip(colours(len(values)), values.items(), strict=True):
+        data = np.asarray(curve, dtype=float)
+        axes.step(
+            np.arange(1, data.size + 1), data, where='mid', marker='o', color=colour, label=name
+        )
+    axes.set(title=title, xlabel='iteration', ylabel='factor')
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.legend()
+    return figure
+
+
+@styled
+def time_series(
+    seconds: ArrayLike, values: Mapping[str, ArrayLike], unit: str, title: str = ''
+) -> Figure:
+    """Signals over time; each name a curve, all in the unit given (already scaled)."""
+    time = np.asarray(seconds, dtype=float)
+    figure = canvas(10.5, 3.4)
+    axes = figure.subplots()
+    for colour, (name, curve) in zip(colours(len(values)), values.items(), strict=True):
+        data = np.asarray(curve, dtype=float)
+        if data.shape != time.shape:
+            raise StageError(f'{name} has {data.size} samples over {time.size} times: align them')
+        index = envelope(data)
+        axes.plot(time[index], data[index], lw=0.9, color=colour, label=name)
+    axes.set(title=title, xlabel='time (s)', ylabel=unit)
+    axes.margins(x=0.01)
+    axes.legend(ncols=len(values))
+    return figure
+
+
+@styled
+def spectrum(values: Mapping[str, ArrayLike], rate: float, unit: str, title: str = '') -> Figure:
+    """Amplitude spectral density (Welch, Hann) of signals sampled at ``rate`` Hz."""
+    if not rate > 0.0:
+        raise StageError(f'the sampling rate {rate} Hz must be positive')
+    figure = canvas(5.6, 4.2)
+    axes = figure.subplots()
+    for colour, (name, curve) in zip(colours(len(values)), values.items(), strict=True):
+        data = np.asarray(curve, dtype=float)
+        if data.size < 8:
+            raise StageError(f'{name} has {data.size} samples: a spectrum needs at least 8')
+        frequency, density = signal.welch(data, rate, nperseg=min(data.size, 4096))
+        axes.loglog(frequency[1:], np.sqrt(density[1:]), lw=0.9, color=colour, label=name)
+    axes.set(title=title, xlabel='frequency (Hz)', ylabel=f'{unit}/√Hz')
+    axes.legend()
+    return figure
+
+
+@styled
+def histogram(values: Mapping[str, ArrayLike], rare: bool = False) -> Figure:
+    """How often which error occurs; each name a set of errors in metres, with its RMS.
+
+    `rare` takes a logarithmic share, which shows what happens seldom.
+    """
+    data = {name: np.asarray(v, dtype=float).ravel() * MICRO for name, v in values.items()}
+    if not data or any(v.size < 2 for v in data.values()):
+        raise StageError('a histogram needs two errors or more of each name')
+    figure = canvas(5.6, 4.2)
+    axes = figure.subplots()
+    widest = max(float(np.abs(v).max()) for v in data.values()) or 1.0
+    smallest = min(v.size for v in data.values())
+    edges = np.linspace(-widest, widest, int(np.clip(np.sqrt(smallest) * 1.5, 8, 60)) | 1)
+    for colour, (name, errors) in zip(colours(len(data)), data.items(), strict=True):
+        share = np.full(errors.size, 100.0 / errors.size)
+        rms = float(np.sqrt(np.mean(errors**2)))
+        label = f'{name}: RMS {rms:.3g} µm'
+        axes.hist(errors, edges, weights=share, color=colour, alpha=0.22)
+        axes.hist(errors, edges, weights=share, color=colour, histtype='step', label=label)
+    axes.set(xlabel='error (µm)', ylabel='share (%)', yscale='log' if rare else 'linear')
+    axes.legend()
+    return figure

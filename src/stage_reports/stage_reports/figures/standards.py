@@ -1,0 +1,83 @@
+"""Pictures of the standard tests: ISO 230-2 bands and the ISO 230-4 polar plot."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from stage_core.theme import BLUE, INK, MUTED, ORANGE
+from stage_reports.figures.canvas import MICRO, MILLI, canvas, pairs, styled, thin
+from stage_reports.iso230 import Circular, Positioning
+
+
+@styled
+def positioning_plot(result: Positioning, axis_name: str = '') -> Figure:
+    """Positioning deviations over the targets as ISO 230-2 draws them: means and bands of 2 s.
+
+    A bracket on the right spans the accuracy A.
+    """
+    figure = canvas(6.4, 4.2)
+    axes = figure.subplots()
+    position = result.targets * MILLI
+    for name, mean, s, colour, marker in (
+        ('positive approach', result.mean_up, result.deviation_up, BLUE, '^'),
+        ('negative approach', result.mean_down, result.deviation_down, ORANGE, 'v'),
+    ):
+        low, high = (mean - 2.0 * s) * MICRO, (mean + 2.0 * s) * MICRO
+        axes.fill_between(position, low, high, color=colour, alpha=0.18, lw=0)
+        axes.plot(position, mean * MICRO, color=colour, marker=marker, label=f'{name}, ± 2 s')
+    axes.plot(position, result.mean * MICRO, color=MUTED, ls='--', label='mean of both')
+    top = max((result.mean_up + 2 * result.deviation_up).max(),
+              (result.mean_down + 2 * result.deviation_down).max())  # fmt: skip
+    place = position.max() + 0.06 * float(np.ptp(position) or 1.0)
+    axes.annotate(
+        '', (place, top * MICRO), (place, (top - result.A) * MICRO),
+        arrowprops={'arrowstyle': '<->', 'color': INK},
+    )  # fmt: skip
+    axes.text(place, (top - 0.5 * result.A) * MICRO, f' A {result.A * MICRO:.3g}', va='center')
+    figures = ', '.join(f'{n} {getattr(result, n) * MICRO:.3g}' for n in ('A', 'R', 'E', 'B'))
+    axes.set(
+        title=f'ISO 230-2 {axis_name}: {figures} µm'.replace('  ', ' '),
+        xlabel='target position (mm)',
+        ylabel='deviation (µm)',
+    )
+    axes.legend(loc='best')
+    return figure
+
+
+@styled
+def circular_plot(
+    result: Circular, counter_clockwise: ArrayLike, clockwise: ArrayLike | None = None
+) -> Figure:
+    """Radial deviations over the angle, magnified about the nominal circle (ISO 230-4)."""
+    figure = canvas(5.6, 5.6)
+    axes = figure.add_subplot(projection='polar')
+    paths = [('counter-clockwise', pairs('path', counter_clockwise), BLUE)]
+    if clockwise is not None:
+        paths.append(('clockwise', pairs('path', clockwise), ORANGE))
+    widest = max(abs(result.F_max), abs(result.F_min), np.finfo(float).tiny) * MICRO
+    for name, path, colour in paths:
+        offset = path[thin(len(path))] - result.centre
+        deviation = np.linalg.norm(offset, axis=1) - result.radius
+        angle = np.arctan2(offset[:, 1], offset[:, 0])
+        # A jump of the angle's branch would draw a line across the circle.
+        deviation[1:][np.abs(np.diff(angle)) > np.pi] = np.nan
+        axes.plot(angle, deviation * MICRO, color=colour, lw=0.9, label=name)
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    axes.plot(turn, np.zeros_like(turn), color=INK, lw=0.9, label='nominal circle')
+    axes.set_ylim(-3.0 * widest, 1.5 * widest)
+    axes.set_rlabel_position(67.5)
+    axes.set_title(f'{_circular_figures(result)} µm', fontsize=10, loc='center')
+    axes.legend(loc='center', fontsize=8)
+    return figure
+
+
+def _circular_figures(result: Circular) -> str:
+    parts = [f'G {result.G * MICRO:.3g}']
+    if result.G_b is not None:
+        parts.append(f'G(b) {result.G_b * MICRO:.3g}')
+    parts.append(f'F {result.F_min * MICRO:.3g} to {result.F_max * MICRO:.3g}')
+    if result.H is not None:
+        parts.append(f'H {result.H * MICRO:.3g}')
+    return ', '.join(parts)

@@ -1,0 +1,85 @@
+"""Page of any other recording: the error of a moving stage, with its spectrum and map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from stage_core import topics
+from stage_core.pages import Page
+from stage_core.quantities import MICROMETRE
+from stage_core.session import Session
+from stage_core.wording import measure
+from stage_reports import figures
+from stage_reports.calibration_page import AXIS_TABLE
+from stage_reports.intervals import distance_rms
+from stage_reports.sections import (
+    axis_rows,
+    circular_section,
+    condition_entries,
+    positioning_section,
+    recorded_section,
+    temperature_section,
+)
+from stage_reports.tracking import Tracking, tracking_errors
+
+#: Arrows along a path lie close; more of them cover each other.
+ARROWS = 120
+
+
+def motion_page(session: Session) -> Page:
+    """Page of a session that has neither rests nor contour errors."""
+    page = Page(f'{Path(session.path).name}: the stage in motion')
+    found = tracking_errors(session)
+    if found:
+        by = [f'{measure(distance_rms(t.errors))} seen by the {t.sensor}' for t in found]
+        page.headline(
+            ', '.join(by),
+            'RMS distance between reference and measured position at every instant. The lag of '
+            'the servo loop in motion is part of it.',
+        )
+    else:
+        page.headline(
+            'no error can be stated',
+            'The recording lacks a reference, or a sensor in metres at its times.',
+            warn=True,
+        )
+    page.conditions(condition_entries(session))
+    if len(session.axes) == 2 and session.has(topics.REFERENCE):
+        reference = session.series[topics.REFERENCE].columns('position', session.axes)
+        paths = [('reference', reference), *((t.sensor, t.measured) for t in found)]
+        page.heading('The path')
+        page.figure(figures.path_plot(paths), 'Reference and measured path')
+    for tracking in found:
+        _tracking(page, session, tracking)
+    for tracking in found:
+        positioning_section(page, session, tracking)
+        circular_section(page, tracking)
+    temperature_section(page, session)
+    recorded_section(page, session)
+    return page
+
+
+def _tracking(page: Page, session: Session, tracking: Tracking) -> None:
+    axes = session.axes
+    page.heading(f'Tracking error, {tracking.sensor}')
+    page.table(AXIS_TABLE, axis_rows(tracking.errors, axes), f'reference minus {tracking.sensor}')
+    named = {axis: tracking.errors[:, k] / MICROMETRE for k, axis in enumerate(axes)}
+    page.figure(
+        figures.time_series(tracking.seconds, named, 'error (µm)'),
+        f'Tracking error over time, {tracking.sensor}',
+        'An error that grows with speed: lag of the loop. Jumps at rest: reversal errors.',
+    )
+    period = float(np.median(np.diff(tracking.seconds)))
+    if period > 0.0:
+        page.figure(
+            figures.spectrum(named, 1.0 / period, 'µm'),
+            f'Spectrum of the tracking error, {tracking.sensor}',
+            'A line: a resonance, or the screw at constant speed. A flat floor: noise.',
+        )
+    if len(axes) == 2:
+        page.figure(
+            figures.error_map(tracking.reference, -tracking.errors, arrows=ARROWS),
+            f'Where the {tracking.sensor} sees the table off its reference',
+        )

@@ -1,0 +1,175 @@
+"""Sections that several pages share: conditions, standard tests, signals, what was recorded."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from stage_core import topics
+from stage_core.metrics import error_figures
+from stage_core.pages import Page
+from stage_core.quantities import MICROMETRE
+from stage_core.session import Session
+from stage_core.wording import measure, span
+from stage_reports import figures
+from stage_reports.extract import circular_paths, positioning_runs
+from stage_reports.iso230 import circular, positioning
+from stage_reports.tracking import Tracking
+from stage_reports.uncertainty import positioning_uncertainty
+
+#: Stamps before this (s since 1970, September 2001) count from another zero: simulated time.
+FIRST_DATE = 1_000_000_000
+#: The figures of ISO 230-2 that a page shows, with their names in the standard.
+POSITIONING_FIGURES = (
+    ('A', 'accuracy, bidirectional'),
+    ('R', 'repeatability, bidirectional'),
+    ('R_up', 'repeatability, positive approach'),
+    ('R_down', 'repeatability, negative approach'),
+    ('E', 'systematic deviation, bidirectional'),
+    ('B', 'reversal value'),
+    ('M', 'mean deviation, bidirectional'),
+)
+
+
+def condition_entries(
+    session: Session, known: list[tuple[str, str]] | None = None
+) -> list[tuple[str, str]]:
+    """What is `known` of a session's conditions, and what it tells itself."""
+    start = session.start_ns // 1_000_000_000
+    date = time.strftime('%Y-%m-%d %H:%M', time.localtime(start))
+    sensors = session.temperatures()
+    values = np.concatenate([s.values['temperature'] for s in sensors.values()] or [np.empty(0)])
+    heat = span(values.min(), values.max(), '°C', 1) if values.size else 'not recorded'
+    twin = session.twin or {}
+    told = {
+        'Recording': Path(session.path).name,
+        'Date': date if start > FIRST_DATE else '',
+        'Twin': str(twin.get('kind', 'none in the recording')),
+        'Temperature': heat,
+        'Alignment': 'tracker aligned with the stage' if session.alignment else '',
+    }
+    return list({**told, **dict(known or [])}.items())
+
+
+def positioning_section(page: Page, session: Session, tracking: Tracking) -> bool:
+    """Evaluate the axes that were tested by ISO 230-2; whether there was one."""
+    found = False
+    for column, axis in enumerate(session.axes):
+        test = positioning_runs(
+            tracking.seconds, tracking.reference[:, column], tracking.measured[:, column]
+        )
+        if test is None:
+            continue
+        found = True
+        result = positioning(test.targets, test.up, test.down)
+        uncertain = positioning_uncertainty(test)
+        count = test.up.shape[1]
+        page.heading(f'Positioning of axis {axis} (ISO 230-2), {tracking.sensor}')
+        page.figure(
+            figures.positioning_plot(result, f'axis {axis}'),
+            f'Deviations of axis {axis} at {len(test.targets)} targets',
+            'The two bands apart: play (B). Wide bands: poor repeatability (R). A slope: scale. '
+            'A wave: the screw.',
+        )
+        page.table(
+            ['figure', 'meaning', 'value (µm)', 'U (µm)'],
+            [
+                [name.replace('_up', '↑').replace('_down', '↓'), meaning,
+                 f'{getattr(result, name) / MICROMETRE:.2f}',
+                 f'{uncertain[name] / MICROMETRE:.2f}']
+                for name, meaning in POSITIONING_FIGURES
+            ],
+            'U: expanded uncertainty (k = 2) from the scatter of the sensor within the rests '
+            'alone; its alignment, scale and the temperature are not in it',
+        )  # fmt: skip
+        if count < 5 or len(test.targets) < 5:
+            page.text(
+                f'{len(test.targets)} targets with {count} approaches from each side. The '
+                'standard asks for five of each.'
+            )
+    return found
+
+
+def circular_section(page: Page, tracking: Tracking) -> bool:
+    """Evaluate a circle by ISO 230-4; whether there was one."""
+    if tracking.reference.shape[1] != 2:
+        return False
+    paths = circular_paths(tracking.reference, tracking.measured)
+    if paths is None:
+        return False
+    first, second, way = paths.counter_clockwise, paths.clockwise, 'counter-clockwise'
+    if first is None:
+        first, second, way = second, None, 'clockwise'
+    if first is None:
+        return False
+    result = circular(first, second, paths.radius, paths.centre)
+    values: list[tuple[str, str, float | None]] = [
+        (f'G, {way}', 'circular deviation: width of the thinnest ring around the path', result.G),
+        ('G, clockwise', 'the same of the other direction', result.G_clockwise),
+        ('G(b)', 'the same of both directions together', result.G_b),
+        ('H', 'largest difference of the two directions at one angle', result.H),
+        ('F max', 'largest radial deviation', result.F_max),
+        ('F min', 'smallest radial deviation', result.F_min),
+        ('D', 'mean radius minus nominal radius', result.D),
+    ]
+    page.figure(
+        figures.circular_plot(result, first, second),
+        f'Circular test (ISO 230-4), {tracking.sensor}, radius {measure(result.radius)}',
+        'An ellipse along 45°: axes that are not square. Steps at the four quadrants: play or '
+        'friction. Waves: screw pitch.',
+    )
+    page.table(
+        ['figure', 'meaning', 'value (µm)'],
+        [[n, words, f'{v / MICROMETRE:.2f}'] for n, words, v in values if v is not None],
+    )
+    return True
+
+
+def temperature_section(page: Page, session: Session) -> None:
+    """Draw the temperatures where any moved by a tenth of a degree."""
+    sensors = {name: s for name, s in sorted(session.temperatures().items()) if len(s) > 1}
+    if not any(np.ptp(s.values['temperature']) >= 0.1 for s in sensors.values()):
+        return
+    longest = max(sensors, key=lambda name: len(sensors[name]))
+    seconds = session.seconds(topics.temperature_key(longest))
+    # One axis of time for all; temperatures change slowly against their sampling.
+    curves = {
+        name: np.interp(
+            seconds, session.seconds(topics.temperature_key(name)), s.values['temperature']
+        )
+        for name, s in sensors.items()
+    }
+    page.heading('Temperatures')
+    page.figure(
+        figures.time_series(seconds, curves, 'temperature (°C)'),
+        f'Temperature of {", ".join(sensors)}',
+        'A screw that warms grows by about 11 µm per metre and kelvin.',
+    )
+
+
+def recorded_section(page: Page, session: Session) -> None:
+    """What the recording holds, folded away."""
+    rows: list[list[object]] = []
+    for topic in sorted(session.series):
+        series = session.series[topic]
+        if not len(series):
+            continue
+        length = float(series.stamps[-1] - series.stamps[0]) * 1e-9
+        rate = f'{(len(series) - 1) / length:.4g}' if length > 0.0 else None
+        rows.append([topic, len(series), f'{length:.1f}', rate])
+    with page.folded('What was recorded'):
+        page.table(['topic', 'messages', 'duration (s)', 'rate (Hz)'], rows)
+        for warning in session.warnings:
+            page.text(f'Note: {warning}')
+
+
+def axis_rows(errors: np.ndarray, axes: tuple[str, ...]) -> list[list[object]]:
+    """Rows of a table: RMS, mean |e|, largest and standard deviation of each axis, in µm."""
+    rows: list[list[object]] = []
+    for column, axis in enumerate(axes):
+        f = error_figures(errors[:, column])
+        values = (f.rms, f.mae, f.maximum, f.sigma)
+        rows.append([axis, *(f'{v / MICROMETRE:.2f}' for v in values)])
+    return rows

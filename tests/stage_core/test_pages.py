@@ -1,0 +1,86 @@
+"""The writer of pages: self-contained, escaped, in both themes; numbers as a person reads them."""
+
+from __future__ import annotations
+
+import base64
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from stage_core import theme
+from stage_core.errors import StageError
+from stage_core.pages import Page
+from stage_core.wording import effect_words, measure, span, with_interval, with_std
+from stage_reports import figures
+
+
+def test_the_page_is_self_contained_and_escaped(tmp_path: Path) -> None:
+    page = Page('A & <b>')
+    page.headline('<1 µm', 'meaning', 'brief').conditions([('Machine', 'x<y'), ('None', '')])
+    page.heading('Part').text('one\n\ntwo <script>alert(1)</script> `code`')
+    page.table(['name', 'value'], [['x<y', 1.23456e-6], ['none', None]], 'numbers')
+    page.figure(figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm'), 'a "picture"', 'Look.')
+    page.navigation([('Session', 'report.html'), ('Here', '')])
+    html = page.save(tmp_path / 'deep' / 'report.html').read_text(encoding='utf-8')
+    assert '<script' not in html
+    assert '&lt;script&gt;' in html
+    assert '<code>code</code>' in html
+    assert 'x&lt;y' in html and 'None' not in html
+    assert 'alt="a &quot;picture&quot;"' in html
+    assert '<a href="report.html">Session</a>' in html
+    assert page.brief == '<1 µm brief'
+    # Nothing is loaded: the only addresses are data.
+    assert not re.search(r'(src|href)="(?!data:|report\.html)', html)
+
+
+def test_a_picture_has_the_colours_of_both_themes() -> None:
+    text = theme.svg(figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm'))
+    ElementTree.fromstring(text)
+    drawing = text[text.index('</style>') :]
+    assert 'var(--blue)' in drawing and 'var(--ink)' in drawing
+    assert not set(re.findall(r'#[0-9a-f]{6}\b', drawing)) & {c for c, _ in theme.COLOURS.values()}
+    assert 'prefers-color-scheme:dark' in text
+    assert theme.svg(figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm')) == text
+
+
+def test_neighbouring_pictures_share_a_row() -> None:
+    page = Page('rows')
+    small = figures.histogram({'a': [0.0, 1.0, 2.0]})
+    page.figure(small, 'one').figure(small, 'two').text('between').figure(small, 'three')
+    html = page.render()
+    assert html.count('class="figures"') == 2
+    images = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', html)
+    assert all(base64.b64decode(image).startswith(b'<svg') for image in images)
+    assert len(images) == 3
+
+
+def test_the_page_refuses_what_does_not_fit(tmp_path: Path) -> None:
+    page = Page('r')
+    with pytest.raises(StageError, match='cells'):
+        page.table(['a', 'b'], [[1]])
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(StageError, match='cannot write'):
+        page.save(tmp_path / 'file' / 'report.html')
+
+
+@pytest.mark.parametrize(
+    ('said', 'expected'),
+    [
+        (with_std(7.977e-6, 5e-8), '7.98 ± 0.05 µm'),
+        (with_std(5.957, 0.0121, 'N'), '5.957 ± 0.012 N'),
+        (with_std(-6.861e-6, 7e-7, 'rad'), '−6.9 ± 0.7 µrad'),
+        (with_std(0.7048, 0.01, 'rad'), '0.705 ± 0.010 rad'),
+        (with_std(1.0, float('nan'), 'N'), '1.00 N'),
+        (with_interval(0.927e-6, 0.68e-6, 1.46e-6), '0.93 µm (95 %: 0.68 to 1.46 µm)'),
+        (measure(9.27e-7), '0.927 µm'),
+        (measure(0.0400001), '40.0 mm'),
+        (span(-40.0, 40.0, 'mm'), '−40 to 40 mm'),
+        (span(20.0, 20.01, '°C', 1), '20.0 °C'),
+        (effect_words('coulomb_friction.x'), 'Coulomb friction of x'),
+        (effect_words('nonorthogonality'), 'nonorthogonality'),
+    ],
+)
+def test_numbers_and_names(said: str, expected: str) -> None:
+    assert said == expected
