@@ -93,7 +93,7 @@ def run(hours: int, seed: int, knocked: bool) -> list[Hour]:
         errors = []
         for k in range(hour * per_hour, (hour + 1) * per_hour):
             c, d, m = goals[k : k + 1], direction[k : k + 1], measured[k : k + 1]
-            errors.append([np.mean((m - q.predict(c, d)) ** 2) for q in (frozen, adapter.model)])
+            errors.append([np.mean((m - q.predict(c, d)) ** 2) for q in (frozen, adapter.in_use)])
             if knocked and hour == 2 and (k + 1) % JUDGED_EVERY:
                 m = m + generator.normal(0.0, 2e-4, (1, 2))
             adapter.update(c, m, d)

@@ -30,10 +30,16 @@ def _planted_map(command, direction):
     )
 
 
-def _grid_session(points=60, latency=0.0, rest=0.3, seed=0, noise=3e-7, sensor=None, twin=None):
-    """Moves between random points with rests; tracker at 100 Hz stamped late by `latency` [s]."""
+def _grid_session(
+    points=60, latency=0.0, rest=0.3, seed=0, noise=3e-7, sensor=None, twin=None, places=None
+):
+    """Moves between random points with rests; tracker at 100 Hz stamped late by `latency` [s].
+
+    With `places`, so many points are visited again and again.
+    """
     generator = np.random.default_rng(seed)
-    goals = generator.uniform(0.0, 0.05, (points, 2))
+    goals = generator.uniform(0.0, 0.05, (places or points, 2))
+    goals = np.resize(goals, (points, 2))
     period = 0.002
     pieces, at = [np.zeros((50, 2))], np.zeros(2)
     for goal in goals:

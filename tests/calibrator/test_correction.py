@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -124,8 +125,28 @@ def job(tmp_path, session, **changes):
 def test_a_model_that_is_worse_than_none_is_refused(grid_session, tmp_path):
     # Ten random positions cannot carry a polynomial in two axes beyond themselves.
     session = grid_session(16, noise=3e-5)
-    with pytest.raises(StageError, match='worse than none'):
-        run_job(job(tmp_path, session, method='polynomial', options={'degree': 3}))
+    wanted = job(tmp_path, session, method='polynomial', options={'degree': 3})
+    with pytest.raises(StageError, match='not proven to be better than none.* gain -'):
+        run_job(wanted)
+    result, forced = run_job(replace(wanted, force=True))
+    assert result.gain.low <= 0.0
+    path = tmp_path / 'forced.json'
+    model_file.save(forced, path)
+    correction = Correction(1e-3)
+    correction.stored = model_file.load(path)
+    with pytest.raises(StageError, match='written by force.*held-out RMS'):
+        correction.activate(True)
+    assert not correction.active
+
+
+def test_a_contour_is_no_calibration(grid_session, tmp_path):
+    with pytest.raises(StageError, match='no calibration.*record a grid of rests'):
+        run_job(job(tmp_path, grid_session(40, rest=0.0)))
+
+
+def test_rests_at_few_places_are_refused(grid_session, tmp_path):
+    with pytest.raises(StageError, match='distinct places'):
+        run_job(job(tmp_path, grid_session(40, places=3)))
 
 
 def test_training_process_writes_the_model_or_says_why_not(grid_session, tmp_path):

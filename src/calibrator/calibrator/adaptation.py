@@ -38,8 +38,8 @@ class LiveAdaptation:
 
     @property
     def stored(self) -> StoredModel:
-        """The adapted model with the provenance of the one that it came from."""
-        return replace(self._stored, model=self.adapter.model)
+        """The adapted model where it is proven, with the provenance of the one it came from."""
+        return replace(self._stored, model=self.adapter.in_use)
 
     def step(self, buffer: LiveBuffer) -> int:
         """Learn the rests that ended since the last call; how many there were.

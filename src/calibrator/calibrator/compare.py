@@ -37,7 +37,7 @@ def table(results: dict[str, Training | StageError]) -> str:
         rows.append(
             f'{method:18s} {1e6 * after.rms:10.3f} {1e6 * after.mae:10.3f} '
             f'{1e6 * after.max:10.3f} {1e6 * after.sigma:10.3f} '
-            f'{1e6 * result.train_after.rms:10.3f} {result.seconds:8.2f}'
+            f'{1e6 * result.train_after.rms:10.3f} {result.seconds:8.2f}  {result.gain}'
         )
     failures = [f'{m:18s} {r}' for m, r in results.items() if isinstance(r, StageError)]
     header = f'{"held-out µm":18s} {"RMS":>10s} {"MAE":>10s} {"max":>10s} {"sigma":>10s} '

@@ -53,6 +53,11 @@ class StoredModel:
     seed: int = 0
     sensors: tuple[str, ...] = ()
 
+    @property
+    def refusal(self) -> str:
+        """Why the model must not correct, where it was written by force; else empty."""
+        return str(self.metrics.get('refusal', ''))
+
     def temperature_row(
         self,
         readings: Mapping[str, float],

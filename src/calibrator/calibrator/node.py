@@ -197,7 +197,6 @@ class Calibrator(StageNode):
         def finish(done: Future[str]) -> None:
             try:
                 message = done.result()
-                self._refuse_nonsense(Path(job.out))
                 self._use(Path(job.out))
             except StageError as error:
                 self._failure = str(error)
@@ -229,21 +228,14 @@ class Calibrator(StageNode):
             machine=self.value('machine'),
             version=version,
             seed=self.value('seed'),
+            max_correction=self.value('max_correction'),
         )
-
-    def _refuse_nonsense(self, path: Path) -> None:
-        """Refuse a new model whose held-out error no correction may reach."""
-        error = model_file.load(path).metrics.get('after', {}).get('rms')
-        largest = self.value('max_correction')
-        if error is not None and error > largest:
-            raise StageError(
-                f'the new model still errs by {1e6 * error:.0f} µm, beyond max_correction '
-                f'{1e6 * largest:.0f} µm: the old model stays; check the tracker and its alignment'
-            )
 
     def _use(self, path: Path) -> None:
         """Load a model and swap it in; on an error the old one stays."""
         stored = model_file.load(path, self.value('machine'))
+        if self._correction.active and stored.refusal:
+            raise StageError(f'{path} was written by force: {stored.refusal}')
         # One assignment: a target is corrected with the old model or with the new one.
         self._correction.stored = stored
         self._adaptation = None
@@ -265,7 +257,8 @@ class Calibrator(StageNode):
             learned = self._adaptation.step(self._buffer)
             if self._failure.startswith(NO_ADAPTATION):
                 self._failure = ''
-            if not learned:
+            adapter = self._adaptation.adapter
+            if not learned or (not adapter.proven and stored.model is adapter.trained):
                 return
             adapted = Path(self.value('model_folder')).absolute() / 'adapted.json'
             model_file.save(self._adaptation.stored, adapted)
@@ -333,6 +326,7 @@ class Calibrator(StageNode):
         if self._adaptation:
             values['rests learned'] = self._adaptation.adapter.learned
             values['rests refused'] = self._adaptation.adapter.refused
+            values['adaptation in use'] = self._adaptation.adapter.proven
             values['adaptations rolled back'] = self._adaptation.adapter.rollbacks
         if stored:
             values['held-out RMS [m]'] = stored.metrics.get('after', {}).get('rms')

@@ -8,7 +8,10 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrator.gain import held_out_gain
 from calibrator.models.base import CalibrationModel
+from calibrator.places import distinct_places
+from calibrator.prepare import FEWEST_PLACES
 from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
@@ -23,6 +26,8 @@ FAR_WORSE = 5.0
 """So much worse, two held-out samples are enough to roll back: a tracker that lost its target."""
 GATE = 5.0
 """A sample further off than this many times what the held-out ones are is not learned."""
+PROOF = 16
+"""Samples, each predicted before it is learned, whose gain says whether the model is in use."""
 WINDUP = 1e4
 """Growth of the covariance over its start at which forgetting pauses: nothing new was seen."""
 
@@ -81,6 +86,9 @@ class OnlineAdapter:
     of the last held-out errors is refused: a reflector that was knocked, a beam that came back
     elsewhere. Where the stage itself jumped, the held-out samples are off too and open the gate.
 
+    What is learned is in use from when its gain over the trained model, at the last `PROOF`
+    samples before each was learned, has an interval above zero: the rule of a new training.
+
     Parameters
     ----------
     model
@@ -106,8 +114,10 @@ class OnlineAdapter:
         noise: float = 1e-6,
         forgetting: float = 0.99,
     ) -> None:
+        self.trained = model
         self.model = copy.deepcopy(model)
         self.kept = copy.deepcopy(model)
+        self.proven = False
         self.rollbacks = 0
         self.learned = 0
         self.refused = 0
@@ -116,7 +126,13 @@ class OnlineAdapter:
         self._count = 0
         self._judged: deque[tuple[float, float]] = deque(maxlen=WINDOW)
         self._errors: deque[float] = deque(maxlen=WINDOW)
+        self._proof: deque[tuple[Array, Array, Array]] = deque(maxlen=PROOF)
         self.model.linear_weights()
+
+    @property
+    def in_use(self) -> CalibrationModel:
+        """What predicts now: the adapted model where it is proven to be the better one."""
+        return self.model if self.proven else self.trained
 
     def update(
         self,
@@ -145,6 +161,9 @@ class OnlineAdapter:
         if np.max(np.abs(error)) > self._gate():
             self.refused += 1
             return
+        unadapted = measured - self.trained.predict(command, direction, temperatures)
+        self._proof.append((command[0], unadapted[0], error[0]))
+        self._prove()
         designs = self.model.linear_design(command, direction, temperatures)
         if not self._estimators:
             self._start(designs)
@@ -162,6 +181,13 @@ class OnlineAdapter:
         held_out = float(np.sqrt(np.mean(np.square(self._errors)))) if self._errors else 0.0
         return GATE * max(deviation, noise, held_out)
 
+    def _prove(self) -> None:
+        """Apply the rule of `gain` to the last samples; too few places prove nothing."""
+        command, before, after = (np.array(part) for part in zip(*self._proof, strict=True))
+        places = distinct_places(command)
+        if places.max() + 1 >= FEWEST_PLACES:
+            self.proven = held_out_gain(before, after, places).proven
+
     def _start(self, designs: list[tuple[Array, Array]]) -> None:
         self._estimators = [
             RecursiveLeastSquares(weights, np.maximum(np.abs(design[0]), 0.1), *self._settings)
@@ -177,6 +203,7 @@ class OnlineAdapter:
         if adapted > WORSE * kept:
             self.model = copy.deepcopy(self.kept)
             self._estimators = []
+            self._proof.clear()
             self.rollbacks += 1
         elif adapted <= kept:
             self.kept = copy.deepcopy(self.model)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from calibrator.clock_shift import estimate_shift, interpolate, jumps
 from calibrator.models.base import CalibrationModel
+from calibrator.places import folds, judged_places
 from calibrator.temperatures import rates_at, readings_at
 from calibrator.thermal import DERIVATIVE_SPAN
 from stage_core import topics
@@ -34,6 +35,10 @@ TRAVEL_LEAST = 5e-6
 ENOUGH_RESTS = 8
 """With fewer rests than this a session is used as a stream of moving points."""
 MOST_STREAM_SAMPLES = 4000
+FEWEST_PLACES = 5
+"""With fewer distinct places, even a gain at every one of them could be chance (1 of 32 signs)."""
+FEWEST_HELD = 8
+"""Held-out places from which one draw tells the gain."""
 
 
 @dataclass(frozen=True)
@@ -233,43 +238,50 @@ def concatenate(parts: list[Samples]) -> Samples:
     )
 
 
-def split(
+def splits(
     samples: Samples, share: float = 0.7, seed: int = 0, by: str = 'position'
-) -> tuple[Samples, Samples]:
-    """Training and held-out samples.
+) -> list[tuple[Samples, Samples]]:
+    """Pairs of training and held-out samples that a method is judged on.
 
     Parameters
     ----------
     share
         Share of the training part; the papers use 0.7.
     by
-        `position`: distinct commanded positions are drawn at random, and all visits to one stay
-        together, so that no held-out position has been seen. `time`: the last part of the session
-        is held out, which does not flatter where the stage drifts.
+        `position`: distinct places are drawn at random, and all visits to one stay together, so
+        that no held-out place has been seen. Where one draw would hold out fewer than
+        `FEWEST_HELD` places, each place is held out once, in up to that many pairs. `time`: the
+        last part of the session is held out, which does not flatter where the stage drifts.
 
     Raises
     ------
     StageError
-        If one of the two parts would be empty.
+        If there are too few distinct places or samples.
     """
     if by == 'time':
-        order = np.argsort(samples.times, kind='stable')
         count = int(round(share * len(samples)))
-        train, held = order[:count], order[count:]
+        late = np.zeros(len(samples), dtype=bool)
+        late[np.argsort(samples.times, kind='stable')[count:]] = True
+        masks = [late]
     elif by == 'position':
-        grid = np.round(samples.command / 1e-7).astype(np.int64)
-        group = np.unique(grid, axis=0, return_inverse=True)[1].reshape(-1)
-        drawn = np.random.default_rng(seed).permutation(int(group.max()) + 1)
-        kept = drawn[: int(round(share * len(drawn)))]
-        inside = np.isin(group, kept)
-        train, held = np.flatnonzero(inside), np.flatnonzero(~inside)
+        labels = judged_places(samples.command)
+        drawn = np.random.default_rng(seed).permutation(int(labels.max()) + 1)
+        if len(drawn) < FEWEST_PLACES:
+            raise StageError(
+                f'{len(samples)} samples at {len(drawn)} distinct places are too few to hold some '
+                f'out: record more positions, {FEWEST_PLACES} places or more (a grid, as '
+                'examples/calibrate_stage.py drives it)'
+            )
+        held = drawn[int(round(share * len(drawn))) :]
+        many = len(held) >= FEWEST_HELD
+        masks = [np.isin(labels, held)] if many else folds(labels, FEWEST_HELD, seed)
     else:
         raise StageError(f'samples are split by position or by time, not by {by}')
-    if len(train) == 0 or len(held) == 0:
+    if any(mask.all() or not mask.any() for mask in masks):
         raise StageError(
             f'{len(samples)} samples are too few to hold some out: record more positions'
         )
-    return samples.take(train), samples.take(held)
+    return [(samples.take(~mask), samples.take(mask)) for mask in masks]
 
 
 def find_rests(times: Array, command: Array) -> list[tuple[int, int]]:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from calibrator.gain import Gain
 from calibrator.gather import ARRAYS
 from calibrator.models import METHODS
 from calibrator.prepare import Samples
@@ -19,6 +20,7 @@ from calibrator.training import Metrics, Training, train
 from session_bags.archive import Where, map_items
 from stage_core.errors import StageError
 
+_NUMBERS = ('seconds', 'samples', 'held_out', 'wild')
 _METRICS = ('before', 'after', 'train_before', 'train_after')
 
 
@@ -80,9 +82,8 @@ def train_start(
     return {
         **{name: asdict(getattr(result, name)) for name in _METRICS},
         'model': result.model.to_dict(),
-        'seconds': result.seconds,
-        'trained_on': result.trained_on,
-        'held_out': result.held_out,
+        'gain': asdict(result.gain),
+        **{name: getattr(result, name) for name in _NUMBERS},
         'sensors': list(result.sensors),
     }
 
@@ -91,6 +92,7 @@ def _training(content: dict[str, Any]) -> Training:
     fields = dict(content)
     for name in _METRICS:
         fields[name] = Metrics(**fields[name])
+    fields['gain'] = Gain(**fields['gain'])
     model = METHODS[fields['model']['method']].from_dict(fields.pop('model'))
     return Training(model=model, **{**fields, 'sensors': tuple(fields['sensors'])})
 

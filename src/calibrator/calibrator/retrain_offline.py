@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,10 +22,8 @@ from calibrator.training import (
     default_options,
     find_bags,
     predict,
-    stored,
-    train,
 )
-from calibrator.training_job import Job, run_job
+from calibrator.training_job import Data, Job, run_job
 from session_bags.archive import add_arguments, where_from
 from stage_core.errors import command_line
 from stage_core.untrusted import json_object
@@ -38,56 +35,57 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     where = where_from(options, progress=sys.stderr.isatty())
     gathered = gather(options.bag, options.input, options.target, options.results, where)
-    samples, bags = gathered.samples, gathered.bags
+    samples = gathered.samples
     for bag, reason in gathered.skipped.items():
         print(f'skipped {bag}: {reason}', file=sys.stderr)
     kind = 'rests' if samples.at_rest else 'moving points'
     print(
-        f'{len(samples)} {kind} of {len(bags)} bag(s), axes {"".join(samples.axes)}, clock shift '
-        f'{1e3 * samples.shift:.2f} ms'
+        f'{len(samples)} {kind} of {len(gathered.bags)} bag(s), axes {"".join(samples.axes)}, '
+        f'clock shift {1e3 * samples.shift:.2f} ms'
     )
-    settings = {
-        **default_options(options.method, gathered.leads),
-        **json_object(options.options, '--options', 'write {"degree": 7}, for example'),
-    }
     if options.compare:
         shared = {m: default_options(m, gathered.leads) for m in METHODS}
         print(table(compare(samples, options=shared, seed=options.seed, by=options.split)))
         return 0
-    how = (samples, options.method, settings, options.seed, options.split)
-    if options.restarts > 1:
-        result, values = train_restarts(*how, options.restarts, options.results, where)
+    job = _job(options)
+
+    def restarts(settings: dict[str, Any]) -> Training:
+        result, values = train_restarts(
+            samples, job.method, settings, job.seed, job.by, options.restarts, options.results,
+            where,
+        )  # fmt: skip
         listed = ' '.join(f'{1e6 * value:.4f}' for value in values)
         print(f'training RMS from {len(values)} starts [µm]: {listed}; the least is taken')
-    else:
-        result = train(*how, _progress())
+        return result
+
+    data = Data(samples, gathered.leads, gathered.bags, gathered.skipped)
+    result, model = run_job(job, data, _progress(), restarts if options.restarts > 1 else None)
     print(result.model.describe())
     print(before_and_after(result.before, result.after, result.held_out))
+    print(result.line())
     if options.holdout:
         print(_held_out_table(options, samples, result))
     if options.out:
-        model_file.save(stored(result, bags, options.machine, 1, options.seed), options.out)
-        print(f'model written to {options.out}')
+        model_file.save(model, options.out)
+        marked = ', marked as refused: ~/activate will not take it' if model.refusal else ''
+        print(f'model written to {options.out}{marked}')
     return 0
 
 
-def train_from_bags(
-    bags: Sequence[str | Path],
-    method: str = 'structured',
-    options: dict[str, Any] | None = None,
-    seed: int = 0,
-) -> model_file.StoredModel:
-    """The model that the node would train from these bags with the same parameters.
-
-    Raises
-    ------
-    StageError
-        If a bag cannot be read or does not suffice.
-    """
-    job = Job(
-        out='', bags=[str(bag) for bag in bags], method=method, options=options or {}, seed=seed
+def _job(options: argparse.Namespace) -> Job:
+    return Job(
+        out=options.out,
+        bags=options.bag,
+        method=options.method,
+        options=json_object(options.options, '--options', 'write {"degree": 7}, for example'),
+        source=options.input,
+        target=options.target,
+        by=options.split,
+        machine=options.machine,
+        seed=options.seed,
+        max_correction=options.max_correction,
+        force=options.force,
     )
-    return run_job(job)[1]
 
 
 def before_and_after(before: Metrics, after: Metrics, count: int) -> str:
@@ -154,6 +152,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--machine', default='', help='name of the stage, kept in the model')
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--out', default='', help='model file to write')
+    parser.add_argument(
+        '--max-correction', type=float, default=Job.max_correction, help='largest error left [m]'
+    )
+    parser.add_argument(
+        '--force', action='store_true', help='write a model that is no better than none, marked'
+    )
     parser.add_argument(
         '--restarts', type=int, default=1, help='random starts of a swarm; the best is taken'
     )

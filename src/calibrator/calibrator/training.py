@@ -11,11 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrator.gain import Gain, held_out_gain
 from calibrator.model_file import StoredModel, bag_hash
 from calibrator.models import METHODS, make_model
 from calibrator.models.base import CalibrationModel
 from calibrator.models.structured import Structured
-from calibrator.prepare import Samples, split
+from calibrator.outliers import wild
+from calibrator.places import judged_places
+from calibrator.prepare import Samples, splits
 from stage_core.session import Session
 
 Array = NDArray[np.float64]
@@ -48,7 +51,8 @@ class Metrics:
 class Training:
     """A trained model with its errors on the held-out samples, and on the training ones.
 
-    `before` is the error of the uncalibrated stage on the held-out samples.
+    `before` is the error of the uncalibrated stage on the held-out samples, `gain` what the model
+    takes off it; `wild` counts the samples that were left out as outliers.
     """
 
     model: CalibrationModel
@@ -56,9 +60,11 @@ class Training:
     after: Metrics
     train_before: Metrics
     train_after: Metrics
+    gain: Gain
     seconds: float
-    trained_on: int
+    samples: int
     held_out: int
+    wild: int
     sensors: tuple[str, ...]
 
     def metrics(self) -> dict[str, Any]:
@@ -67,16 +73,19 @@ class Training:
             'before': asdict(self.before),
             'after': asdict(self.after),
             'train': asdict(self.train_after),
-            'trained_on': self.trained_on,
+            'gain': asdict(self.gain),
+            'samples': self.samples,
             'held_out': self.held_out,
+            'wild': self.wild,
         }
 
     def line(self) -> str:
         """One line with the held-out error before and after."""
+        left_out = f'; {self.wild} wild samples left out' if self.wild else ''
         return (
             f'{self.model.method}: held-out RMS {1e6 * self.before.rms:.3f} µm before, '
-            f'{1e6 * self.after.rms:.3f} µm after ({self.held_out} held-out of '
-            f'{self.trained_on + self.held_out} samples)'
+            f'{1e6 * self.after.rms:.3f} µm after, {self.gain} ({self.held_out} held-out of '
+            f'{self.samples} samples, {self.gain.places} places{left_out})'
         )
 
 
@@ -89,14 +98,17 @@ def train(
     progress: Callable[[int, float], None] | None = None,
     abort: Callable[[], bool] | None = None,
 ) -> Training:
-    """Fit a method on 70 % of the samples and judge it on the rest.
+    """Fit a method on a part of the samples and judge it on the rest.
+
+    Where the places suffice for one draw (see `prepare.splits`) the model is the one that was
+    judged; else one of all samples, judged by those that were fitted without each place.
 
     Parameters
     ----------
     seed
         Of the split, and of the method where it has a seed and `options` name none.
     by
-        How samples are held out, see `prepare.split`.
+        How samples are held out, see `prepare.splits`.
     progress, abort
         For methods that iterate.
 
@@ -108,25 +120,37 @@ def train(
     StageError
         If the data do not suffice, or the training was aborted.
     """
-    samples = with_useful_sensors(samples)
-    training, held = split(samples, seed=seed, by=by)
+    strange = wild(samples.command, samples.measured - samples.command)
+    samples = with_useful_sensors(samples.take(~strange))
+    pairs = splits(samples, seed=seed, by=by)
     settings = _with_seed(method, options or {}, seed)
     if 'derivatives' in METHODS[method].defaults and samples.heat is not None:
         settings = {'derivatives': samples.rates is not None, **settings}
-    model = make_model(method, **settings)
-    model.progress, model.abort = progress, abort
+
+    def fit(part: Samples) -> CalibrationModel:
+        model = make_model(method, **settings)
+        model.progress, model.abort = progress, abort
+        return model.fit(part.command, part.measured, part.direction, part.heat_for(model))
+
     started = time.perf_counter()
-    model.fit(training.command, training.measured, training.direction, training.heat_for(model))
-    seconds = time.perf_counter() - started
+    models = [fit(training) for training, _ in pairs]
+    seconds = (time.perf_counter() - started) / len(pairs)
+    held = [held for _, held in pairs]
+    before = np.vstack([part.measured - part.command for part in held])
+    after = np.vstack([p.measured - predict(m, p) for m, p in zip(models, held, strict=True)])
+    places = judged_places(np.vstack([part.command for part in held]))
+    training, model = (pairs[0][0], models[0]) if len(pairs) == 1 else (samples, fit(samples))
     return Training(
         model,
-        Metrics.of(held.measured - held.command),
-        evaluate(model, held),
+        Metrics.of(before),
+        Metrics.of(after),
         Metrics.of(training.measured - training.command),
         evaluate(model, training),
+        held_out_gain(before, after, places, seed),
         seconds,
-        len(training),
-        len(held),
+        len(samples),
+        len(before),
+        int(strange.sum()),
         samples.sensors,
     )
 
@@ -184,15 +208,16 @@ def default_options(method: str, leads: list[float] | None) -> dict[str, Any]:
 
 
 def stored(
-    training: Training, bags: list[Path], machine: str, version: int, seed: int
+    training: Training, bags: list[Path], machine: str, version: int, seed: int, refusal: str = ''
 ) -> StoredModel:
-    """The model with its provenance, ready to be written."""
+    """The model with its provenance, ready to be written; `refusal` marks one that was forced."""
+    metrics = training.metrics()
     return StoredModel(
         training.model,
         machine,
         version,
         {name: bag_hash(bag) for name, bag in zip(_names(bags), bags, strict=True)},
-        training.metrics(),
+        {**metrics, 'refusal': refusal} if refusal else metrics,
         seed,
         training.sensors,
     )

@@ -4,6 +4,8 @@
 object per line: ``{"progress": [iteration, error]}`` and at the end ``{"result": message}`` or
 ``{"error": message}``. It ends when its standard input does, which the process that started it
 holds open: a training that nobody waits for any more would only load the machine.
+
+`run_job` is also what ``ros2 run calibrator retrain_offline`` calls, with the same refusals.
 """
 
 from __future__ import annotations
@@ -12,25 +14,26 @@ import json
 import os
 import sys
 import threading
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from calibrator import model_file
 from calibrator.live_buffer import load_session
-from calibrator.prepare import prepare
+from calibrator.prepare import ENOUGH_RESTS, Samples, prepare
 from calibrator.training import Training, default_options, stored, train, twin_leads
 from stage_core.errors import StageError
 from stage_core.priority import to_background
 
-CLEARLY_WORSE = 1.25
-"""A new model whose held-out error exceeds the uncalibrated one by this is refused; a few held-out
-points scatter by less."""
-
 
 @dataclass(frozen=True)
 class Job:
-    """What to train; `live` is a file of `live_buffer.save_session` where `bags` is empty."""
+    """What to train; `live` is a file of `live_buffer.save_session` where `bags` is empty.
+
+    A model that errs by more than `max_correction` [m] on held-out samples is refused as one that
+    is no better than none; `force` writes either, marked.
+    """
 
     out: str
     bags: list[str] = field(default_factory=list)
@@ -39,9 +42,12 @@ class Job:
     options: dict[str, Any] = field(default_factory=dict)
     source: str = 'reference'
     target: str = 'tracker'
+    by: str = 'position'
     machine: str = ''
     version: int = 1
     seed: int = 0
+    max_correction: float = 1e-3
+    force: bool = False
 
     def save(self, path: Path) -> None:
         """Write the job as JSON."""
@@ -53,38 +59,87 @@ class Job:
         return cls(**json.loads(path.read_text(encoding='utf-8')))
 
 
-def run_job(
-    job: Job, progress: Any = None
-) -> tuple[Training, model_file.StoredModel, dict[str, str]]:
-    """Train as the job says; the caller writes the model.
+@dataclass(frozen=True)
+class Data:
+    """Training samples with the screws' leads [m] (None: unknown), the bags that gave them, and
+    why the bags of a folder that gave none were skipped."""
 
-    The last part is why bags of a folder were skipped, by bag.
+    samples: Samples
+    leads: list[float] | None = None
+    bags: list[Path] = field(default_factory=list)
+    skipped: dict[str, str] = field(default_factory=dict)
+
+
+def read(job: Job) -> Data:
+    """The data that a job trains on.
 
     Raises
     ------
     StageError
-        If the data do not suffice, or the new model is worse than no correction.
+        If a bag cannot be read or holds no pairs.
     """
-    bags: list[Path] = []
-    skipped: dict[str, str] = {}
-    if job.bags:
-        # Only here: the reader is not needed to train from the live buffer.
-        from calibrator.gather import gather
-
-        gathered = gather(job.bags, job.source, job.target)
-        samples, leads = gathered.samples, gathered.leads
-        bags, skipped = gathered.bags, gathered.skipped
-    else:
+    if not job.bags:
         session = load_session(job.live)
-        samples, leads = prepare(session, job.source, job.target), twin_leads(session)
-    options = {**default_options(job.method, leads), **job.options}
-    result = train(samples, job.method, options, job.seed, progress=progress)
-    if result.after.rms > CLEARLY_WORSE * result.before.rms:
+        return Data(prepare(session, job.source, job.target), twin_leads(session))
+    # Only here: the reader is not needed to train from the live buffer.
+    from calibrator.gather import gather
+
+    found = gather(job.bags, job.source, job.target)
+    return Data(found.samples, found.leads, found.bags, found.skipped)
+
+
+def run_job(
+    job: Job,
+    data: Data | None = None,
+    progress: Callable[[int, float], None] | None = None,
+    training: Callable[[dict[str, Any]], Training] | None = None,
+) -> tuple[Training, model_file.StoredModel]:
+    """Train as the job says, and refuse what must not be taken; the caller writes the model.
+
+    Parameters
+    ----------
+    data
+        What `read` gave, where it was called before.
+    training
+        Trains with the settled options of the method, instead of one call of `training.train`.
+
+    Raises
+    ------
+    StageError
+        If the data are no calibration or do not suffice, or the model is not proven to be better
+        than none (unless the job is forced).
+    """
+    data = data or read(job)
+    if job.target == 'tracker' and not data.samples.at_rest:
         raise StageError(
-            f'the new model is worse than none ({result.line()}): record more positions or '
-            'choose a simpler method'
+            f'this is no calibration: the stage rested at fewer than {ENOUGH_RESTS} places, and '
+            'the error of a moving stage is the lag of its servo; record a grid of rests '
+            '(examples/calibrate_stage.py), or learn the tracking error with target encoder'
         )
-    return result, stored(result, bags, job.machine, job.version, job.seed), skipped
+    settings = {**default_options(job.method, data.leads), **job.options}
+    if training is None:
+        result = train(data.samples, job.method, settings, job.seed, job.by, progress)
+    else:
+        result = training(settings)
+    reason = refusal(result, job.max_correction)
+    if reason and not job.force:
+        raise StageError(reason)
+    return result, stored(result, data.bags, job.machine, job.version, job.seed, reason)
+
+
+def refusal(result: Training, max_correction: float) -> str:
+    """Why a model is not taken, with its figures; empty where it is."""
+    if not result.gain.proven:
+        return (
+            f'the new model is not proven to be better than none ({result.line()}): record more '
+            'distinct places, or choose a simpler method'
+        )
+    if result.after.rms > max_correction:
+        return (
+            f'the new model still errs by {1e6 * result.after.rms:.0f} µm, beyond max_correction '
+            f'{1e6 * max_correction:.0f} µm ({result.line()}): check the tracker and its alignment'
+        )
+    return ''
 
 
 def _end_with_input() -> None:
@@ -103,12 +158,13 @@ def main() -> int:
 
     try:
         job = Job.load(Path(sys.argv[1]))
-        result, model, skipped = run_job(job, lambda i, best: say(progress=[i, best]))
+        data = read(job)
+        result, model = run_job(job, data, lambda i, best: say(progress=[i, best]))
         model_file.save(model, job.out)
     except StageError as error:
         say(error=' '.join(str(error).split()))
         return 2
-    left_out = [f'; skipped {bag}: {reason}' for bag, reason in skipped.items()]
+    left_out = [f'; skipped {bag}: {reason}' for bag, reason in data.skipped.items()]
     say(result=''.join([result.line(), *left_out]))
     return 0
 
