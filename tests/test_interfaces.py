@@ -1,4 +1,4 @@
-"""docs/interfaces.md says what the code does: topics, twin file, effects, drive link."""
+"""docs/interfaces*.md say what the code does: topics, twin file, effects, wires."""
 
 from __future__ import annotations
 
@@ -12,23 +12,31 @@ import pytest
 from stage_core import drive_link, topics
 from stage_core.quantities import UNKNOWN
 from stage_core.twin_file import AXIS_TYPES, TwinFile
+from stage_driver.zaber_units import ACCELERATION_FACTOR, SPEED_FACTOR
+from stage_driver.zaber_words import FLAGS, REJECTIONS
 from stage_twin.effects import EFFECTS, link_of
+from stage_twin.emulators.zaber_axis import CLEARABLE, UNTIL_NEXT_MOVE
+from stage_twin.emulators.zaber_lines import FLAG_ORDER, PACKET_SIZE
+from tracker_bridge import tpi
 
-PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'interfaces.md'
-TEXT = PAGE.read_text(encoding='utf-8')
+DOCS = Path(__file__).resolve().parents[1] / 'docs'
+PAGE, ZABER, TRACKER = (
+    (DOCS / f'{name}.md').read_text(encoding='utf-8')
+    for name in ('interfaces', 'interfaces_zaber', 'interfaces_tracker')
+)
 NAME = re.compile(r'`([\w./]+)`')
 
 
-def section(title: str) -> str:
+def section(title: str, page: str = PAGE) -> str:
     """Text from a heading to the next heading of any level."""
-    found = re.search(rf'^#+ {re.escape(title)}\n(.*?)(?=^#|\Z)', TEXT, re.MULTILINE | re.DOTALL)
+    found = re.search(rf'^#+ {re.escape(title)}\n(.*?)(?=^#|\Z)', page, re.MULTILINE | re.DOTALL)
     assert found is not None, title
     return found[1]
 
 
-def rows(title: str) -> list[list[str]]:
+def rows(title: str, page: str = PAGE) -> list[list[str]]:
     """Cells of every row of the tables below a heading."""
-    lines = [line for line in section(title).splitlines() if line.startswith('| ')]
+    lines = [line for line in section(title, page).splitlines() if line.startswith('| ')]
     return [[cell.strip() for cell in line.strip('|').split(' | ')] for line in lines]
 
 
@@ -95,3 +103,41 @@ def test_drive_link() -> None:
     told = {row[0]: row[1] for row in rows('Drive link')}
     for flag in ('LOCKSTEP', 'REPEATED', 'RESET'):
         assert int(told[flag]) == getattr(drive_link, flag)
+
+
+def test_flags_and_rejections_of_zaber_devices() -> None:
+    table = rows('Warning flags', ZABER)
+    assert table[1][0].split() == list(FLAG_ORDER)
+    assert set(FLAG_ORDER) == set(FLAGS)
+    until = {row[1]: set(re.findall(r'\b[A-Z]{2}\b', row[0])) for row in table if len(row) == 2}
+    assert until['`warnings clear`'] == CLEARABLE
+    assert until['the next move from rest'] == UNTIL_NEXT_MOVE
+    assert {row[0].strip('`') for row in rows('Rejections', ZABER)[1:]} <= set(REJECTIONS)
+
+
+def test_packets_and_units_of_zaber_devices() -> None:
+    assert f'at most {PACKET_SIZE} bytes' in section('Long messages', ZABER)
+    text = ' '.join(section('Units', ZABER).split())
+    assert f'microsteps/s times {SPEED_FACTOR}' in text
+    assert f'times {1e4 * ACCELERATION_FACTOR} / 10000' in text
+
+
+def test_numbers_of_the_tracker_protocol() -> None:
+    packets = {int(row[0]): row[1] for row in rows('emScon TPI', TRACKER) if row[0].isdigit()}
+    assert set(packets) < set(tpi.PacketType)
+    numbers = {int(n) for row in rows('emScon TPI', TRACKER)
+               if re.fullmatch(r'\d+(, \d+)?', row[1]) for n in row[1].split(', ')}  # fmt: skip
+    assert numbers == set(tpi.Command) - {tpi.Command.UNKNOWN} - {
+        tpi.Command.SET_STATION_ORIENTATION,
+        tpi.Command.SET_TRANSFORMATION,
+    }
+    values = {row[0]: row[1] for row in rows('emScon TPI', TRACKER) if len(row) == 2}
+    for name, words in (
+        ('length', tpi.LengthUnit),
+        ('point status', tpi.PointStatus),
+        ('result status', tpi.ResultStatus),
+        ('event', tpi.Event),
+    ):
+        assert {int(n) for n in re.findall(r'\b\d+\b', values[name])} == set(words)
+    text = section('emScon TPI', TRACKER)
+    assert f'48 + {tpi.POINT.itemsize} n' in text and f'48 + {tpi.POINT_2.itemsize} n' in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,20 @@ CONDITIONS = {
     'reversal', 'position', 'screw_phase', 'speed', 'acceleration', 'temperature', 'time',
     'frequency_band', 'cross_axis',
 }  # fmt: skip
+
+
+PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'interfaces_report.md').read_text('utf-8')
+
+
+def keys(value: Any) -> set[str]:
+    """Every key of a report; what it names itself (channels, axes, parameters) apart."""
+    if isinstance(value, list):
+        return set().union(*map(keys, value))
+    if not isinstance(value, dict):
+        return set()
+    own = {'channels', 'axes', 'parameters'}
+    inner = [v.values() if k in own else [v] for k, v in value.items()]
+    return set(value) | set().union(*(keys(v) for values in inner for v in values))
 
 
 def one_axis() -> TwinFile:
@@ -73,6 +88,7 @@ def test_the_fields_of_the_report(planted: Maker, tmp_path: Path, effects: dict)
         assert sum(c['probability'] for c in causes) == pytest.approx(1.0)
     assert 0.0 <= found['unexplained']['share'] <= 1.0
     assert isinstance(found['unexplained']['structured'], bool)
+    assert keys(found) <= set(re.findall(r'"(\w+)":', PAGE)) | {'contains', 'part', 'supported'}
 
 
 def _gap(gap: dict[str, Any]) -> None:
