@@ -181,16 +181,38 @@ def test_a_bag_cannot_leave_its_folder(emulators: tuple[Nodes, Watch], name: str
 
 def test_peers_that_fall_silent_are_named() -> None:
     now = [0.0]
-    watch = PeerWatch(('stage_driver', 'tracker_bridge'), lambda: now[0])
-    watch.hear(['stage_driver: state', 'calibrator: model'])
+    watch = PeerWatch(('stage_driver', 'tracker_bridge'), clock=lambda: now[0])
+    watch.hear('stage_driver')
+    watch.hear('calibrator')
     now[0] = SILENCE
     assert watch.status()[0] and watch.silent() == []
     now[0] = SILENCE + 0.1
     well, text, values = watch.status()
     assert not well and text == 'stage_driver fell silent: start it again'
     assert values['tracker_bridge'] == 'not heard yet'
-    watch.hear(['stage_driver: state'])
+    watch.hear('stage_driver')
     assert watch.silent() == []
+
+
+def test_two_processes_that_speak_by_turns_are_named() -> None:
+    now, real = [0.0], [True]
+    watch = PeerWatch((), lambda _: real[0], lambda: now[0])
+
+    def say(*processes: str) -> list[str]:
+        told = []
+        for process in processes:
+            now[0] += 0.5
+            told.append(watch.hear('stage_driver', process))
+        return [text for text in told if text]
+
+    assert say('a', 'a', 'b', 'b', 'b') == []  # started again
+    (told,) = say('c', 'b', 'c')
+    assert 'two stage_driver speak' in told and 'b and c: end one graph' in told
+    assert watch.status()[:2] == (False, told)
+    now[0] += SILENCE
+    assert watch.status()[0]
+    real[0] = False  # a replayed bag
+    assert say('c', 'd', 'c', 'd') == [] and watch.status()[0]
 
 
 def test_every_node_has_a_watcher() -> None:

@@ -56,7 +56,7 @@ def _heard(watch: Watch, node: str) -> bool:
 
 def _all_know_each_other(watch: Watch) -> bool:
     peers = [s for name, s in list(watch.states.items()) if name.endswith(': peers')]
-    return len(peers) == 5 and all('not heard yet' not in s[2].values() for s in peers)
+    return len(peers) == 7 and all('not heard yet' not in s[2].values() for s in peers)
 
 
 def restart(nodes: Nodes, watch: Watch, *names: str) -> None:

@@ -44,6 +44,19 @@ def left_running(out: Path) -> list[str]:
     return found
 
 
+def test_a_session_refuses_to_start_beside_a_graph(
+    tmp_path: Path, ros_env: dict[str, str]
+) -> None:
+    from stage_node.client_node import GraphClient
+
+    with GraphClient('calibrator'):
+        process = start(tmp_path / 'out', ros_env)
+        output, _ = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert f'calibrator runs on ROS_DOMAIN_ID {ros_env["ROS_DOMAIN_ID"]} already' in output
+    assert not (tmp_path / 'out').exists()
+
+
 @pytest.mark.timeout(1900)
 def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
     """Every step passes, the correction helps, a second run prints the same table."""

@@ -1,6 +1,7 @@
 """The servo backend against a small independent plant over the drive link."""
 
 import math
+import os
 import time
 from contextlib import contextmanager
 from itertools import pairwise
@@ -72,6 +73,15 @@ def test_position_move_lands_on_target_and_the_world_is_quiet_after_it():
         speeds = [max(map(abs, rates)) for _, _, rates, _, _ in recorder.controls]
         assert 0.1 < max(speeds) <= 0.2 + 1e-9
         assert recorder.temperatures[0][1] == drive_link.SENSORS
+
+
+def test_a_drive_has_one_driver():
+    with rig() as (plant, backend, recorder):
+        with pytest.raises(StageError, match=f'pid {os.getpid()} .*since.* holds the drive 127.0'):
+            ServoBackend(backend.config, Recorder())
+        move(backend, recorder, 0.001, 0.0)
+    with rig() as (_, backend, recorder):
+        move(backend, recorder, 0.001, 0.0)
 
 
 def test_a_move_is_the_same_run_to_run():

@@ -1,5 +1,6 @@
 """The Zaber backend against the emulated chain on a pseudo-terminal, with faults on the wire."""
 
+import os
 import threading
 import time
 from contextlib import contextmanager
@@ -279,17 +280,52 @@ def test_bad_setpoints_name_axis_value_and_limit(tmp_path):
         assert position(server) == before
 
 
-def test_port_that_does_not_exist_is_one_clear_error():
-    config = ZaberConfig(('x',), (LIMITS,), '/dev/does_not_exist', (1,), (1,), (STEP,))
-    with pytest.raises(StageError, match='cannot open port /dev/does_not_exist: No such file'):
-        ZaberBackend(config, Recorder()).start()
+def test_a_port_that_is_not_there_yet_is_waited_for(tmp_path):
+    link, recorder = tmp_path / 'later', Recorder()
+    config = ZaberConfig(('x', 'y'), (LIMITS, LIMITS), str(link))
+    backend = ZaberBackend(config, recorder)
+    backend.start()
+    try:
+        assert recorder.said(f'waiting: cannot open port {link}: No such file')
+        assert (
+            not backend.status().connected and 'No such file' in backend.status().details['waits']
+        )
+        homing = backend.home()
+        recorder.wait(lambda: recorder.said(f'homing waits up to 60 s for the port {link}'))
+        with ZaberPty(ZaberChain(StepperPlant(STEPPER)), link=link):
+            assert homing.result(timeout=20) == 'homed: x, y'
+            assert backend.status().connected and 'waits' not in backend.status().details
+    finally:
+        backend.close()
+
+
+def test_homing_waits_for_a_port_only_so_long(tmp_path):
+    link = str(tmp_path / 'never')
+    config = ZaberConfig(('x',), (LIMITS,), link, (1,), (1,), (STEP,), drive_timeout=0.1)
+    backend = ZaberBackend(config, Recorder())
+    backend.start()
+    try:
+        with pytest.raises(StageError, match=f'no port {link} within 0.1 s'):
+            backend.home().result(timeout=20)
+    finally:
+        backend.close()
+
+
+def test_a_port_has_one_driver(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        for port in (backend.config.port, server.port):
+            second = ZaberConfig(('x', 'y'), (LIMITS, LIMITS), port)
+            with pytest.raises(
+                StageError, match=rf'pid {os.getpid()} \(since .*\) holds the port'
+            ):
+                ZaberBackend(second, Recorder()).start()
+        assert backend.home().result(timeout=20)
 
 
 @pytest.mark.parametrize(
     ('babble', 'words'), [(b'', 'no answer from device 1'), (b'\x91\x04~~\r\n', 'answers garbage')]
 )
 def test_silence_and_garbage_are_told_apart(babble, words):
-    import os
     import pty
     import tty
 

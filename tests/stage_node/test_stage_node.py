@@ -74,7 +74,8 @@ def test_parameters_diagnostics_and_end(tester: subprocess.Popen) -> None:
         with pytest.raises(StageError, match='absent'):
             client.trigger('/nobody/home', 0.5)
         client.wait_for(lambda: client.latest('/diagnostics') is not None, 30.0, 'diagnostics')
-        assert client.latest('/diagnostics').status[0].name == 'tester: feed'
+        names = [status.name for status in client.latest('/diagnostics').status]
+        assert names == ['tester: peers', 'tester: feed']
     tester.terminate()
     output, _ = tester.communicate(timeout=30)
     assert tester.returncode == 0
@@ -111,6 +112,37 @@ def test_a_condition_may_call_services_while_messages_come(tester: subprocess.Po
         finally:
             ended.set()
             flooding.join()
+
+
+def test_a_second_node_of_the_same_name_is_named(
+    script: Path, tester: subprocess.Popen, ros_env: dict[str, str]
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    from stage_node.client_node import GraphClient
+
+    second = subprocess.Popen(
+        [sys.executable, str(script)], stderr=subprocess.PIPE, text=True, env=ros_env
+    )
+    told: list[str] = []
+
+    def quarrel() -> bool:
+        return any('two tester speak' in text for text in told)
+
+    try:
+        with GraphClient('judge') as client:
+            client.watch(
+                DiagnosticArray,
+                '/diagnostics',
+                callback=lambda array: told.extend(status.message for status in array.status),
+            )
+            client.wait_for(quarrel, 30.0, 'the word of two nodes')
+            text = next(text for text in told if 'two tester' in text)
+            assert f'pid {tester.pid} on' in text and f'pid {second.pid} on' in text
+    finally:
+        second.terminate()
+        _, errors = second.communicate(timeout=30)
+    assert 'end one graph, or give it another ROS_DOMAIN_ID' in errors
 
 
 def test_a_parameter_file_is_checked_whole(tmp_path: Path) -> None:

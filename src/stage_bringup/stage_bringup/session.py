@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import signal
 import sys
 import time
@@ -11,15 +12,13 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from stage_bringup.graph import Options, commands, config_folder, zaber_port
+from stage_bringup.graph import Options, commands, config_folder
 from stage_bringup.keep_awake import KeepAwake
 from stage_bringup.processes import Processes
 from stage_core.errors import StageError, command_line
 
-Array = NDArray[np.float64]
+#: Nodes of this machine find each other well within this time [s].
+LOOKOUT = 1.5
 
 EPILOG = (
     'Exit status: 0 when every step passed, 1 when one failed, 2 for an option that cannot be '
@@ -83,6 +82,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the session; see ``--help``."""
     options = parse(arguments)
     config_folder()
+    nodes = commands(options)
+    refuse_second_graph([node.name for node in nodes])
     options.out.mkdir(parents=True, exist_ok=True)
     # Ctrl-C and SIGTERM take the same way out: the graph is ended before this process is.
     signal.signal(signal.SIGTERM, _interrupt)
@@ -93,12 +94,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if options.clock == 'realtime':
             awake.enter_context(KeepAwake())
-        for command in commands(options):
-            processes.start(command)
-            if command.name == 'stage_twin' and options.backend == 'zaber':
-                # A port that does not exist is an error to the driver, as it should be.
-                _wait_for_port(zaber_port(options), processes)
-        # Imported here: rclpy loads while the nodes start.
+        for node in nodes:
+            processes.start(node)
         from stage_bringup.steps import run_steps
 
         result = run_steps(options, processes)
@@ -123,13 +120,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status
 
 
-def _wait_for_port(port: Path, processes: Processes) -> None:
-    deadline = time.monotonic() + 60.0
-    while not port.exists():
-        processes.check()
-        if time.monotonic() > deadline:
-            raise StageError(f'the emulated Zaber chain did not open {port} within 60 s')
-        time.sleep(0.05)
+def refuse_second_graph(names: Sequence[str]) -> None:
+    """Look whether a node of these names is on the domain already.
+
+    Raises
+    ------
+    StageError
+        If one is; two graphs would drive each other's stage.
+    """
+    from stage_node.client_node import GraphClient
+
+    with GraphClient('session') as client:
+        deadline = time.monotonic() + LOOKOUT
+        while time.monotonic() < deadline:
+            found = sorted(set(names) & set(client.node.get_node_names()))
+            if found:
+                domain = os.environ.get('ROS_DOMAIN_ID', '0')
+                raise StageError(
+                    f'{", ".join(found)} runs on ROS_DOMAIN_ID {domain} already: end it, or start '
+                    'the session with another ROS_DOMAIN_ID'
+                )
+            time.sleep(0.05)
 
 
 def _interrupt(*_: object) -> None:

@@ -9,20 +9,30 @@ import time
 
 from stage_core import drive_link
 from stage_core.errors import StageError
+from stage_core.ownership import Ownership, address
 
 #: While the drive is silent, HELLO goes out this often [s].
 HELLO_PERIOD = 1.0
 
 
 class DriveSocket:
-    """Sends HELLO and FORCE, receives ENCODER; garbage is counted and dropped."""
+    """Sends HELLO and FORCE, receives ENCODER; garbage is counted and dropped.
+
+    Raises
+    ------
+    StageError
+        If another driver has the drive, or the host is unknown.
+    """
 
     def __init__(self, host: str, port: int) -> None:
+        wire = f'drive {address(host, port)}'
+        self._owned = Ownership(wire, 'stage_driver', 'give this driver another drive_port')
         try:
             self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             # Connected: datagrams of anybody but the drive are dropped by the kernel.
             self._socket.connect((host, port))
         except OSError as error:
+            self._owned.close()
             raise StageError(
                 f'cannot reach the drive at {host}:{port}: {error.strerror or error}: check host '
                 'and port'
@@ -36,8 +46,9 @@ class DriveSocket:
         self._pending: drive_link.Datagram | None = None
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the socket and give the drive back."""
         self._socket.close()
+        self._owned.close()
 
     def silence(self) -> float:
         """Seconds of wall time since the last datagram of the drive."""

@@ -94,7 +94,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     _fixed(
         'drive_timeout',
         60.0,
-        'servo: longest wait of ~/home for a drive that is not there yet',
+        'longest wait of ~/home for a drive or port that is not there yet',
         's',
         minimum=0.0,
     ),
@@ -241,6 +241,7 @@ def zaber_config(value: Values) -> ZaberConfig:
         link_timeout=value('link_timeout'),
         settle_time=value('settle_time'),
         lockstep_timeout=value('lockstep_timeout'),
+        drive_timeout=value('drive_timeout'),
         home_required=value('home_required'),
         enable_on_start=value('enable_on_start'),
     )

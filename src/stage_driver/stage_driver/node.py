@@ -175,7 +175,7 @@ class StageDriver(StageNode):
         if status.state is State.FAULT:
             return ERROR, f'fault: {status.reason}', values
         if not status.connected:
-            return ERROR, 'no contact with the stage', values
+            return ERROR, f'no contact with the stage: {status.details.get("waits", "")}', values
         if status.state is State.DISABLED:
             return WARN, 'disabled: call ~/enable with data true', values
         if not status.homed:

@@ -54,7 +54,9 @@ class ServoBackend(InboxBackend):
         self._untold: drive_link.Datagram | None = None
         self._braking = False
         self._brake_ticks = 0
-        self._awaited = AwaitedHoming(config.drive_timeout, self._drive)
+        self._awaited = AwaitedHoming(
+            config.drive_timeout, f'drive at {self._drive}', 'drive_host and drive_port'
+        )
         self._late = Lateness(self._axes.period)
         self._counts.update(missed_ticks=0, late_ticks=0, late_setpoints=0)
 
@@ -88,6 +90,8 @@ class ServoBackend(InboxBackend):
         details['tick'] = str(self._tick)
         details['drive'] = self._drive
         details['clock'] = 'lockstep' if self._link.lockstep else 'real'
+        if missing := self._contact_refusal():
+            details['waits'] = missing
         return Status(
             self._states.state, self._states.reason, self._homed, self._link.connected, details
         )

@@ -1,4 +1,4 @@
-"""What the servo backend is late with, and what it waits for."""
+"""What a backend is late with, and what it waits for."""
 
 from __future__ import annotations
 
@@ -34,10 +34,13 @@ class Lateness:
 
 
 class AwaitedHoming:
-    """A homing that was asked for and waits up to `timeout` [s] of wall time for the drive."""
+    """A homing that was asked for and waits up to `timeout` [s] of wall time for the stage.
 
-    def __init__(self, timeout: float, drive: str) -> None:
-        self._timeout, self._drive = timeout, drive
+    `wire` names what it waits for, `parameters` what says where that is.
+    """
+
+    def __init__(self, timeout: float, wire: str, parameters: str) -> None:
+        self._timeout, self._wire, self._parameters = timeout, wire, parameters
         self._by: float | None = None
 
     @property
@@ -48,17 +51,14 @@ class AwaitedHoming:
     def ask(self) -> str:
         """Begin to wait; says for what."""
         self._by = time.monotonic() + self._timeout
-        return f'homing waits up to {self._timeout:g} s for the drive at {self._drive}'
+        return f'homing waits up to {self._timeout:g} s for the {self._wire}'
 
     def end(self) -> None:
         """Wait no longer."""
         self._by = None
 
     def given_up(self) -> str:
-        """Why it waits no longer for the drive; empty while it does."""
+        """Why it waits no longer; empty while it does."""
         if self._by is None or time.monotonic() <= self._by:
             return ''
-        return (
-            f'no drive at {self._drive} within {self._timeout:g} s: start it, or check '
-            'drive_host and drive_port'
-        )
+        return f'no {self._wire} within {self._timeout:g} s: start it, or check {self._parameters}'

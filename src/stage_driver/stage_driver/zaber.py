@@ -17,13 +17,14 @@ from stage_core.errors import StageError
 from stage_driver.backend import INFO, WARNING, Listener, Status
 from stage_driver.inbox_backend import InboxBackend
 from stage_driver.limits import AxisLimits, Setpoint, SetpointKind
+from stage_driver.servo_waits import AwaitedHoming
 from stage_driver.states import Event, State
 from stage_driver.zaber_clock import WallClock
+from stage_driver.zaber_contact import ZaberContact
 from stage_driver.zaber_link import LinkLost, NoAnswer
 from stage_driver.zaber_setup import ZaberConfig
-from stage_driver.zaber_stage import Poll, ZaberStage, first_fault, reopen
+from stage_driver.zaber_stage import Poll, ZaberStage, first_fault
 
-RECONNECT_PERIOD = 1.0
 NANOSECOND = 1.0 / NANOSECONDS
 
 
@@ -41,7 +42,6 @@ class ZaberBackend(InboxBackend):
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name='zaber', daemon=True)
         self._homing_deadline = 0.0
-        self._retry_at = 0.0
         self._stream: Setpoint | None = None
         self._stream_since = 0.0
         self._targets: list[int] | None = None
@@ -51,17 +51,21 @@ class ZaberBackend(InboxBackend):
         self._flags: tuple[str, ...] | None = None
         self._warnings: tuple[str, ...] = ()
         self._counts.update(reconnections=0, missed_polls=0)
+        self._awaited = AwaitedHoming(config.drive_timeout, f'port {config.port}', 'port')
+        self._contact = ZaberContact(config, self._clock)
 
     # -- calls from other threads -------------------------------------------------------------
 
     def start(self) -> None:
-        """Open the port, speak to every device, start the thread; StageError where that fails."""
-        try:
-            self._found(ZaberStage(self.config, self._clock))
-        except (NoAnswer, LinkLost) as error:
-            raise StageError(f'{error}: check power and cable') from error
-        if self.config.enable_on_start:
-            self._states.handle(Event.ENABLE)
+        """Open the port, speak to every device, start the thread; StageError where that fails.
+
+        A port that is not there yet is waited for in the thread.
+        """
+        stage = self._contact.first()
+        if stage is None:
+            self._listener.on_event(WARNING, f'waiting: {self._contact.absence}')
+        else:
+            self._found(stage)
         self._thread.start()
 
     def close(self) -> None:
@@ -89,6 +93,8 @@ class ZaberBackend(InboxBackend):
             counts = stage.link.counts
             details.update({f'line_{name}': str(count) for name, count in counts.items()})
         connected = stage is not None and not stage.link.lost
+        if self._contact.absence:
+            details['waits'] = self._contact.absence
         return Status(
             self._states.state,
             self._states.reason,
@@ -268,13 +274,20 @@ class ZaberBackend(InboxBackend):
             self._fail(failed)
 
     def _start_homing(self, done: Future[str]) -> None:
-        refused = self._move_refusal(self._contact_refusal())
-        stage = self._stage
-        if refused is not None or stage is None:
-            done.set_exception(StageError(refused or 'no contact with the stage'))
+        # A stage that was never met yet is enabled when it comes.
+        coming = not self._contact.met and self._homing is None and self._enables_itself
+        refused = None if coming else self._move_refusal(self._contact_refusal())
+        if refused is not None:
+            done.set_exception(StageError(refused))
             return
-        self._stream = self._targets = None
         self._homing = done
+        if coming:
+            self._listener.on_event(INFO, self._awaited.ask())
+        else:
+            self._begin_homing(self._present())
+
+    def _begin_homing(self, stage: ZaberStage) -> None:
+        self._stream = self._targets = None
         self._homing_deadline = self._clock.elapsed() + self.config.homing_timeout
         self._states.handle(Event.MOVE)
         failed = stage.home()
@@ -316,10 +329,13 @@ class ZaberBackend(InboxBackend):
             raise StageError(f'the fault stays: {fault}')
         self._flags = None
         state = self._states.handle(Event.RESET)
-        enable = self.config.enable_on_start and not self._kept_disabled
-        if enable and state is State.DISABLED:
+        if self._enables_itself and state is State.DISABLED:
             return self._switch(True)
         return state.value
+
+    @property
+    def _enables_itself(self) -> bool:
+        return self.config.enable_on_start and not self._kept_disabled
 
     def _switch(self, on: bool) -> str:
         stage = self._present()
@@ -345,7 +361,8 @@ class ZaberBackend(InboxBackend):
 
     # -- the wire -----------------------------------------------------------------------------
 
-    def _found(self, stage: ZaberStage) -> None:
+    def _found(self, stage: ZaberStage) -> bool:
+        """Take a stage; whether it is the first time."""
         self._warnings = stage.warnings()
         self._homed = 'WR' not in self._warnings
         self._flags = self._last = None
@@ -353,6 +370,10 @@ class ZaberBackend(InboxBackend):
         self._references = []
         self._travel = stage.limits
         self._stage = stage
+        first = self._contact.found()
+        if first and self._enables_itself and self._states.state is State.DISABLED:
+            self._states.handle(Event.ENABLE)
+        return first
 
     def _lose(self, reason: str) -> None:
         stage, self._stage = self._stage, None
@@ -362,18 +383,30 @@ class ZaberBackend(InboxBackend):
 
     def _reconnect(self) -> None:
         """Look for the devices; found ones are stopped and asked whether they know their place."""
-        if time.monotonic() < self._retry_at:
-            return
-        stage = reopen(self.config, self._clock)
-        self._retry_at = time.monotonic() + RECONNECT_PERIOD
+        if self._awaited.waiting and (reason := self._awaited.given_up()):
+            self._awaited.end()
+            self._stop(reason)
+        stage = self._contact.look()
         if stage is None:
             return
-        stage.link.send_unanswered('stop')
         try:
-            self._found(stage)
+            first = self._found(stage)
         except (NoAnswer, LinkLost):
             stage.link.close()
             return
-        self._counts['reconnections'] += 1
         known = 'the position is known' if self._homed else 'the position is lost: call ~/home'
-        self._listener.on_event(INFO, f'{self.config.port} is back, {known}')
+        self._listener.on_event(
+            INFO, f'{self.config.port} is {"there" if first else "back"}, {known}'
+        )
+        self._counts['reconnections'] += not first
+        self._end_waiting(stage)
+
+    def _end_waiting(self, stage: ZaberStage) -> None:
+        """Begin the homing that was asked for before the stage was there."""
+        self._awaited.end()
+        if self._homing is None:
+            return
+        if refused := self._states.refusal(Event.MOVE):
+            self._stop(refused)
+        else:
+            self._begin_homing(stage)

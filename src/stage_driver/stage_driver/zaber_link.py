@@ -7,6 +7,7 @@ late, doubled or from another device, and alerts come between any two lines.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import termios
 import threading
@@ -20,6 +21,7 @@ from dataclasses import dataclass
 import serial
 
 from stage_core.errors import StageError
+from stage_core.ownership import Ownership
 from stage_driver.protocol import (
     LARGEST_ID,
     Alert,
@@ -33,6 +35,14 @@ from stage_driver.protocol import (
 
 #: The id of an unanswered request is not used again for this time: its reply may be late [s].
 QUARANTINE = 5.0
+
+
+#: Errors of a port that may still come: no such file or device, or nobody listens there yet.
+_ABSENT = (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ECONNREFUSED)
+
+
+class PortAbsent(StageError):
+    """There is no such port yet."""
 
 
 class LinkLost(Exception):
@@ -65,6 +75,11 @@ class ZaberLink:
         Longest wait for a reply [s].
     line_sent
         Called after each command line.
+
+    Raises
+    ------
+    StageError
+        If the port cannot be opened or another driver has it; `PortAbsent` where it may come.
     """
 
     def __init__(
@@ -79,10 +94,15 @@ class ZaberLink:
         self._line_sent = line_sent
         self.counts: Counter[str] = Counter()
         self.garbage_sample = b''
+        # A link to a device is that device.
+        wire = f'port {os.path.realpath(url) if "://" not in url else url}'
+        self._owned = Ownership(wire, 'stage_driver', 'give this driver another port')
         try:
             self._port = serial.serial_for_url(url, baudrate=baud, timeout=0.05, write_timeout=0.5)
         except (serial.SerialException, OSError, ValueError, termios.error) as error:
-            raise StageError(
+            self._owned.close()
+            kind = PortAbsent if _number(error) in _ABSENT else StageError
+            raise kind(
                 f'cannot open port {url}: {_reason(error)}: check parameter port, the cable and '
                 'the rights on the device'
             ) from error
@@ -109,6 +129,7 @@ class ZaberLink:
         self._reader.join(timeout=2.0)
         with contextlib.suppress(Exception):
             self._port.close()
+        self._owned.close()
 
     def ask(self, words: str, device: int, axis: int = 0, retries: int = 2) -> Reply:
         """Ask for something that may be asked again; never for a motion.
@@ -216,6 +237,14 @@ class ZaberLink:
                 return
             del self._pending[reply.message_id if reply.message_id is not None else -1]
         found[1].set_result(reply)
+
+
+def _number(error: BaseException | None) -> int | None:
+    """Number of the system's error; pyserial's sockets keep it in the context."""
+    if error is None:
+        return None
+    found = getattr(error, 'errno', None)
+    return found if isinstance(found, int) else _number(error.__context__)
 
 
 def _reason(error: BaseException) -> str:

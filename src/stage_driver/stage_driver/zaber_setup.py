@@ -31,6 +31,7 @@ class ZaberConfig:
     link_timeout: float = 1.0
     settle_time: float = 0.6
     lockstep_timeout: float = 5.0
+    drive_timeout: float = 60.0
     home_required: bool = True
     enable_on_start: bool = True
 

@@ -7,7 +7,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stage_core.errors import StageError
 from stage_driver.limits import AxisLimits
 from stage_driver.protocol import ProtocolError, Reply, warning_list
 from stage_driver.zaber_clock import WallClock
@@ -189,11 +188,3 @@ def first_fault(flags: Sequence[str], ignored: Sequence[str] = ()) -> str | None
         if flag in FLAGS and FLAGS[flag].severity == 'fault' and flag not in ignored:
             return describe_flag(flag)
     return None
-
-
-def reopen(config: ZaberConfig, clock: WallClock) -> ZaberStage | None:
-    """Open the stage again after the cable was pulled; None while it is not there."""
-    try:
-        return ZaberStage(config, clock)
-    except (StageError, LinkLost, NoAnswer):
-        return None

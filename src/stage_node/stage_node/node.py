@@ -36,7 +36,7 @@ from stage_core.parameters import Parameter, Value, check
 from stage_core.priority import to_real_time
 from stage_node import parameter_files
 from stage_node.joint_state_wire import JointSample, JointStateLayout
-from stage_node.peers import PEERS, PeerWatch
+from stage_node.peers import PEERS, PeerWatch, process_name, speaker
 
 #: Measurements are recorded for science: reliable, with a second of depth (docs/interfaces.md).
 STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -65,6 +65,7 @@ class Diagnostics:
         self.hardware_id = hardware_id
         self._node = node
         self._tasks: dict[str, DiagnosticTask] = {}
+        self._process = process_name()
         self._publisher = node.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         # A steady clock: replayed or stalled time must not silence the diagnostics.
         clock = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
@@ -78,6 +79,7 @@ class Diagnostics:
         """Publish the status of every task now."""
         message = DiagnosticArray()
         set_stamp(message.header, self._node.now())
+        message.header.frame_id = self._process
         for name, function in self._tasks.items():
             level, text, values = function()
             message.status.append(
@@ -114,8 +116,7 @@ class StageNode(Node):
         self.diagnostics = Diagnostics(self, hardware_id=name)
         #: How the system schedules this process, for /diagnostics.
         self.scheduling = 'ordinary'
-        if name in PEERS:
-            self._watch_peers(PeerWatch(PEERS[name]))
+        self._watch_peers(PeerWatch(PEERS.get(name, ()), self._doubled))
 
     def value(self, name: str) -> Any:
         """Current value of a declared parameter."""
@@ -137,17 +138,23 @@ class StageNode(Node):
         return None
 
     def _watch_peers(self, peers: PeerWatch) -> None:
-        """Say on /diagnostics which of the nodes that this one works with fell silent."""
+        """Say on /diagnostics which nodes fell silent, and which of them speak twice."""
 
-        def heard(message: DiagnosticArray) -> None:
-            peers.hear([status.name for status in message.status])
+        def heard(data: bytes) -> None:
+            spoke = speaker(data)
+            if spoke is not None and (rival := peers.hear(*spoke)):
+                self.get_logger().warning(rival)
 
         def status() -> tuple[bytes, str, dict[str, Any]]:
             well, text, values = peers.status()
             return OK if well else WARN, text, values
 
-        self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, heard, 10)
+        self.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, heard, 10, raw=True)
         self.diagnostics.task('peers', status)
+
+    def _doubled(self, node: str) -> bool:
+        found = self.get_publishers_info_by_topic(topics.DIAGNOSTICS)
+        return sum(publisher.node_name == node for publisher in found) > 1
 
     def _refuse_unknown(self) -> None:
         known = set(self._specifications) | set(_ROS_PARAMETERS)

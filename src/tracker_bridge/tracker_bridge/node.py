@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 
 from stage_core import topics
 from stage_core.errors import StageError
+from stage_core.ownership import Ownership, address
 from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run, set_stamp
 from tracker_bridge.bridge import CLOCK_LOST, Bridge, Limits
 from tracker_bridge.joint_cdr import stamp_and_position
@@ -64,6 +65,10 @@ class TrackerBridge(StageNode):
         )
         self._arrived = time.monotonic()
         self._alignment = ''
+        self._owned: Ownership | None = None
+        if value('source') != 'replay':
+            wire = f'tracker connection {address(value("host"), value("port"))}'
+            self._owned = Ownership(wire, 'tracker_bridge', 'give this bridge another port')
         self._source = self._make_source()
         self._points = self.create_publisher(PointStamped, topics.TRACKER_POINT, STATE_QOS)
         self._transforms = self.create_publisher(TransformStamped, topics.ALIGNMENT, LATCHED_QOS)
@@ -232,6 +237,8 @@ class TrackerBridge(StageNode):
     def shutdown(self) -> None:
         """Leave the tracker."""
         self._source.stop()
+        if self._owned is not None:
+            self._owned.close()
 
 
 def main() -> int:

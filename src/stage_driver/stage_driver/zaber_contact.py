@@ -1,0 +1,62 @@
+"""Finding a Zaber stage whose port is not there yet, or not there any more."""
+
+from __future__ import annotations
+
+import time
+
+from stage_core.errors import StageError
+from stage_driver.zaber_clock import WallClock
+from stage_driver.zaber_link import LinkLost, NoAnswer, PortAbsent
+from stage_driver.zaber_setup import ZaberConfig
+from stage_driver.zaber_stage import ZaberStage
+
+#: A stage that is not there is looked for this often [s].
+RECONNECT_PERIOD = 1.0
+
+
+class ZaberContact:
+    """Opens the stage; `met` says whether it was ever there, `absence` why it is not there now."""
+
+    def __init__(self, config: ZaberConfig, clock: WallClock) -> None:
+        self._config, self._clock = config, clock
+        self._retry_at = 0.0
+        self.met = False
+        self.absence = ''
+
+    def first(self) -> ZaberStage | None:
+        """The stage; None where its port may still come.
+
+        Raises
+        ------
+        StageError
+            If it cannot be opened, or nobody answers.
+        """
+        try:
+            return self._open()
+        except PortAbsent as error:
+            self.absence = str(error)
+            return None
+        except (NoAnswer, LinkLost) as error:
+            raise StageError(f'{error}: check power and cable') from error
+
+    def look(self) -> ZaberStage | None:
+        """The stage, stopped, where it is there by now; asked as often as one likes."""
+        if time.monotonic() < self._retry_at:
+            return None
+        try:
+            stage = self._open()
+            stage.link.send_unanswered('stop')
+            return stage
+        except (StageError, NoAnswer, LinkLost) as error:
+            self.absence = str(error)
+            return None
+        finally:
+            self._retry_at = time.monotonic() + RECONNECT_PERIOD
+
+    def found(self) -> bool:
+        """Note that the stage has told its state; whether it was the first time."""
+        first, self.met, self.absence = not self.met, True, ''
+        return first
+
+    def _open(self) -> ZaberStage:
+        return ZaberStage(self._config, self._clock)
