@@ -13,7 +13,7 @@ from gap_diagnosis.__main__ import main
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.session import Series, Session
-from stage_core.twin_file import ServoAxis, TwinFile
+from stage_core.twin_file import TwinFile
 
 Maker = Callable[..., Session]
 
@@ -101,32 +101,6 @@ def test_a_spoilt_session_is_refused(
     assert len(error.splitlines()) == 1
     assert re.search(words, error), error
     assert not (tmp_path / 'out' / 'report.json').exists()
-
-
-@pytest.mark.parametrize(
-    ('change', 'words'),
-    [
-        ({'velocity_gain': 900.0, 'integral_gain': 9000.0}, 'another machine'),
-        ({'position_gain': 15.0}, 'another machine'),
-        ({'velocity_filter': 100.0}, 'another machine'),
-    ],
-)
-def test_the_twin_of_another_machine_is_refused(
-    planted: Maker,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    change: dict[str, float],
-    words: str,
-) -> None:
-    bag = write_session(tmp_path / 'bag', planted({}, duration=10.0))
-    twin = TwinFile.nominal_servo()
-    axis = twin.axes['x']
-    assert isinstance(axis, ServoAxis)
-    other = replace(twin, axes={'x': replace(axis, **change)})
-    other.save(tmp_path / 'twin.yaml')
-    arguments = ['--bag', str(bag), '--twin', str(tmp_path / 'twin.yaml'), '--quiet']
-    assert main([*arguments, '--out', str(tmp_path / 'out')]) == 2
-    assert words in capsys.readouterr().err
 
 
 def test_an_axis_or_a_kind_that_the_twin_lacks(

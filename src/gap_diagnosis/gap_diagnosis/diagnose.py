@@ -24,6 +24,7 @@ from gap_diagnosis.evidence.localise import Condition, conditions, features
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.data import Record, held_out_windows, load_record
 from gap_diagnosis.input.stepper import load_stepper_record
+from gap_diagnosis.residuals.controller import controller_findings
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.nominal import merged, sensor_frame, with_counted_steps
 from gap_diagnosis.residuals.servo import Servo
@@ -41,7 +42,7 @@ from gap_diagnosis.selection.parts import (
     with_steps,
 )
 from stage_core.errors import StageError
-from stage_core.quantities import UNKNOWN
+from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TrackerSpec, TwinFile
 from stage_twin.effects import link_of
@@ -135,12 +136,14 @@ def diagnose(
     counted = stepper or 'encoder_quantisation' in without
     quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
     seen = with_mean_points(with_steps(counted_twin, quantisation), records)
+    # Read from the record itself; no residual has to be explained for them.
+    direct = {**quantisation, **_allowed(controller_findings(records, twin), without)}
     for axis in axes:
         if stepper or not any(r.moving[records[0].column(axis)] for r in records):
             continue
         progress(f'command -> encoder of axis {axis}: reading the equation of motion backwards')
         problem = Servo(records, seen, axis).problem()
-        parts.append(fit_servo(axis, problem, records, twin, quantisation, seed, without))
+        parts.append(fit_servo(axis, problem, records, twin, direct, seed, without))
         parts[-1].row_axis = np.full(len(parts[-1].problem.target), records[0].column(axis))
     if all(r.tracker is not None for r in records):
         progress('encoder -> table -> tracker: residual of the measurement')
@@ -155,14 +158,14 @@ def diagnose(
         part = fit_part('tracker', kinematics.problem(), rules, seed, without, least, known)
         part.row_axis = kinematics.row_axis()
         parts.append(part)
-    parameters: dict[str, dict[str, tuple[float, float]]] = dict(quantisation)
+    parameters: dict[str, dict[str, tuple[float, float]]] = dict(direct)
     for part in parts:
         found = describe(part.selection, part.selector.regression)
         if twin.kind == 'servo' and part.name.startswith('servo') and found:
             axis = part.name[-1]
             progress(f'closed loop of axis {axis}: refining {", ".join(found)}')
-            quantised = {n: v for n, v in quantisation.items() if n.endswith(f'.{axis}')}
-            found = polish(records, twin, axis, {**quantised, **found})
+            own = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
+            found = polish(records, twin, axis, found, own)
         parameters.update(found)
     progress('closed-loop replay of the nominal and of the corrected twin')
     effects = {n: {k: v for k, (v, _) in p.items()} for n, p in parameters.items()}
@@ -177,8 +180,14 @@ def diagnose(
         channels,
         seed,
         progress,
-        quantisation,
     )
+
+
+def _allowed(
+    found: dict[str, dict[str, tuple[float, float]]], without: Sequence[str]
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """Findings whose effect is not taken out of the library."""
+    return {n: v for n, v in found.items() if not set(without) & {n, split_effect(n)[0]}}
 
 
 def _conclude(
@@ -191,7 +200,6 @@ def _conclude(
     channels: dict[str, Channel],
     seed: int,
     progress: Progress,
-    quantisation: dict[str, dict[str, tuple[float, float]]],
 ) -> Diagnosis:
     scored = [r for r in records if r.held_out_session] or records
     effects = {n: {k: v for k, (v, _) in p.items()} for n, p in parameters.items()}

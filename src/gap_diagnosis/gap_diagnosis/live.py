@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.closed_loop.replay import compensation
+from gap_diagnosis.closed_loop.replay import declared_commands
 from gap_diagnosis.input.data import Record, motion_step
 from gap_diagnosis.input.ticks import machine_clock, tick_numbers
 from stage_core.frames import RigidTransform
@@ -161,6 +161,8 @@ class LiveMonitor:
             temperature=None,
             tracker_time=None,
             tracker=None,
+            # The watch is for the plant: what the controller commanded is its input.
+            setpoint_velocity=np.ones(len(stamps), dtype=bool),
         )
 
     def _compare(self, record: Record, times: Array, points: Array) -> None:
@@ -171,7 +173,7 @@ class LiveMonitor:
             machine,
             record.reference,
             record.reference_velocity,
-            compensation=compensation(record, self.twin),
+            compensation=declared_commands(record, self.twin),
             tracker_times=times[inside],
             noise=False,
         )

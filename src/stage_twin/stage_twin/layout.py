@@ -78,6 +78,15 @@ CABLE_CENTRE = AXIS_SLOTS['cable_force', 'centre']
 CABLE_HARDENING = AXIS_SLOTS['cable_force', 'hardening']
 DELAY_ADDED = AXIS_SLOTS['actuation_delay', 'delay']
 SATURATION = AXIS_SLOTS['force_saturation', 'limit']
+SATURATION_KNOWN = AXIS_SLOTS['force_saturation', 'known']
+FEEDFORWARD_ERROR = AXIS_SLOTS['controller_mismatch', 'velocity_feedforward_error']
+#: Columns of a gain and of its relative error.
+CONTROLLER_ERRORS = (
+    (POSITION_GAIN, AXIS_SLOTS['controller_mismatch', 'position_gain_error']),
+    (VELOCITY_GAIN, AXIS_SLOTS['controller_mismatch', 'velocity_gain_error']),
+    (INTEGRAL_GAIN, AXIS_SLOTS['controller_mismatch', 'integral_gain_error']),
+    (VELOCITY_FILTER, AXIS_SLOTS['controller_mismatch', 'velocity_filter_error']),
+)
 GAIN_ERROR = AXIS_SLOTS['drive_gain', 'error']
 RESONANCE_FREQUENCY = AXIS_SLOTS['structural_resonance', 'frequency']
 RESONANCE_DAMPING = AXIS_SLOTS['structural_resonance', 'damping']

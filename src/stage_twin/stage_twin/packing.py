@@ -109,6 +109,8 @@ def pack(twin: TwinFile) -> KernelArrays:
         else:
             for key, value in values.items():
                 axes[names.index(axis), layout.AXIS_SLOTS[effect.name, key]] = value
+    for row in axes:
+        _change_controller(row)
     _check_friction(names, axes)
     transitions = np.zeros(
         (len(names), layout.PIECES, layout.DIRECTIONS, layout.MOTION, layout.MOTION + 1)
@@ -126,6 +128,15 @@ def _base_row(axis: ServoAxis | StepperAxis | ForceAxis, row: np.ndarray) -> Non
             row[column] = getattr(axis, name)
     if isinstance(axis, StepperAxis):
         row[layout.ENCODER_RESOLUTION] = axis.microstep
+
+
+def _change_controller(row: np.ndarray) -> None:
+    """Gains and limit of a controller that is not the file's."""
+    for gain, error in layout.CONTROLLER_ERRORS:
+        row[gain] *= 1.0 + row[error]
+    row[layout.VELOCITY_FEEDFORWARD] += row[layout.FEEDFORWARD_ERROR]
+    if row[layout.SATURATION_KNOWN] > 0.5 and row[layout.SATURATION] > 0.0:
+        row[layout.FORCE_LIMIT] = min(row[layout.FORCE_LIMIT], row[layout.SATURATION])
 
 
 def _check_friction(names: tuple[str, ...], axes: np.ndarray) -> None:

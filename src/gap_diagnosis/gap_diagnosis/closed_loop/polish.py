@@ -51,9 +51,12 @@ def one_axis(record: Record, axis: str) -> Record:
     )
 
 
-def polish(records: list[Record], twin: TwinFile, axis: str, found: Parameters) -> Parameters:
+def polish(
+    records: list[Record], twin: TwinFile, axis: str, found: Parameters, fixed: Parameters
+) -> Parameters:
     """Parameters of the servo effects of an axis, refined on the encoder of the fit windows.
 
+    `fixed` are effects of the axis that the record itself tells: they stay as they are.
     Returns them unchanged where the gap is at the encoder's step already or nothing is gained.
     """
     fitted = [one_axis(r, axis) for r in records if not r.held_out_session]
@@ -61,7 +64,7 @@ def polish(records: list[Record], twin: TwinFile, axis: str, found: Parameters) 
         (effect, key)
         for effect, values in found.items()
         for key, (_, deviation) in values.items()
-        if deviation > 0.0 and split_effect(effect)[0] != 'encoder_quantisation'
+        if deviation > 0.0
     ]
     if not names:
         return found
@@ -74,7 +77,7 @@ def polish(records: list[Record], twin: TwinFile, axis: str, found: Parameters) 
     def gap(z: Array) -> Array:
         values = np.clip(start + scale * z, low, high)
         effects: dict[str, dict[str, float]] = {
-            e: {k: v for k, (v, _) in p.items()} for e, p in found.items()
+            e: {k: v for k, (v, _) in p.items()} for e, p in {**fixed, **found}.items()
         }
         for (effect, key), value in zip(names, values, strict=True):
             effects[effect][key] = float(value)

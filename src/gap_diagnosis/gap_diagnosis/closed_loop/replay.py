@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
@@ -22,59 +20,22 @@ Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]
 
 
-def compensation(record: Record, twin: TwinFile) -> Array:
-    """What the recorded controller did beyond the nominal law, shape (n, a) [m/s].
+def declared_commands(record: Record, twin: TwinFile) -> Array:
+    """What set-points with a velocity asked for beyond the nominal law, shape (n, a) [m/s].
 
-    A friction compensation, a cross-coupled controller, a force added behind the loop (an
-    excitation), another filter of the velocity: known inputs of the replay, no gap of the plant.
+    The contour controller's terms are known inputs of the replay. Whatever else the recorded
+    controller did beyond the twin's law is part of the gap.
     """
     out = np.zeros_like(record.reference)
+    ticks = record.declared
     for i, name in enumerate(record.axes):
         axis = twin.servo(name)
         law = axis.position_gain * (record.reference[:, i] - record.encoder[:, i])
         if axis.velocity_feedforward:
             law = law + axis.velocity_feedforward * record.reference_velocity[:, i]
-        command = _command_of_force(
-            record.force[:, i],
-            record.velocity_command[:, i],
-            record.encoder[:, i],
-            record.period,
-            (axis.velocity_gain, axis.integral_gain, axis.velocity_filter, axis.force_limit),
-        )
-        out[:, i] = command - law
-    # Rounding of stored numbers is no compensation.
+        out[ticks, i] = (record.velocity_command[:, i] - law)[ticks]
+    # Rounding of stored numbers is no command.
     out[np.abs(out) < 1e-9] = 0.0
-    return out
-
-
-@njit(cache=True)
-def _command_of_force(
-    force: Array,
-    command: Array,
-    encoder: Array,
-    period: float,
-    gains: tuple[float, float, float, float],
-) -> Array:
-    """Velocity command (n,) with which the velocity loop gives a force (n,) [m/s].
-
-    The velocity loop: docs/interfaces.md, "Servo controller".
-
-    The law solved for its input; its memory fades within velocity_gain / integral_gain. The
-    recorded command stands where the force is clipped, or where there is no gain to solve for.
-    """
-    gain, integral_gain, corner, limit = gains
-    out = command.copy()
-    decay = math.exp(-period * corner)
-    velocity = integral = 0.0
-    for k in range(len(force)):
-        rate = (encoder[k] - encoder[max(k - 1, 0)]) / period
-        velocity = decay * velocity + (1.0 - decay) * rate
-        clipped = abs(force[k]) > 0.999 * limit
-        if not clipped and gain > 0.0:
-            out[k] = (force[k] - integral) / gain + velocity
-        error = out[k] - velocity
-        if not (clipped and error * force[k] > 0.0):
-            integral += integral_gain * error * period
     return out
 
 
@@ -112,7 +73,7 @@ def replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]
         machine,
         record.reference,
         np.nan_to_num(record.reference_velocity, nan=0.0),
-        compensation=compensation(record, twin),
+        compensation=declared_commands(record, twin),
         temperatures=record.temperature,
         tracker_times=np.zeros(0),
         noise=False,

@@ -67,6 +67,8 @@ class Record:
     tracker_stamp: Array | None = None  # of the points, where `clock` makes another time of it
     frame: Coarse | None = None  # of the nominal twin's tracker, taken out of the points
     coarse: Coarse | None = None  # what was taken out of them after that
+    #: Ticks (n,) whose set-point carried a velocity: what it asks for is a known input.
+    setpoint_velocity: Mask | None = None
     gaps: tuple[tuple[float, float], ...] = ()  # stretches of `time` [s] without any ticks
 
     @property
@@ -96,6 +98,13 @@ class Record:
     def session_time(self, time: float) -> float:
         """Time by the stamps since the session's start [s] of a time of the machine [s]."""
         return time if self.clock is None else float(self.clock.to_stamps(np.array([time]))[0])
+
+    @property
+    def declared(self) -> Mask:
+        """Ticks (n,) whose velocity command is an input that a set-point declared."""
+        if self.setpoint_velocity is None:
+            return np.zeros(len(self.time), dtype=bool)
+        return self.setpoint_velocity
 
     def whole(self, time: Array) -> Mask:
         """Which of the times (n,) [s] are far from stretches of lost ticks."""
@@ -195,12 +204,28 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         warnings=(*session.warnings, *grid.warnings),
         clock=grid.clock,
         gaps=grid.gaps,
+        setpoint_velocity=_declared(session, axes, grid),
     )
     check_excitation(record)
     check_forces(record)
     if twin.kind == 'servo':
         check_controller(record, twin)
     return _with_tracker(record, session)
+
+
+def _declared(session: Session, axes: tuple[str, ...], grid: Grid) -> Mask | None:
+    """Ticks (n,) for which a set-point with a velocity came; None where there is none."""
+    if not session.has(topics.SETPOINT):
+        return None
+    series = session.series[topics.SETPOINT]
+    if any(f'velocity.{axis}' not in series.values for axis in axes):
+        return None
+    carried = np.isfinite(series.columns('velocity', axes)).all(axis=1)
+    stamps = to_seconds(series.stamps[carried], session.start_ns)
+    mask = np.zeros(len(grid.time), dtype=bool)
+    at = np.searchsorted(grid.stamp_time, stamps - 0.5 * grid.period)
+    mask[at[at < len(mask)]] = True
+    return mask
 
 
 def screw_temperatures(session: Session, axes: tuple[str, ...], time: Array) -> Array | None:

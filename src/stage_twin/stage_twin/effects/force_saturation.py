@@ -15,9 +15,19 @@ EFFECT = Effect(
         Parameter(
             'limit', 'N', 0.0, 2000.0, 100.0, 'largest force that the amplifier gives; 0 is off'
         ),
+        Parameter(
+            'known',
+            '',
+            0.0,
+            1.0,
+            0.0,
+            '1 where the controller itself is limited to it, so that its integral is held',
+            fitted=False,
+        ),
     ),
     model='The amplifier clips below the `force_limit` that the controller knows of, so that its '
-    'integral winds up. Astrom and Hagglund, "Advanced PID control" (2006), wind-up.',
+    'integral winds up, or the controller itself is limited to less than its `force_limit`. '
+    'Astrom and Hagglund, "Advanced PID control" (2006), wind-up.',
     sentence='the drive gives no more than {limit}',
     excited_by='strokes at the highest acceleration',
     separated_from={

@@ -1,0 +1,231 @@
+"""Reference and encoder -> force: does the recorded controller follow the twin's law?
+
+What the controller reads (reference, encoder) and what it commands (velocity, force) are both in
+the record, so that its law can be fitted link by link, without the plant and without noise:
+docs/interfaces.md, "Servo controller". A law with other gains is `controller_mismatch`; forces
+that stand at a limit below the twin's are `force_saturation`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
+
+from gap_diagnosis.input.data import Record, held_out_windows, inside
+from stage_core.twin_file import ServoAxis, TwinFile
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Parameters = dict[str, tuple[float, float]]
+
+#: Share of the held-out increments of velocity or force commands that another law must explain
+#: beyond the twin's: below it are stored digits and interpolated ticks.
+CLEARLY_BETTER = 0.5
+#: Ticks at the largest force that make a limit: by chance a peak lasts one or two.
+PLATEAU = 5
+#: Fields of the controller, link by link.
+GAINS = (
+    'position_gain',
+    'velocity_feedforward',
+    'velocity_gain',
+    'integral_gain',
+    'velocity_filter',
+)
+#: Share by which a gain must differ to be named.
+LEAST_SHARE = 0.02
+
+
+@dataclass(frozen=True)
+class Law:
+    """Gains of one axis' controller, and what they leave of the recorded commands."""
+
+    gains: ServoAxis
+    deviations: dict[str, float]
+    left: float  # RMS of the force increments that stay unexplained [N]
+
+    def error(self, nominal: ServoAxis, name: str) -> tuple[float, float]:
+        """Relative error of a gain and its standard deviation; absolute where it is zero."""
+        own, base = float(getattr(self.gains, name)), float(getattr(nominal, name))
+        scale = base if base > 0.0 else 1.0
+        return (own - base) / scale, self.deviations.get(name, 0.0) / scale
+
+
+def controller_findings(records: list[Record], twin: TwinFile) -> dict[str, Parameters]:
+    """`controller_mismatch` and `force_saturation` of each axis, read from the commands.
+
+    Returns an empty mapping where the recorded commands follow the twin's law.
+    """
+    found: dict[str, Parameters] = {}
+    if twin.kind != 'servo':
+        return found
+    for i, name in enumerate(records[0].axes):
+        if not any(r.moving[i] for r in records):
+            continue
+        axis = twin.servo(name)
+        limit = _plateau(records, i, axis)
+        if limit is not None:
+            found[f'force_saturation.{name}'] = {'limit': (limit, 1e-3 * limit), 'known': (1, 0.0)}
+            axis = replace(axis, force_limit=limit)
+        mismatch = _mismatch(records, i, axis)
+        if mismatch:
+            found[f'controller_mismatch.{name}'] = mismatch
+    return found
+
+
+def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:
+    """Force at which the recorded commands are clipped, below the twin's limit; else None."""
+    force = np.abs(np.concatenate([r.force[:, i] for r in records]))
+    peak = float(force.max())
+    at_peak = force > peak * (1.0 - 1e-9)
+    if peak >= 0.999 * axis.force_limit or np.count_nonzero(at_peak) < PLATEAU:
+        return None
+    runs = np.convolve(at_peak, np.ones(3), 'valid')
+    return peak if runs.max() >= 3.0 else None
+
+
+def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Parameters:
+    fitted = [r for r in records if not r.held_out_session]
+    judged = [r for r in records if r.held_out_session] or records
+    nominal = left(judged, i, axis)
+    law = fit_law(fitted, i, axis)
+    if nominal <= 0.0 or left(judged, i, law.gains) > (1.0 - CLEARLY_BETTER) * nominal:
+        return {}
+    out: Parameters = {}
+    for name in GAINS:
+        value, deviation = law.error(axis, name)
+        if abs(value) > max(LEAST_SHARE, 3.0 * deviation):
+            out[f'{name}_error'] = (value, deviation)
+    return out
+
+
+def left(records: list[Record], i: int, axis: ServoAxis) -> float:
+    """RMS over the held-out ticks of the force increments that a law leaves unexplained [N].
+
+    Both links count: the velocity command that the law gives stands in place of the recorded one.
+    """
+    squares = []
+    for record in records:
+        expected = force_increments(record, i, axis, velocity_law(record, i, axis))
+        mask = inside(record.time, held_out_windows(record))[1:] & _free(record, i, axis)
+        squares.append((np.diff(record.force[:, i]) - expected)[mask] ** 2)
+    return math.sqrt(float(np.mean(np.concatenate(squares))))
+
+
+def velocity_law(record: Record, i: int, axis: ServoAxis) -> Array:
+    """vc_k (n,) [m/s] of a law; the recorded one in ticks whose set-point carries a velocity."""
+    law = axis.position_gain * (record.reference[:, i] - record.encoder[:, i])
+    law = law + axis.velocity_feedforward * np.nan_to_num(record.reference_velocity[:, i])
+    recorded = record.velocity_command[:, i]
+    return np.where(record.declared & np.isfinite(recorded), recorded, law)
+
+
+def force_increments(record: Record, i: int, axis: ServoAxis, command: Array) -> Array:
+    """F_k - F_(k-1) (n - 1,) [N] of the velocity loop; the start of its integral drops out."""
+    error = command - _filtered(record, i, axis.velocity_filter)
+    return axis.velocity_gain * np.diff(error) + axis.integral_gain * record.period * error[:-1]
+
+
+def _filtered(record: Record, i: int, corner: float) -> Array:
+    q = record.encoder[:, i]
+    decay = math.exp(-record.period * corner)
+    rate = np.diff(q, prepend=q[0]) / record.period
+    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], rate))
+
+
+def _free(record: Record, i: int, axis: ServoAxis) -> Mask:
+    """Increments (n - 1,) between ticks of which none is clipped, away from lost ticks."""
+    force = np.abs(record.force[:, i])
+    free = (force < 0.999 * axis.force_limit) & record.whole(record.time)
+    free[: min(5, len(free))] = False
+    return np.asarray(free[1:] & free[:-1])
+
+
+def fit_law(records: list[Record], i: int, axis: ServoAxis) -> Law:
+    """Least-squares gains of the law on the fit windows, link by link.
+
+    Position loop: recorded velocity command against (ṙ, r - q). Velocity loop: recorded force
+    increments against the increments and values of vc - vf, for the best corner of the filter.
+    """
+    gains, deviations = _position_loop(records, i, axis)
+    corners = axis.velocity_filter * np.geomspace(0.1, 10.0, 25)
+    costs = [_velocity_loop(records, i, gains, corner)[2] for corner in corners]
+    at = int(np.argmin(costs))
+    best = minimize_scalar(
+        lambda z: _velocity_loop(records, i, gains, math.exp(z))[2],
+        bounds=(math.log(corners[max(at - 1, 0)]), math.log(corners[min(at + 1, 24)])),
+        method='bounded',
+        options={'xatol': 1e-4},
+    )
+    corner = math.exp(float(best.x))
+    # The twin's own corner is taken unless another one is clearly better.
+    if _velocity_loop(records, i, gains, axis.velocity_filter)[2] <= 1.02 * float(best.fun):
+        corner = axis.velocity_filter
+    (gain, integral), (gain_std, integral_std), cost = _velocity_loop(records, i, gains, corner)
+    gains = replace(
+        gains, velocity_gain=gain, integral_gain=max(integral, 0.0), velocity_filter=corner
+    )
+    deviations.update(velocity_gain=gain_std, integral_gain=integral_std)
+    return Law(gains, deviations, cost)
+
+
+def _fit_ticks(record: Record, i: int, axis: ServoAxis) -> Mask:
+    return _free(record, i, axis) & ~inside(record.time, held_out_windows(record))[1:]
+
+
+def _position_loop(
+    records: list[Record], i: int, axis: ServoAxis
+) -> tuple[ServoAxis, dict[str, float]]:
+    rows, target = [], []
+    for record in records:
+        recorded = record.velocity_command[:, i]
+        use = np.concatenate([[False], _fit_ticks(record, i, axis)])
+        use &= ~record.declared & np.isfinite(recorded)
+        rate = np.nan_to_num(record.reference_velocity[:, i])
+        error = record.reference[:, i] - record.encoder[:, i]
+        rows.append(np.column_stack([error, rate])[use])
+        target.append(recorded[use])
+    matrix, wanted = np.concatenate(rows), np.concatenate(target)
+    if len(wanted) < 100:
+        return axis, {}
+    (gain, feedforward), deviation, _ = _least_squares(matrix, wanted)
+    names = ('position_gain', 'velocity_feedforward')
+    return replace(axis, position_gain=gain, velocity_feedforward=feedforward), dict(
+        zip(names, deviation, strict=True)
+    )
+
+
+def _velocity_loop(
+    records: list[Record], i: int, axis: ServoAxis, corner: float
+) -> tuple[tuple[float, float], tuple[float, float], float]:
+    """Velocity and integral gain, their standard deviations, and the RMS that they leave [N]."""
+    rows, target = [], []
+    for record in records:
+        recorded = record.velocity_command[:, i]
+        command = np.where(np.isfinite(recorded), recorded, velocity_law(record, i, axis))
+        error = command - _filtered(record, i, corner)
+        use = _fit_ticks(record, i, axis)
+        rows.append(np.column_stack([np.diff(error), record.period * error[:-1]])[use])
+        target.append(np.diff(record.force[:, i])[use])
+    return _least_squares(np.concatenate(rows), np.concatenate(target))
+
+
+def _least_squares(
+    matrix: Array, target: Array
+) -> tuple[tuple[float, float], tuple[float, float], float]:
+    scale = np.linalg.norm(matrix, axis=0) + 1e-300
+    solution, *_ = np.linalg.lstsq(matrix / scale, target, rcond=1e-9)
+    rest = target - matrix / scale @ solution
+    inverse = np.linalg.pinv((matrix / scale).T @ (matrix / scale))
+    cost = math.sqrt(float(np.mean(rest**2)))
+    deviation = cost * np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
+    values = solution / scale
+    return (
+        (float(values[0]), float(values[1])),
+        (float(deviation[0]), float(deviation[1])),
+        cost,
+    )

@@ -1,0 +1,85 @@
+"""A controller that is not the twin's is a finding, read from the recorded commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gap_diagnosis.diagnose import Diagnosis, diagnose
+from stage_core import topics
+from stage_core.session import Series, Session
+from stage_core.twin_file import ServoAxis, TrackerSpec, TwinFile
+
+Maker = Callable[..., Session]
+
+
+def other_gains(change: dict[str, float]) -> TwinFile:
+    """The nominal twin of axis x with other gains than the machine of `planted` has."""
+    twin = TwinFile.nominal_servo()
+    axis = twin.axes['x']
+    assert isinstance(axis, ServoAxis)
+    return replace(twin, axes={'x': replace(axis, **change)}, tracker=TrackerSpec())
+
+
+def found(session: Session, change: dict[str, float]) -> Diagnosis:
+    return diagnose([session], [], other_gains(change))
+
+
+@pytest.mark.parametrize(
+    'change',
+    [
+        {'velocity_gain': 2400.0, 'integral_gain': 60000.0},
+        {'position_gain': 25.0},
+        {'velocity_filter': 300.0},
+    ],
+)
+def test_other_gains_are_named_with_their_values(planted: Maker, change: dict[str, float]) -> None:
+    result = found(planted({}, duration=10.0), change)
+    assert result.verdict == ['controller_mismatch.x']
+    values = result.parameters['controller_mismatch.x']
+    assert set(values) == {f'{name}_error' for name in change}
+    true = TwinFile.nominal_servo().servo('x')
+    for name, own in change.items():
+        value, _ = values[f'{name}_error']
+        assert value == pytest.approx(getattr(true, name) / own - 1.0, rel=0.01)
+    assert result.after < 0.2 * result.before
+
+
+def test_an_effect_is_found_beside_other_gains(planted: Maker) -> None:
+    session = planted({'coulomb_friction.x': {'coulomb': 15.0}}, duration=20.0)
+    result = found(session, {'velocity_gain': 2400.0, 'integral_gain': 60000.0})
+    assert set(result.verdict) == {'controller_mismatch.x', 'coulomb_friction.x'}
+
+
+def test_a_limit_of_the_controller_is_a_gap(planted: Maker) -> None:
+    session = planted({'force_saturation.x': {'limit': 12.0, 'known': 1.0}}, duration=20.0)
+    result = diagnose([session], [], other_gains({}))
+    assert result.verdict == ['force_saturation.x']
+    assert result.parameters['force_saturation.x']['limit'][0] == pytest.approx(12.0)
+    assert result.after < 0.2 * result.before
+
+
+def test_velocities_of_setpoints_are_inputs_and_others_are_findings(planted: Maker) -> None:
+    plain = planted({}, duration=10.0)
+    # The same commands with the law of other gains: declared by set-points, or not.
+    reference = plain.series[topics.REFERENCE]
+    command = plain.series[topics.COMMAND]
+    setpoint = Series(
+        topics.SETPOINT,
+        reference.stamps,
+        {
+            'position.x': reference.values['position.x'],
+            'velocity.x': command.values['velocity.x'],
+        },
+    )
+    declared = replace(plain, series={**plain.series, topics.SETPOINT: setpoint})
+    change = {'position_gain': 25.0}
+    assert found(declared, change).verdict == []
+    silent = replace(
+        setpoint, values={**setpoint.values, 'velocity.x': np.full(len(setpoint), np.nan)}
+    )
+    undeclared = replace(plain, series={**plain.series, topics.SETPOINT: silent})
+    assert found(undeclared, change).verdict == ['controller_mismatch.x']
