@@ -1,0 +1,156 @@
+"""Diagnoses every case of a folder by a command, and scores the reports against the truth."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+# These belong to the whole session; a report that adds an axis means the same.
+SESSION_WIDE = ('sample_jitter',)
+BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.9, 0.99, 1.0 + 1e-9)
+Row = dict[str, Any]
+
+
+def score(folder: Path, command: str, jobs: int, again: bool) -> int:
+    """Prints a line a case and the summary; returns 1 where there are no cases."""
+    cases = sorted(path.parent for path in folder.glob('*/truth.json'))
+    if not cases:
+        print(f'error: no case (truth.json) under {folder}; make some first')
+        return 1
+    with ThreadPoolExecutor(jobs) as pool:
+        rows = []
+        for row in pool.map(lambda case: _scored(case, command, again), cases):
+            print(_line(row), flush=True)
+            rows.append(row)
+    print('\n'.join(summary(rows)))
+    return 0
+
+
+def _scored(case: Path, command: str, again: bool) -> Row:
+    report = case / 'report' / 'report.json'
+    error = ''
+    if again or not report.exists():
+        words = [*shlex.split(command), '--bag', str(case / 'bag')]
+        done = subprocess.run(
+            [*words, '--twin', str(case / 'twin.yaml'), '--out', str(case / 'report')],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        lines = (done.stderr + done.stdout).strip().splitlines() or ['']
+        error = f'exit {done.returncode}: {lines[-1]}' if done.returncode else ''
+    truth = json.loads((case / 'truth.json').read_text())
+    found = None if error or not report.exists() else json.loads(report.read_text())
+    return judged(case.name, truth, found, error)
+
+
+def judged(name: str, truth: Row, report: Row | None, error: str = '') -> Row:
+    """What the scorer keeps of one case.
+
+    Exact is a verdict that is `truth` or one of `also_right`; a false name is in none of these;
+    top-1 means that the first cause named (or `none`) is right.
+    """
+    wanted = set(truth['truth'])
+    right = [wanted, *map(set, truth['also_right'])]
+    row: Row = {'name': name, 'kind': truth['kind'], 'truth': sorted(wanted), 'error': error}
+    if report is None:
+        return row | {'verdict': None, 'exact': False, 'top': False, 'false': []}
+    verdict = [_plain(effect) for effect in report['verdict']]
+    known = set().union(*right)
+    return row | {
+        'verdict': verdict,
+        'exact': set(verdict) in right,
+        'top': verdict[0] in known if verdict else set() in right,
+        'false': [effect for effect in verdict if effect not in known],
+        'stated': [
+            (float(cause['probability']), _is_true(_plain(cause['effect']), wanted, known))
+            for cause in report['causes']
+        ],
+        'intervals': list(_intervals(truth, report)),
+    }
+
+
+def _plain(effect: str) -> str:
+    base = effect.split('.')[0]
+    return base if base in SESSION_WIDE else effect
+
+
+def _is_true(effect: str, wanted: set[str], known: set[str]) -> bool:
+    return not wanted if effect == 'none' else effect in known
+
+
+def _intervals(truth: Row, report: Row) -> Any:
+    """Effect, parameter, error over standard deviation, relative width: where names match."""
+    planted = {p['name']: p['parameters'] for p in truth['planted']}
+    for cause in report['causes']:
+        name = _plain(cause['effect'])
+        if cause['status'] != 'accepted' or name not in planted or name not in truth['truth']:
+            continue
+        for parameter, found in cause['parameters'].items():
+            true = planted[name].get(parameter)
+            std = found.get('std')
+            if true is None or found.get('value') is None or not std or not np.isfinite(std):
+                continue
+            sigmas = (found['value'] - true) / std
+            yield name, parameter, sigmas, 3.92 * std / max(abs(true), 1e-12)
+
+
+def _line(row: Row) -> str:
+    mark = 'exact' if row['exact'] else 'top  ' if row['top'] else '     '
+    verdict = row['error'] if row['verdict'] is None else ', '.join(row['verdict']) or 'nothing'
+    return f'{mark}  {row["name"]:50s}  {verdict}'
+
+
+def summary(rows: list[Row]) -> list[str]:
+    """Lines: shares over all and per kind, false names, intervals, reliability."""
+    lines = ['', f'{"kind":10s} {"cases":>5s} {"exact":>6s} {"top-1":>6s} {"false":>6s}']
+    for kind in ['all', *sorted({row['kind'] for row in rows})]:
+        of_kind = [row for row in rows if kind in ('all', row['kind'])]
+        n = len(of_kind)
+        exact, top = (sum(row[key] for row in of_kind) / n for key in ('exact', 'top'))
+        false = sum(len(row['false']) for row in of_kind)
+        lines.append(f'{kind:10s} {n:5d} {exact:6.2f} {top:6.2f} {false:6d}')
+    false = sum(len(row['false']) for row in rows)
+    unknown = [row for row in rows if row['kind'] == 'unknown' and row['verdict'] is not None]
+    handled = sum('unknown' in row['verdict'] for row in unknown)
+    refused = sum(row['verdict'] is None for row in rows)
+    lines.append(f'false names in 100 sessions: {100.0 * false / len(rows):.1f}')
+    lines.append(f'unknown named where it is the truth: {handled} of {len(unknown)}')
+    lines.append(f'no report: {refused}')
+    return lines + _coverage(rows) + _reliability(rows)
+
+
+def _coverage(rows: list[Row]) -> list[str]:
+    found: dict[str, list[tuple[float, float]]] = {}
+    for row in rows:
+        for name, parameter, sigmas, width in row.get('intervals', []):
+            key = f'{name.split(".")[0]}.{parameter}'
+            found.setdefault(key, []).append((sigmas, width))
+    everything = [entry for entries in found.values() for entry in entries]
+    lines = ['', f'{"95 % intervals":45s} {"n":>4s} {"hold":>5s} {"relative width":>15s}']
+    for key, entries in [*sorted(found.items()), ('all', everything)]:
+        if not entries:
+            continue
+        held = float(np.mean([abs(sigmas) <= 1.96 for sigmas, _ in entries]))
+        width = float(np.median([width for _, width in entries]))
+        lines.append(f'{key:45s} {len(entries):4d} {held:5.2f} {width:15.3g}')
+    return lines
+
+
+def _reliability(rows: list[Row]) -> list[str]:
+    stated = [pair for row in rows for pair in row.get('stated', [])]
+    lines = ['', f'{"probability stated":20s} {"n":>5s} {"mean":>6s} {"true":>6s}']
+    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+        within = [(p, true) for p, true in stated if low <= p < high]
+        if within:
+            mean, true = np.mean(within, axis=0)
+            lines.append(
+                f'{low:5.2f} to {high:5.2f}       {len(within):5d} {mean:6.3f} {true:6.3f}'
+            )
+    return lines
