@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -275,9 +276,30 @@ def test_a_good_bag_is_a_session_bag(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert [f for f in check_bag(path) if f.level != OK] == []
     assert check.main([str(path)]) == 0
     out = capsys.readouterr().out
-    assert 'is a session bag: 0 errors, 0 warnings' in out and '1000 Hz' in out
+    assert 'is a session bag: 0 errors, 0 warnings' in out and 'mean 1000 Hz, usual' in out
     assert info.main([str(path)]) == 0
     assert 'Topic: /stage/reference' in capsys.readouterr().out
+
+
+def test_check_tells_the_mean_rate_and_the_slowest_stretch(tmp_path: Path) -> None:
+    session = smooth_session()
+    series = session.series[topics.JOINT_STATES]
+    stamps = series.stamps
+    # From half a second on, for one second, nine of ten are lost: the usual step is the same.
+    second = 1_000_000_000
+    lost = abs(stamps - stamps[0] - second) <= second // 2
+    kept = ~lost | (np.arange(len(stamps)) % 10 == 0)
+    thinned = Series(
+        series.topic, stamps[kept], {name: v[kept] for name, v in series.values.items()}
+    )
+    path = write_session(
+        tmp_path / 'bag', Session('thin', {**session.series, topics.JOINT_STATES: thinned})
+    )
+    (said,) = (f.text for f in check_bag(path) if (f.about, f.level) == (topics.JOINT_STATES, OK))
+    span = (stamps[-1] - stamps[0]) / second
+    (mean,) = re.findall(r'mean ([\d.]+) Hz', said)
+    assert float(mean) == pytest.approx((kept.sum() - 1) / span, rel=1e-3)
+    assert 'usual step 1000 Hz' in said and 'slowest stretch 100 Hz for 1 s from 0.5 s' in said
 
 
 def test_one_axis_is_enough(tmp_path: Path) -> None:

@@ -163,6 +163,36 @@ def test_home_without_a_drive_is_one_clear_line(ros_env):
         client.trigger('/stage_driver/home', 60)
 
 
+def test_a_contour_before_homing_fails_at_once_with_the_call_that_homes(ros_env):
+    plant = SmallPlant(lockstep=False)
+    plant.start()
+    contour = [sys.executable, '-m', 'contour_ctrl.node', '--ros-args', '-p', 'radius:=0.002']
+    try:
+        with (
+            process(DRIVER + arguments(drive_port=plant.port), ros_env),
+            process(contour, ros_env),
+            GraphClient('test_client') as client,
+        ):
+            client.watch(JointState, topics.JOINT_STATES)
+            client.wait_for(
+                lambda: client.latest(topics.JOINT_STATES) is not None, 60, 'the stage'
+            )
+            client.wait_for_service('/contour_ctrl/run', 60)
+            # The two have met, too.
+            client.wait_for(
+                lambda: client.node.count_subscribers(topics.SETPOINT) > 0, 60, 'the driver'
+            )
+            begin = time.monotonic()
+            for words in ('the stage is not homed: call /stage_driver/home first', 'is disabled'):
+                with pytest.raises(StageError, match=words):
+                    client.trigger('/contour_ctrl/run', 60)
+                client.set_bool('/stage_driver/enable', False)
+            # Its own patience with a stage that does not come is 30 s.
+            assert time.monotonic() - begin < 15.0
+    finally:
+        plant.close()
+
+
 def test_killed_driver_leaves_the_stage_at_rest_and_a_new_one_takes_over(ros_env):
     plant = SmallPlant(lockstep=False)
     plant.start()

@@ -131,6 +131,10 @@ class ContourRun:
         """Whether the stage rests at the start and only the world's silence is missing."""
         return self.settings.lockstep and self.phase is Phase.APPROACH and self._ready
 
+    def awaits(self, stamp: int) -> bool:
+        """Whether the run waits for the effect of the set-point of this stamp [ns]."""
+        return self.phase is Phase.APPROACH and stamp == self._sent
+
     def begin(self, stamp: int) -> SetPoint:
         """Return the move to the start point."""
         self._ready = False

@@ -8,8 +8,10 @@ from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from rclpy.clock import Clock, ClockType
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from contour_ctrl.sequence import ContourRun, SetPoint, compile_kernels
@@ -31,6 +33,8 @@ from stage_node.node import (
 
 #: Lockstep: without a message for this wall time the world stands still [s].
 QUIET_TIME = 0.5
+#: The node that takes the set-points.
+DRIVER = 'stage_driver'
 #: Without a first message of the encoder for this wall time no run starts [s].
 FIRST_MESSAGE_TIMEOUT = 10.0
 
@@ -106,6 +110,17 @@ class StreamingNode(StageNode):
     def silence_limit(self) -> float:
         """Silence of the encoder that ends a run [s] of wall time."""
         return 0.5
+
+    def node_spoke(self, node: str, data: bytes) -> None:
+        """End a run at once whose move to the start the driver has refused."""
+        if self.course is None or node != DRIVER:
+            return
+        for status in deserialize_message(data, DiagnosticArray).status:
+            values = {pair.key: pair.value for pair in status.values}
+            stamp, reason = values.get('refused_stamp', ''), values.get('last_refusal', '')
+            if stamp and self.course.awaits(int(stamp)):
+                self._fault(reason.replace('~/', f'/{DRIVER}/'))
+                return
 
     def _on_state(self, data: bytes) -> None:
         now = time.monotonic()

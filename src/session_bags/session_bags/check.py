@@ -35,6 +35,8 @@ _QUANTITIES = {
 }
 #: A pause longer than this many periods is a gap.
 _GAP = 5.0
+#: The slowest stretch is looked for over this many periods, and over a second at least.
+_STRETCH = 10.0
 
 
 @dataclass(frozen=True)
@@ -214,15 +216,36 @@ def _check_stamps(key: str, series: Series) -> Iterator[Finding]:
     if repeated:
         yield Finding(WARNING, key, f'{repeated} messages repeat the stamp of the one before')
     period = float(np.median(steps)) * 1e-9
-    rate = f'{1.0 / period:.6g} Hz' if period > 0 else 'one moment'
-    span = (stamps[-1] - stamps[0]) * 1e-9
-    yield Finding(OK, key, f'{len(stamps)} messages in {span:.3f} s, {rate}')
+    yield Finding(OK, key, _pace(stamps, period))
     gaps = np.flatnonzero(steps * 1e-9 > _GAP * period) if period > 0 else np.array([], int)
     # Set-points come when somebody wants a motion.
     streamed = topics.TOPIC_TYPES[series.topic] == _JOINT_STATE and series.topic != topics.SETPOINT
     if len(gaps) and streamed:
         longest = steps[gaps].max() * 1e-9
         yield Finding(WARNING, key, f'{len(gaps)} gaps, the longest of {longest:.3f} s')
+
+
+def _pace(stamps: NDArray[np.int64], period: float) -> str:
+    """How many messages there are a second: on the whole, usually, and where there are fewest.
+
+    `stamps` (n,) [ns], `period` [s] is the median of their steps.
+    """
+    span = (stamps[-1] - stamps[0]) * 1e-9
+    text = f'{len(stamps)} messages in {span:.3f} s'
+    if period <= 0.0:
+        return f'{text}, most of one moment'
+    text += f', mean {(len(stamps) - 1) / span:.6g} Hz, usual step {1.0 / period:.6g} Hz'
+    stretch = max(1.0, _STRETCH * period)
+    begins = stamps[stamps <= stamps[-1] - round(stretch * 1e9)]
+    if not len(begins):
+        return text
+    counts = np.searchsorted(stamps, begins + round(stretch * 1e9)) - np.arange(len(begins))
+    slowest = int(np.argmin(counts))
+    begin = (begins[slowest] - stamps[0]) * 1e-9
+    return (
+        f'{text}; slowest stretch {counts[slowest] / stretch:.4g} Hz for {stretch:.3g} s '
+        f'from {begin:.1f} s on'
+    )
 
 
 @command_line

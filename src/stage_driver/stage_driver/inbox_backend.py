@@ -28,6 +28,7 @@ class InboxBackend(ABC):
         self._kept_disabled = False
         self._counts = {'refused': 0, 'watchdog_stops': 0, 'rival_setpoints': 0}
         self._last_refusal = ''
+        self._refused_stamp = 0
         self._last_setpoint: Setpoint | None = None
         #: The last streamed one, whether it was taken or refused.
         self._last_streamed: Setpoint | None = None
@@ -49,7 +50,7 @@ class InboxBackend(ABC):
             )
         except StageError as error:
             reason = str(error)
-            self._refuse(reason)
+            self._refuse(reason, stamp)
             # A stream that has turned into rubbish must not be followed any further. One request
             # is enough: a flood of rubbish must not fill the inbox.
             if not self._ending.is_set():
@@ -184,9 +185,9 @@ class InboxBackend(ABC):
         self._counts['watchdog_stops'] += 1
         self._end_stream(reason)
 
-    def _refuse(self, reason: str) -> None:
+    def _refuse(self, reason: str, stamp: int) -> None:
         self._counts['refused'] += 1
-        self._last_refusal = reason
+        self._last_refusal, self._refused_stamp = reason, stamp
         self._listener.on_event(WARNING, reason)
 
     def _details(self) -> dict[str, str]:
@@ -194,6 +195,7 @@ class InboxBackend(ABC):
         details = {name: str(value) for name, value in self._counts.items()}
         if self._last_refusal:
             details['last_refusal'] = self._last_refusal
+            details['refused_stamp'] = str(self._refused_stamp)
         return details
 
     def _state_changed(self, before: State, after: State, reason: str) -> None:

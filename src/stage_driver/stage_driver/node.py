@@ -39,6 +39,8 @@ from stage_node.node import (
 SWITCH_INTERVAL = 2e-4
 #: The same refusal at the stream's rate is one line of the log in this time [s].
 LOG_PERIOD = 5.0
+#: Refused set-points make /diagnostics speak at most this often [s].
+TELL_PERIOD = 0.1
 
 
 class StageDriver(StageNode):
@@ -62,7 +64,7 @@ class StageDriver(StageNode):
         self._temperature = Temperature()
         self._log_lock = threading.Lock()
         self._logged: dict[str, float] = {}
-        self._refused_at = -1e9
+        self._refused_at = self._told_refusal = -1e9
         self._rivals = 0
         self._backend: Backend = self._make_backend()
         self.create_subscription(
@@ -146,6 +148,11 @@ class StageDriver(StageNode):
         with self._log_lock:
             if text.startswith('set-point refused'):
                 self._refused_at = now
+                if now - self._told_refusal > TELL_PERIOD:
+                    # Whoever sent it learns it now, not with the next heartbeat; this thread has
+                    # a tick to answer.
+                    self._told_refusal = now
+                    threading.Thread(target=self.diagnostics.publish, daemon=True).start()
             if now - self._logged.get(kind, -1e9) < LOG_PERIOD:
                 return
             if len(self._logged) > 100:
@@ -188,7 +195,7 @@ class StageDriver(StageNode):
 
     def _setpoint_status(self) -> tuple[bytes, str, dict[str, Any]]:
         details = self._backend.status().details
-        shown = ('refused', 'last_refusal', 'rival_setpoints')
+        shown = ('refused', 'last_refusal', 'refused_stamp', 'rival_setpoints')
         values = {name: details.get(name, '') for name in shown}
         # Once a second: a name per publisher, also of a node that only could publish.
         publishers = self.get_publishers_info_by_topic(topics.SETPOINT)

@@ -307,13 +307,14 @@ class ServoBackend(InboxBackend):
         if refused is None and not self._homed:
             refused = 'the stage is not homed: call ~/home first'
         if refused is not None:
-            self._refuse(f'set-point refused: {refused}')
+            self._refuse(f'set-point refused: {refused}', setpoint.stamp)
             return
         if self._link.lockstep and setpoint.streams and setpoint.stamp != self._stamp:
             self._counts['late_setpoints'] += 1
             self._refuse(
                 f'set-point refused: stamped {setpoint.stamp} ns while tick {self._tick} of '
-                f'{self._stamp} ns waits: stamp it as the newest /stage/joint_states'
+                f'{self._stamp} ns waits: stamp it as the newest /stage/joint_states',
+                setpoint.stamp,
             )
             return
         self._last_setpoint = setpoint

@@ -250,7 +250,9 @@ class ZaberBackend(InboxBackend):
             refused = 'the stage is not homed: call ~/home first'
         stage = self._stage
         if refused is not None or stage is None or self._last is None:
-            self._refuse(f'set-point refused: {refused or "no position is known yet"}')
+            self._refuse(
+                f'set-point refused: {refused or "no position is known yet"}', setpoint.stamp
+            )
             return
         before = self._references or stage.metres(self._last.steps)
         if setpoint.kind is not SetpointKind.VELOCITY:

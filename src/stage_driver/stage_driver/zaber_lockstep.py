@@ -113,7 +113,8 @@ class LockstepZaberBackend(ZaberBackend):
             self._counts['late_setpoints'] += 1
             self._refuse(
                 f'set-point refused: stamped {setpoint.stamp} ns while the poll of {last.stamp} '
-                'ns waits: stamp it as the newest /stage/joint_states'
+                'ns waits: stamp it as the newest /stage/joint_states',
+                setpoint.stamp,
             )
             return
         before = self._last_setpoint

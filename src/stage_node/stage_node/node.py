@@ -133,6 +133,9 @@ class StageNode(Node):
     def shutdown(self) -> None:
         """Bring hardware to rest and close files; called once at the end, whatever ended it."""
 
+    def node_spoke(self, node: str, data: bytes) -> None:
+        """Hook: a node's DiagnosticArray as CDR bytes, this node's own among them."""
+
     def parameters_changed(self, changed: dict[str, Value]) -> str | None:
         """Hook for a change at run time: the reason to refuse it, or None to take it."""
         return None
@@ -142,8 +145,11 @@ class StageNode(Node):
 
         def heard(data: bytes) -> None:
             spoke = speaker(data)
-            if spoke is not None and (rival := peers.hear(*spoke)):
+            if spoke is None:
+                return
+            if rival := peers.hear(*spoke):
                 self.get_logger().warning(rival)
+            self.node_spoke(spoke[0], data)
 
         def status() -> tuple[bytes, str, dict[str, Any]]:
             well, text, values = peers.status()
