@@ -222,27 +222,33 @@ class Regression:
         Its columns are freed of what the set's columns explain (Frisch, Waugh, Lovell).
         """
         term = self.problem.terms[name]
-        if len(term.grid) == 1:
-            return term.grid[0]
+        everywhere = base.residual + self._base(name)
+        grid = term.grid if term.propose is None else term.propose(everywhere)
+        if len(grid) == 1:
+            return grid[0]
         rows = self.problem.fit
-        residual = (base.residual + self._base(name))[rows]
+        residual = everywhere[rows]
         orthonormal: Array | None = None
         free = [n for n in base.thetas if not self.problem.terms[n].fixed]
         if free:
             matrix = np.hstack([self.columns(n, base.thetas[n]) for n in free])[rows]
             orthonormal, _ = np.linalg.qr(matrix / (np.linalg.norm(matrix, axis=0) + 1e-300))
-        best, gain = term.grid[0], -np.inf
-        for theta in term.grid:
+        best, most = grid[0], (False, -np.inf)
+        for theta in grid:
             columns = self.columns(name, theta)[rows]
             if orthonormal is not None:
                 columns = columns - orthonormal @ (orthonormal.T @ columns)
             if term.fixed:
                 # ||r||² - ||r - c||², r being free of the set's columns already.
+                solution = np.ones(1)
                 explained = float(np.sum(columns[:, 0] * (2.0 * residual - columns[:, 0])))
             else:
-                explained = float(residual @ columns @ _solve(columns, residual))
-            if explained > gain:
-                best, gain = theta, explained
+                solution = _solve(columns, residual)
+                explained = float(residual @ columns @ solution)
+            # A start with impossible values leads to none that are possible.
+            rank = (bool(term.admissible(theta, solution)), explained)
+            if rank > most:
+                best, most = theta, rank
         return best
 
     def refine(self, thetas: dict[str, Theta], names: Sequence[str], rounds: int = 12) -> Fit:

@@ -90,10 +90,10 @@ def _reversal(ladder: _Ladder, name: str, whole: Fit) -> list[Rung]:
     _, dot, axis = name.partition('.')
     regression, problem = ladder.part.selector.regression, ladder.part.problem
     stribeck = f'{STRIBECK}{dot}{axis}'
-    if not problem.terms[name].lower or stribeck not in problem.terms:
+    own = ladder.parameters(whole, [name])[name]
+    if PRESLIDING not in own or stribeck not in problem.terms:
         return []
     sharp = regression.linear({**whole.thetas, name: (0.0, *whole.thetas[name][1:])})
-    own = ladder.parameters(whole, [name])[name]
     out = [ladder.rung(PRESLIDING, sharp, whole, {PRESLIDING: own[PRESLIDING]})]
     falling = None if stribeck in whole.thetas else _falling(ladder, name, stribeck, whole)
     if falling is not None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Term, constant
+from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
     name='cable_force',
@@ -15,7 +15,12 @@ EFFECT = Effect(
         Parameter('stiffness', 'N/m', 0.0, 2e4, 100.0, 'restoring force per displacement'),
         Parameter('centre', 'm', -1.0, 1.0, 0.0, 'position without cable force'),
         Parameter(
-            'hardening', 'N/m³', 0.0, 1e6, 0.0, 'growth of the stiffness with displacement squared'
+            'hardening',
+            'N/m³',
+            -1e7,
+            1e7,
+            0.0,
+            'growth of stiffness with displacement squared',
         ),
     ),
     model='Force -(stiffness * s + hardening * s^3), s = p - centre: the cable chain as a spring. '
@@ -27,11 +32,28 @@ EFFECT = Effect(
 
 
 def term(rows: ForceRows) -> Term:
-    """The position and a constant."""
-    p = rows.position()
-    signal = rows.columns(p, [np.ones_like(pi) for pi in p])
+    """Displacement and its cube; θ is the centre in half travels from the travel's middle."""
+    path = rows.used(rows.position())
+    middle, half = 0.5 * float(path.max() + path.min()), max(0.5 * float(np.ptp(path)), 1e-9)
+
+    def columns(theta: Theta) -> Array:
+        s = [p - middle - theta[0] * half for p in rows.position()]
+        return rows.columns(s, [si**3 for si in s])
+
+    def stiffens(theta: Theta, c: Array) -> bool:
+        """Whether the spring pulls back over the whole travel, with a stiffness of its own."""
+        ends = np.array([-1.0, 1.0]) * half - theta[0] * half
+        return bool(0.0 < c[0] < 2e4 and np.all(c[0] + 3.0 * c[1] * ends**2 > 0.0))
+
     return Term(
-        constant(signal),
-        lambda theta, c: {'stiffness': float(c[0]), 'centre': float(-c[1] / c[0])},
-        admissible=lambda theta, c: bool(0.0 < c[0] < 2e4 and abs(c[1]) < c[0]),
+        columns,
+        lambda theta, c: {
+            'stiffness': float(c[0]),
+            'hardening': float(c[1]),
+            'centre': middle + theta[0] * half,
+        },
+        grid=tuple((c,) for c in (0.0, -0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -6.0, 6.0)),
+        lower=(-10.0,),
+        upper=(10.0,),
+        admissible=stiffens,
     )

@@ -4,34 +4,47 @@ from __future__ import annotations
 
 import numpy as np
 
+from stage_twin.effects import periodic
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.shared import PERIOD, PHASE
-from stage_twin.effects.term import Term, constant
+from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
     name='force_ripple',
     link='servo',
-    parameters=(Parameter('amplitude', 'N', 0.0, 100.0, 2.0, 'amplitude'), PERIOD, PHASE),
-    model='Force amplitude * sin(2 pi p / period + phase) on the moving mass: cogging and '
-    'commutation. Jahns and Soong, "Pulsating torque minimization techniques for permanent '
-    'magnet AC motor drives", IEEE Trans. Industrial Electronics 43 (1996).',
+    parameters=(
+        Parameter('amplitude', 'N', 0.0, 100.0, 2.0, 'amplitude'),
+        PERIOD,
+        PHASE,
+        *periodic.harmonic_parameters('N', 100.0),
+    ),
+    model='Force amplitude * sin(2 pi p / period + phase) on the moving mass, and harmonics: '
+    'cogging and commutation. Jahns and Soong, "Pulsating torque minimization techniques for '
+    'permanent magnet AC motor drives", IEEE Trans. Industrial Electronics 43 (1996).',
     sentence='the drive force ripples over position by {amplitude}',
     excited_by='slow strokes over whole periods of the motor',
 )
 
 
 def term(rows: ForceRows) -> Term:
-    """Sine and cosine over the lead."""
-    angles = [2.0 * np.pi * p / rows.lead for p in rows.position()]
-    signal = rows.columns([-np.sin(a) for a in angles], [-np.cos(a) for a in angles])
+    """Sine and cosine of each harmonic; θ is the spatial frequency [1/m]."""
+    path = rows.used(rows.position())
+
+    def columns(theta: Theta) -> Array:
+        sessions = [periodic.waves(p, theta[0]) for p in rows.position()]
+        signals = [[-wave for wave in same] for same in zip(*sessions, strict=True)]
+        return periodic.visible(rows.columns(*signals))
+
+    low, high = periodic.bounds(path)
     return Term(
-        constant(signal),
-        lambda theta, c: {
-            'amplitude': float(np.hypot(c[0], c[1])),
-            'phase': float(np.arctan2(c[1], c[0])),
-        },
-        admissible=lambda theta, c: float(np.hypot(c[0], c[1])) < 100.0,
-        nuisances=(0, 1),
+        columns,
+        lambda theta, c: periodic.found(theta[0], c),
+        grid=((low,),),
+        propose=periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead)),
+        lower=(low,),
+        upper=(high,),
+        admissible=lambda theta, c: float(np.linalg.norm(c)) < 100.0,
+        nuisances=tuple(range(2 * periodic.HARMONICS)),
         phase=True,
     )

@@ -21,6 +21,7 @@ class Term:
     columns : θ -> (n, k) columns for all rows of the problem
     parameters : (θ, coefficients) -> parameters of the twin's effect
     grid : starts for θ; a single empty tuple where the term is linear
+    propose : residual (n,) -> starts for θ that it suggests, in place of a grid
     lower, upper : bounds of θ
     admissible : (θ, coefficients) -> whether they are physical
     fixed : whether θ says everything (a width, a delay): the one column has coefficient 1
@@ -34,6 +35,7 @@ class Term:
     columns: Callable[[Theta], Array]
     parameters: Callable[[Theta, Array], dict[str, float]]
     grid: tuple[Theta, ...] = ((),)
+    propose: Callable[[Array], tuple[Theta, ...]] | None = None
     lower: Theta = ()
     upper: Theta = ()
     admissible: Callable[[Theta, Array], bool] = lambda theta, coefficients: True
