@@ -8,15 +8,19 @@ export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell cat src/*/*/*.py src/*/
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: setup session test lint bench clean reference
+.PHONY: setup kernels session test lint bench clean reference
 
 setup:
 	@bash tools/setup.sh
 
-session: setup
+# What Numba compiles, before anything waits for it.
+kernels: setup
+	@$(PYTHON_ENV) -m stage_bringup.kernels
+
+session: kernels
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" $(PYTHON_ENV) -m stage_bringup.session $(SESSION)
 
-test: setup
+test: kernels
 	$(PYTHON_ENV) -m pytest -q --session-timeout=2700 $(PYTEST)
 
 lint: setup

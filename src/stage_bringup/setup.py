@@ -8,7 +8,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', 'live_page.html']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -26,6 +26,7 @@ setup(
         'console_scripts': [
             'keep_awake = stage_bringup.keep_awake:main',
             'session = stage_bringup.session:main',
+            'up = stage_bringup.up:main',
             'live_view = stage_bringup.live_view_node:main',
         ],
     },

@@ -193,7 +193,7 @@ def test_packages_and_run(ros2_together: Callable[..., list[tuple[int, str, str]
     assert 'session_bags' in listed[1].splitlines()
     assert 'session_bags session_recorder\n' in executables[1]
     assert run[0] == 0 and run[1].startswith('usage: check')
-    texts = ("Package 'nowhere' not found", 'No executable found', 'stage_bringup session')
+    texts = ("Package 'nowhere' not found", 'No executable found', 'stage_bringup up')
     for (code, _, err), text in zip(refused, texts, strict=True):
         assert code == 2 and text in err
         assert 'Traceback' not in err

@@ -12,8 +12,10 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.request
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -51,22 +53,38 @@ def test_channel_carries_the_message_definition() -> None:
     assert values['schema']['data'].decode() == definition('sensor_msgs/msg/JointState')[0]
 
 
-def test_node_without_the_sdk_says_what_to_install(
-    ros_env: dict[str, str], tmp_path: Path
-) -> None:
+def free_port() -> int:
+    with socket.socket() as free:
+        free.bind(('127.0.0.1', 0))
+        return int(free.getsockname()[1])
+
+
+def start(env: dict[str, str], **ports: int) -> subprocess.Popen:
+    parameters = [word for name, value in ports.items() for word in ('-p', f'{name}:={value}')]
+    return subprocess.Popen(
+        [sys.executable, '-m', 'stage_bringup.live_view_node', '--ros-args', *parameters],
+        env=env,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+@pytest.mark.timeout(200)
+def test_node_without_the_sdk_serves_its_page(ros_env: dict[str, str], tmp_path: Path) -> None:
     (tmp_path / 'foxglove.py').write_text('raise ImportError')
     path = os.pathsep.join([str(tmp_path), ros_env.get('PYTHONPATH', '')])
-    run = subprocess.run(
-        [sys.executable, '-m', 'stage_bringup.live_view_node'],
-        env={**ros_env, 'PYTHONPATH': path},
-        capture_output=True,
-        text=True,
-        timeout=140,
-        check=False,
-    )
-    assert run.returncode == 2
-    assert 'pip install foxglove-sdk' in run.stderr
-    assert len(run.stderr.strip().splitlines()) == 1
+    port = free_port()
+    node = start({**ros_env, 'PYTHONPATH': path}, page_port=port)
+    try:
+        wait_for_server(port, node)
+        with urllib.request.urlopen(f'http://127.0.0.1:{port}/', timeout=20.0) as page:
+            assert 'Stop the stage' in page.read().decode()
+    finally:
+        node.terminate()
+        output, _ = node.communicate(timeout=60)
+    assert node.returncode == 0
+    assert 'pip install foxglove-sdk' in output
 
 
 async def first_messages(port: int, wanted: set[str]) -> dict[str, tuple[dict[str, str], bytes]]:
@@ -96,6 +114,29 @@ async def first_messages(port: int, wanted: set[str]) -> dict[str, tuple[dict[st
     return found
 
 
+def newest_state(port: int) -> dict[str, Any]:
+    """State of the page's stream once it holds a position and a node."""
+    with urllib.request.urlopen(f'http://127.0.0.1:{port}/events', timeout=20.0) as stream:
+        for _ in range(300):
+            line = stream.readline().decode()
+            if line.startswith('data: '):
+                state = json.loads(line.removeprefix('data: '))
+                if state['position'] and state['states']:
+                    return state
+    pytest.fail('no position came')
+
+
+def post_stop(port: int) -> str:
+    request = urllib.request.Request(f'http://127.0.0.1:{port}/stop', method='POST')
+    with urllib.request.urlopen(request, timeout=20.0) as answer:
+        return answer.read().decode()
+
+
+def answer_stop(_: Any, response: Any) -> Any:
+    response.success, response.message = True, 'the test is at rest'
+    return response
+
+
 @pytest.mark.timeout(300)
 def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> None:
     """Over the real server: channels with their definitions, and bytes that decode."""
@@ -105,24 +146,13 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
     from mcap_ros2.decoder import DecoderFactory
     from sensor_msgs.msg import JointState
     from std_msgs.msg import String
+    from std_srvs.srv import Trigger
 
     from stage_node.client_node import GraphClient
     from stage_node.node import LATCHED_QOS, STATE_QOS
 
-    with socket.socket() as free:
-        free.bind(('127.0.0.1', 0))
-        port = free.getsockname()[1]
-    node = subprocess.Popen(
-        [
-            sys.executable,
-            '-m',
-            'stage_bringup.live_view_node',
-            '--ros-args',
-            '-p',
-            f'port:={port}',
-        ],
-        env=ros_env,
-    )
+    port, page_port = free_port(), free_port()
+    node = start(ros_env, port=port, page_port=page_port)
     ended = threading.Event()
     try:
         with GraphClient('live_view_test') as client:
@@ -140,9 +170,19 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
                 wait_for_server(port, node)
                 wanted = {topics.MODEL, topics.JOINT_STATES, topics.DIAGNOSTICS}
                 got = asyncio.run(asyncio.wait_for(first_messages(port, wanted), 120.0))
+                shown = newest_state(page_port)
+                stop_without_driver = post_stop(page_port)
+                client.node.create_service(Trigger, '/stage_driver/stop', answer_stop)
+                deadline = time.monotonic() + 30.0
+                while 'test is at rest' not in (stopped := post_stop(page_port)):
+                    assert time.monotonic() < deadline, stopped
+                    time.sleep(0.2)
             finally:
                 ended.set()
                 thread.join()
+        assert shown['position'] == [0.25, -0.5]
+        assert any(row['name'] == 'live_view: view' for row in shown['states'])
+        assert 'emergency stop' in stop_without_driver
         for topic, (advertised, _) in got.items():
             assert advertised['encoding'] == 'cdr'
             assert advertised['schemaEncoding'] == 'ros2msg'

@@ -13,8 +13,8 @@ from ros2_standin.real import real_ros2
 from stage_core.errors import StageError, command_line
 
 _LAUNCH = (
-    'ros2 launch needs the real ROS 2 (launch is not on PyPI): use `ros2 run stage_bringup '
-    'session`, which brings up the same nodes'
+    'ros2 launch needs the real ROS 2 (launch is not on PyPI): `ros2 run stage_bringup up` '
+    'brings up the same nodes'
 )
 
 

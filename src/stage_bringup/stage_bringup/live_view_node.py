@@ -1,7 +1,7 @@
 """``ros2 run stage_bringup live_view``: the running graph in a browser, without a ROS desktop.
 
-Serves the topics of the stage over the Foxglove WebSocket protocol, with message definitions.
-Messages are passed on as they come off the wire (CDR): nothing is decoded.
+Serves a page of its own over http. Where foxglove-sdk is installed, it serves the topics of the
+stage over the Foxglove WebSocket protocol too, as they come off the wire (CDR).
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from typing import Any
 
 from session_bags.definitions import definition
 from session_bags.graph_types import message_class
+from stage_bringup.live_page import LivePage
+from stage_bringup.live_state_node import LiveState
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter
@@ -21,7 +23,10 @@ from stage_node.node import LATCHED_QOS, OK, STATE_QOS, StageNode, run
 
 PARAMETERS = (
     Parameter('host', '127.0.0.1', 'address to serve on', read_only=True),
-    Parameter('port', 8765, 'TCP port to serve on', minimum=1, maximum=65535, read_only=True),
+    Parameter('page_port', 8766, 'TCP port of the page', minimum=1, maximum=65535, read_only=True),
+    Parameter(
+        'port', 8765, 'TCP port of the Foxglove socket', minimum=1, maximum=65535, read_only=True
+    ),
     Parameter(
         'max_rate',
         100.0,
@@ -31,6 +36,9 @@ PARAMETERS = (
         maximum=10000.0,
     ),
 )
+
+#: Messages per second of one topic that the page is made from.
+PAGE_RATE = 20.0
 
 SHOWN = (
     topics.TARGET,
@@ -48,20 +56,12 @@ SHOWN = (
 )
 
 
-def load_sdk() -> Any:
-    """The module ``foxglove`` of foxglove-sdk.
-
-    Raises
-    ------
-    StageError
-        If it is not installed; nothing else of the workspace needs it.
-    """
+def load_sdk() -> Any | None:
+    """The module ``foxglove`` of foxglove-sdk, or None: nothing else of the workspace needs it."""
     try:
         return importlib.import_module('foxglove')
-    except ImportError as error:
-        raise StageError(
-            'the live view needs foxglove-sdk, which is not installed: pip install foxglove-sdk'
-        ) from error
+    except ImportError:
+        return None
 
 
 def channel(sdk: Any, topic: str) -> Any:
@@ -89,58 +89,87 @@ class Thinner:
         return True
 
 
+class Foxglove:
+    """Serves raw messages over the Foxglove WebSocket protocol.
+
+    Raises
+    ------
+    StageError
+        If the port is taken.
+    """
+
+    def __init__(self, sdk: Any, host: str, port: int) -> None:
+        try:
+            self._server = sdk.start_server(name='stage', host=host, port=port)
+        except (OSError, RuntimeError) as error:
+            raise StageError(
+                f'cannot serve on {host}:{port} ({error}): choose another parameter port'
+            ) from error
+        self._channels = {topic: channel(sdk, topic) for topic in SHOWN}
+        self._latched: dict[str, bytes] = {}
+
+    def take(self, topic: str, data: bytes) -> None:
+        """Pass one message on."""
+        if topic in topics.LATCHED:
+            self._latched[topic] = data
+        self._channels[topic].log(data)
+
+    def repeat(self) -> None:
+        """Send again what is published once only: a browser that connects later has missed it."""
+        for topic, data in self._latched.items():
+            self._channels[topic].log(data)
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.stop()
+
+
 class LiveView(StageNode):
-    """Passes the graph's messages on to browsers."""
+    """Shows the graph's messages to browsers: on its own page, and over the Foxglove protocol."""
 
     def __init__(self) -> None:
         super().__init__('live_view', PARAMETERS)
+        host = self.value('host')
         sdk = load_sdk()
-        try:
-            self._server = sdk.start_server(
-                name='stage', host=self.value('host'), port=self.value('port')
-            )
-        except (OSError, RuntimeError) as error:
-            raise StageError(
-                f'cannot serve on {self.value("host")}:{self.value("port")} ({error}): choose '
-                'another parameter port'
-            ) from error
-        self._latched: dict[str, bytes] = {}
-        self._channels: dict[str, Any] = {}
+        self._foxglove = None if sdk is None else Foxglove(sdk, host, self.value('port'))
+        self._state = LiveState(self)
+        self._page = LivePage(host, self.value('page_port'), self._state.now, self._state.stop)
         self._passed = 0
         for topic in SHOWN:
-            self._channels[topic] = channel(sdk, topic)
             qos = LATCHED_QOS if topic in topics.LATCHED else STATE_QOS
             callback = self._callback(topic)
             kind = message_class(topics.TOPIC_TYPES[topic])
             self.create_subscription(kind, topic, callback, qos, raw=True)
-        # A browser that connects later has missed what is published once only.
-        self.create_timer(1.0, self._repeat)
+        if self._foxglove is not None:
+            self.create_timer(1.0, self._foxglove.repeat)
         self.diagnostics.task('view', self._status)
-        self.get_logger().info(f'serving ws://{self.value("host")}:{self.value("port")}')
+        self.get_logger().info(f'open http://{host}:{self._page.port} in a browser')
+        if self._foxglove is None:
+            self.get_logger().info('no Foxglove socket: pip install foxglove-sdk adds it')
+        else:
+            self.get_logger().info(f'Foxglove socket: ws://{host}:{self.value("port")}')
 
     def _callback(self, topic: str) -> Callable[[bytes], None]:
-        thinner = Thinner()
+        to_socket, to_page = Thinner(), Thinner()
+        always = topic in topics.LATCHED or topic == topics.DIAGNOSTICS
 
         def arrived(data: bytes) -> None:
-            if topic in topics.LATCHED:
-                self._latched[topic] = data
-            elif topic != topics.DIAGNOSTICS and not thinner.passes(self.value('max_rate')):
-                return
-            self._channels[topic].log(data)
-            self._passed += 1
+            if always or to_page.passes(PAGE_RATE):
+                self._state.take(topic, data)
+            if self._foxglove is not None and (always or to_socket.passes(self.value('max_rate'))):
+                self._foxglove.take(topic, data)
+                self._passed += 1
 
         return arrived
-
-    def _repeat(self) -> None:
-        for topic, data in self._latched.items():
-            self._channels[topic].log(data)
 
     def _status(self) -> tuple[bytes, str, dict[str, Any]]:
         return OK, 'serving', {'messages': self._passed}
 
     def shutdown(self) -> None:
-        """Close the server."""
-        self._server.stop()
+        """End both servers."""
+        self._page.close()
+        if self._foxglove is not None:
+            self._foxglove.close()
 
 
 def main() -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 from stage_bringup.graph import Options, commands, config_folder
 from stage_bringup.keep_awake import KeepAwake
 from stage_bringup.processes import Processes
+from stage_bringup.progress import Progress
 from stage_core.errors import StageError, command_line
 
 #: Nodes of this machine find each other well within this time [s].
@@ -86,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     refuse_second_graph([node.name for node in nodes])
     options.out.mkdir(parents=True, exist_ok=True)
     # Ctrl-C and SIGTERM take the same way out: the graph is ended before this process is.
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, interrupt)
     begin = time.monotonic()
     processes = Processes(options.out / 'log')
     status = 0
@@ -94,6 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if options.clock == 'realtime':
             awake.enter_context(KeepAwake())
+        _compile()
         for node in nodes:
             processes.start(node)
         from stage_bringup.steps import run_steps
@@ -120,6 +122,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status
 
 
+def _compile() -> None:
+    """Compile what the nodes would compile at their start, once, where a person can see it."""
+    from stage_bringup import kernels
+
+    if kernels.marker().exists():
+        return
+    print(f'[ 0] {kernels.SENTENCE}', flush=True)
+    with Progress() as progress:
+        kernels.compile_all(progress.show)
+
+
 def refuse_second_graph(names: Sequence[str]) -> None:
     """Look whether a node of these names is on the domain already.
 
@@ -143,7 +156,8 @@ def refuse_second_graph(names: Sequence[str]) -> None:
             time.sleep(0.05)
 
 
-def _interrupt(*_: object) -> None:
+def interrupt(*_: object) -> None:
+    """Take SIGTERM for Ctrl-C: whoever started processes ends them."""
     raise KeyboardInterrupt
 
 

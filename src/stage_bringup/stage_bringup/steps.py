@@ -146,9 +146,8 @@ def _start(session: Session) -> None:
             session.show(None, f'waiting for {service}')
             client.wait_for_service(service, START_TIMEOUT, check)
         client.set_bool('/stage_driver/enable', True, 60.0)
-        # A tracker that is met later would miss the first positions. The plant compiles its
-        # kernels before it opens a port: the first time that takes a while.
-        session.show(None, 'waiting for the plant and its tracker (the first run compiles)')
+        # A tracker that is met later would miss the first positions.
+        session.show(None, 'waiting for the plant and its tracker')
         client.wait_for(lambda: client.connected, START_TIMEOUT, 'a tracker at the bridge')
         session.show(None, 'homing')
         client.trigger('/stage_driver/home', MOVE_TIMEOUT)

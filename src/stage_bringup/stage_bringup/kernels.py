@@ -1,0 +1,90 @@
+"""Compiles the kernels before anything waits for them: ``python -m stage_bringup.kernels``.
+
+Numba keeps what it compiled in NUMBA_CACHE_DIR, or beside the sources; the nodes then load it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import suppress
+from multiprocessing import get_context
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from contour_ctrl.sequence import compile_kernels
+from stage_core.twin_file import TwinFile
+from stage_driver.limits import AxisLimits
+from stage_driver.servo_axes import ServoAxes, ServoConfig
+from stage_twin.plant import ServoPlant
+from stage_twin.simulate import simulate
+
+SENTENCE = 'compiling the kernels (about 40 s, once)'
+_SOURCES = Path(__file__).resolve().parents[2]
+
+
+def _machine() -> None:
+    ServoPlant(TwinFile.nominal_servo()).warm_up()
+
+
+def _driver() -> None:
+    limits = tuple(AxisLimits(-0.1, 0.1, 0.1, 1.0, 1.0) for _ in 'xy')
+    ServoAxes(ServoConfig(twin=TwinFile.nominal_servo(), axes=('x', 'y'), limits=limits))
+
+
+def _simulation() -> None:
+    still = np.zeros((4, 2))
+    simulate(TwinFile.nominal_servo(), still, still)
+
+
+#: What is compiled, with the name that a person reads.
+PARTS: dict[str, Callable[[], None]] = {
+    'the emulated machine': _machine,
+    'the servo driver': _driver,
+    'the contour controller': compile_kernels,
+    'the simulation of the diagnosis': _simulation,
+}
+
+
+def marker() -> Path:
+    """File that says that these sources were compiled by this Numba."""
+    state = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(_SOURCES.glob('*/*/**/*.py')):
+        text = source.read_bytes()
+        if b'njit' in text:
+            state.update(text)
+    folder = os.environ.get('NUMBA_CACHE_DIR') or Path(__file__).parent / '__pycache__'
+    return Path(folder) / f'compiled-{sys.implementation.cache_tag}-{state.hexdigest()[:12]}'
+
+
+def compile_all(show: Callable[[float, str], None]) -> None:
+    """Compile every part, on as many processors as there are; `show` hears how far it is."""
+    context = get_context('spawn')
+    with ProcessPoolExecutor(min(len(PARTS), os.cpu_count() or 1), mp_context=context) as pool:
+        waiting = {pool.submit(part): name for name, part in PARTS.items()}
+        show(0.0, SENTENCE)
+        for number, done in enumerate(as_completed(waiting), 1):
+            done.result()
+            show(number / len(PARTS), f'compiled {waiting[done]}')
+    # A cache that cannot be written is compiled anew each time, as Numba itself does.
+    with suppress(OSError):
+        place = marker()
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.touch()
+
+
+def main() -> int:
+    """Compile what is not compiled yet; says nothing where all is."""
+    if not marker().exists():
+        print(SENTENCE, flush=True)
+        compile_all(lambda share, text: print(f'  {100 * share:3.0f} % {text}', flush=True))
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,104 @@
+"""What the page of the live view shows, gathered from the graph's messages."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped, TransformStamped, Vector3Stamped
+from rclpy.serialization import deserialize_message
+from std_srvs.srv import Trigger
+
+from stage_core import topics
+from stage_core.frames import RigidTransform
+from stage_core.quantities import AXES
+from stage_node.node import JointStateReader, StageNode
+
+#: A node that says nothing for this long (s) is silent.
+SILENCE = 4.0
+#: Wall time that the driver has to answer a stop (s).
+STOP_TIMEOUT = 5.0
+SILENT = 3
+
+
+class LiveState:
+    """The newest messages of a few topics, as one state for the page."""
+
+    def __init__(self, node: StageNode) -> None:
+        self._lock = threading.Lock()
+        self._joints: dict[str, tuple[float, ...]] = {}
+        self._reader = JointStateReader()
+        self._tracker: list[float] | None = None
+        self._contour: float | None = None
+        self._alignment = RigidTransform.identity()
+        self._states: dict[str, tuple[int, str, float]] = {}
+        self._stop = node.create_client(Trigger, '/stage_driver/stop')
+
+    def take(self, topic: str, data: bytes) -> None:
+        """Read one raw message; topics that the page does not show are passed over."""
+        if topic in (topics.REFERENCE, topics.JOINT_STATES):
+            sample = self._reader.read(data)
+            if sample is not None and sample.position:
+                with self._lock:
+                    self._joints[topic] = tuple(sample.position)
+        elif topic == topics.TRACKER_POINT:
+            p = deserialize_message(data, PointStamped).point
+            self._tracker = self._alignment.apply((p.x, p.y, p.z)).tolist()
+        elif topic == topics.CONTOUR_ERROR:
+            self._contour = deserialize_message(data, Vector3Stamped).vector.z
+        elif topic == topics.ALIGNMENT:
+            t = deserialize_message(data, TransformStamped).transform
+            r, o = t.rotation, t.translation
+            self._alignment = RigidTransform.from_quaternion((r.x, r.y, r.z, r.w), (o.x, o.y, o.z))
+        elif topic == topics.DIAGNOSTICS:
+            now = time.monotonic()
+            with self._lock:
+                for status in deserialize_message(data, DiagnosticArray).status:
+                    level = int.from_bytes(status.level, 'little')
+                    self._states[status.name] = (level, status.message, now)
+
+    def now(self) -> dict[str, Any]:
+        """The state of this moment; SI units."""
+        with self._lock:
+            position = self._joints.get(topics.JOINT_STATES)
+            reference = self._joints.get(topics.REFERENCE)
+            states = dict(self._states)
+        error = None
+        if position and reference and len(position) == len(reference):
+            error = [r - q for r, q in zip(reference, position, strict=True)]
+        latest = time.monotonic()
+        rows = [
+            {
+                'name': name,
+                'level': SILENT if latest - heard > SILENCE else level,
+                'text': text,
+            }
+            for name, (level, text, heard) in sorted(states.items())
+        ]
+        # What is wrong comes first.
+        rows.sort(key=lambda row: row['level'] == 0)
+        driver = next((r['text'] for r in rows if r['name'] == 'stage_driver: state'), '')
+        return {
+            'axes': AXES,
+            'position': position,
+            'error': error,
+            'tracker': self._tracker,
+            'contour': self._contour,
+            'driver': driver,
+            'states': rows,
+        }
+
+    def stop(self) -> str:
+        """Ask the driver to stop and wait for its answer; a sentence for the page."""
+        if not self._stop.service_is_ready():
+            return 'No driver answers: use the emergency stop.'
+        future, done = self._stop.call_async(Trigger.Request()), threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        if not done.wait(STOP_TIMEOUT):
+            return (
+                f'The driver did not answer within {STOP_TIMEOUT:.0f} s: use the emergency stop.'
+            )
+        answer = future.result()
+        return f'The driver answers: {answer.message}' if answer else 'The stop failed.'

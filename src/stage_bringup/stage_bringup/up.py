@@ -1,0 +1,128 @@
+"""Every node in one terminal, ended together: ``ros2 run stage_bringup up``.
+
+Without options the emulated machine runs in real time. ``--port`` names a real Zaber stage,
+``--tracker`` a real tracker. Ctrl-C ends all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from stage_bringup import kernels
+from stage_bringup.graph import Options, commands
+from stage_bringup.keep_awake import KeepAwake
+from stage_bringup.processes import NodeCommand, Processes
+from stage_bringup.session import interrupt, refuse_second_graph
+from stage_core.errors import StageError, command_line
+
+#: A tracker without a port in its address listens here (emScon TPI).
+TPI_PORT = 700
+#: Seconds between two looks at the logs.
+PERIOD = 0.2
+
+
+def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
+    """Options and the nodes to start.
+
+    Raises
+    ------
+    StageError
+        For an address that names no port.
+    """
+    parser = argparse.ArgumentParser(
+        prog='up', description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument('--backend', choices=('servo', 'zaber'), default='servo')
+    parser.add_argument('--clock', choices=('realtime', 'lockstep'), default='realtime')
+    parser.add_argument('--port', help='port of a real Zaber stage, as /dev/ttyUSB0')
+    parser.add_argument('--tracker', help='address of a real tracker, HOST or HOST:PORT')
+    parser.add_argument('--out', type=Path, help='folder of logs and models (default bags/<time>)')
+    parser.add_argument('--page-port', type=int, default=8766, help='port of the live page')
+    parser.add_argument('--reality', type=Path, help='twin file of the machine that is emulated')
+    parser.add_argument('--nominal', type=Path, help='twin file of the nominal machine')
+    given = parser.parse_args(arguments)
+    real = bool(given.port or given.tracker)
+    if real and given.clock == 'lockstep':
+        raise StageError('a real machine runs in real time: leave out --clock lockstep')
+    options = Options(
+        backend='zaber' if given.port else given.backend,
+        clock=given.clock,
+        out=(given.out or Path('bags') / time.strftime('%Y%m%d-%H%M%S')).resolve(),
+        reality=given.reality,
+        nominal=given.nominal,
+        live=given.clock == 'realtime',
+    )
+    nodes = [_changed(node, given.port, given.tracker) for node in commands(options)]
+    if given.port and given.tracker:
+        nodes = [node for node in nodes if node.name != 'stage_twin']
+    # The Foxglove socket is one port beside the page, as by default.
+    ports = {'page_port': given.page_port, 'port': given.page_port - 1}
+    nodes.append(NodeCommand('live_view', 'stage_bringup.live_view_node', ports))
+    return options, nodes
+
+
+def _changed(node: NodeCommand, port: str | None, tracker: str | None) -> NodeCommand:
+    """The node with the addresses of real hardware in place of the emulated one's."""
+    parameters: dict[str, Any] = dict(node.parameters)
+    if node.name == 'stage_driver' and port:
+        parameters['port'] = port
+    if node.name == 'tracker_bridge' and tracker:
+        host, _, number = tracker.partition(':')
+        if number and not number.isdigit():
+            raise StageError(f'{tracker} names no port: give --tracker HOST or HOST:PORT')
+        parameters |= {'host': host, 'port': int(number or TPI_PORT)}
+    return replace(node, parameters=parameters)
+
+
+@command_line
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Start the nodes and show what they say until Ctrl-C or the end of one."""
+    options, nodes = parse(arguments)
+    refuse_second_graph([node.name for node in nodes])
+    signal.signal(signal.SIGTERM, interrupt)
+    kernels.main()
+    processes = Processes(options.out / 'log')
+    status = 0
+    with ExitStack() as awake:
+        if options.clock == 'realtime':
+            awake.enter_context(KeepAwake())
+        try:
+            for node in nodes:
+                processes.start(node)
+            print(f'{len(nodes)} nodes start; logs in {processes.log_folder}; Ctrl-C ends all')
+            _follow(processes, [node.name for node in nodes])
+        except KeyboardInterrupt:
+            print('ending: the stage is brought to rest', flush=True)
+        except StageError as error:
+            print(f'error: {error}', file=sys.stderr)
+            status = 1
+        killed = processes.end()
+    if killed:
+        print(f'error: {", ".join(killed)} did not end and was killed', file=sys.stderr)
+    return status or int(bool(killed))
+
+
+def _follow(processes: Processes, names: list[str]) -> None:
+    """Print the nodes' lines as they come; raises when a node ends."""
+    read = dict.fromkeys(names, 0)
+    while True:
+        for name in names:
+            text = (processes.log_folder / f'{name}.log').read_bytes()
+            whole = text.rfind(b'\n') + 1
+            if whole > read[name]:
+                print(text[read[name] : whole].decode(errors='replace'), end='', flush=True)
+                read[name] = whole
+        processes.check()
+        time.sleep(PERIOD)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

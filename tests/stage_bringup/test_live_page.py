@@ -1,0 +1,153 @@
+"""The live page over http, in a real browser where there is one."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import shutil
+import subprocess
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stage_bringup.live_page import LivePage
+from stage_core.errors import StageError
+
+CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'google-chrome', 'chrome'))), None)
+STATE: dict[str, Any] = {
+    'axes': ['x', 'y'],
+    'position': [0.0123456, -0.002],
+    'error': [1.5e-6, -2.5e-6],
+    'tracker': None,
+    'contour': None,
+    'driver': 'moving',
+    'states': [
+        {'name': 'tracker_bridge: connection', 'level': 2, 'text': 'beam <b>lost</b>'},
+        {'name': 'stage_driver: state', 'level': 0, 'text': 'moving'},
+    ],
+}
+
+
+class Stage:
+    """What the page asks: a state, and a stop that is counted."""
+
+    def __init__(self) -> None:
+        self.stops = 0
+        self.page = LivePage('127.0.0.1', 0, lambda: STATE, self.stop)
+        self.address = f'http://127.0.0.1:{self.page.port}'
+
+    def stop(self) -> str:
+        self.stops += 1
+        return 'The driver answers: at rest'
+
+
+@pytest.fixture
+def stage() -> Iterator[Stage]:
+    found = Stage()
+    yield found
+    found.page.close()
+
+
+def post(address: str, **headers: str) -> str:
+    request = urllib.request.Request(f'{address}/stop', method='POST', headers=headers)
+    with urllib.request.urlopen(request, timeout=10.0) as answer:
+        return answer.read().decode()
+
+
+def test_the_stream_carries_the_state(stage: Stage) -> None:
+    with urllib.request.urlopen(f'{stage.address}/events', timeout=10.0) as stream:
+        assert stream.headers['Content-Type'] == 'text/event-stream'
+        for _ in range(3):
+            line = stream.readline().decode()
+            assert json.loads(line.removeprefix('data: ')) == STATE
+            assert stream.readline() == b'\n'
+
+
+def test_only_its_own_page_may_stop_the_stage(stage: Stage) -> None:
+    assert post(stage.address) == 'The driver answers: at rest'
+    assert post(stage.address, Origin=stage.address) == 'The driver answers: at rest'
+    assert stage.stops == 2
+    for origin in ('http://elsewhere.example', 'null', stage.address + '0'):
+        with pytest.raises(urllib.error.HTTPError, match='403'):
+            post(stage.address, Origin=origin)
+    with pytest.raises(urllib.error.HTTPError, match='404'):
+        urllib.request.urlopen(f'{stage.address}/live_page.html', timeout=10.0)
+    assert stage.stops == 2
+
+
+def test_a_port_that_is_taken_is_one_line(stage: Stage) -> None:
+    with pytest.raises(StageError, match='page_port'):
+        LivePage('127.0.0.1', stage.page.port, dict, str)
+
+
+async def in_the_browser(port: int) -> dict[str, Any]:
+    """Text of the page after some states, then after a click on stop."""
+    from tornado.httpclient import AsyncHTTPClient
+    from tornado.websocket import websocket_connect
+
+    listed = await AsyncHTTPClient().fetch(f'http://127.0.0.1:{port}/json')
+    target = next(t for t in json.loads(listed.body) if t['type'] == 'page')
+    browser = await websocket_connect(target['webSocketDebuggerUrl'])
+
+    async def evaluate(expression: str) -> Any:
+        parameters = {'expression': expression, 'awaitPromise': True, 'returnByValue': True}
+        await browser.write_message(
+            json.dumps({'id': 1, 'method': 'Runtime.evaluate', 'params': parameters})
+        )
+        while True:
+            message = json.loads(await browser.read_message())
+            if message.get('id') == 1:
+                return message['result']['result'].get('value')
+
+    while not await evaluate('document.querySelectorAll("#numbers dd").length'):
+        await asyncio.sleep(0.1)
+    found = {
+        'text': await evaluate('document.body.innerText'),
+        'markup': await evaluate('document.querySelectorAll("#states b").length'),
+        'inked': await evaluate(
+            'new Uint32Array(el("map").getContext("2d").getImageData(0, 0, 200, 200).data.buffer)'
+            '.some(v => v)'
+        ),
+    }
+    await evaluate('el("stop").click()')
+    while 'at rest' not in (answer := await evaluate('el("answer").textContent')):
+        await asyncio.sleep(0.1)
+    found['answer'] = answer
+    browser.close()
+    return found
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
+def test_a_browser_shows_the_state_and_stops_the_stage(stage: Stage, tmp_path: Path) -> None:
+    pytest.importorskip('tornado', reason='comes with Dask, an optional extra')
+    profile = tmp_path / 'profile'
+    browser = subprocess.Popen(
+        [
+            str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu',
+            '--remote-debugging-port=0', f'--user-data-dir={profile}', stage.address,
+        ],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        # The browser writes the port that it took into its profile.
+        place, deadline = profile / 'DevToolsActivePort', time.monotonic() + 60.0
+        while not place.exists() or '\n' not in place.read_text():
+            assert time.monotonic() < deadline and browser.poll() is None
+            time.sleep(0.1)
+        port = int(place.read_text().split()[0])
+        found = asyncio.run(asyncio.wait_for(in_the_browser(port), 60.0))
+    finally:
+        browser.terminate()
+        browser.wait(timeout=30.0)
+    for part in ('12.3456 mm', '−2.0000 mm', '1.5 µm', 'moving', 'fault', 'beam <b>lost</b>'):
+        assert part in found['text']
+    # What a node says is text and never markup.
+    assert found['markup'] == 0
+    assert found['inked']
+    assert found['answer'] == 'The driver answers: at rest'
+    assert stage.stops == 1

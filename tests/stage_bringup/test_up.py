@@ -1,0 +1,94 @@
+"""Every node from one command, ended by one Ctrl-C; kernels compiled beforehand."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from stage_bringup import kernels
+from stage_bringup.up import parse
+from stage_core.errors import StageError
+
+
+def test_every_part_compiles() -> None:
+    for compile_part in kernels.PARTS.values():
+        compile_part()
+
+
+def test_what_is_compiled_is_not_compiled_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    assert kernels.marker().parent == tmp_path
+    assert not kernels.marker().exists()
+    kernels.marker().touch()
+    assert kernels.main() == 0
+    assert capsys.readouterr().out == ''
+
+
+def test_real_hardware_takes_the_place_of_the_emulated_one(tmp_path: Path) -> None:
+    out = ['--out', str(tmp_path)]
+    _, nodes = parse([*out, '--port', '/dev/ttyUSB7', '--tracker', '10.0.0.5'])
+    found = {node.name: node.parameters for node in nodes}
+    assert 'stage_twin' not in found
+    assert found['stage_driver']['backend'] == 'zaber'
+    assert found['stage_driver']['port'] == '/dev/ttyUSB7'
+    assert (found['tracker_bridge']['host'], found['tracker_bridge']['port']) == ('10.0.0.5', 700)
+    _, nodes = parse([*out, '--tracker', '10.0.0.5:7000'])
+    found = {node.name: node.parameters for node in nodes}
+    assert 'stage_twin' in found
+    assert found['tracker_bridge']['port'] == 7000
+    for wrong in (['--tracker', 'host:port'], ['--port', 'p', '--clock', 'lockstep']):
+        with pytest.raises(StageError):
+            parse([*out, *wrong])
+
+
+@pytest.mark.timeout(200)
+def test_ctrl_c_ends_all(tmp_path: Path, ros_env: dict[str, str]) -> None:
+    with socket.socket() as free:
+        free.bind(('127.0.0.1', 0))
+        port = free.getsockname()[1]
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'stage_bringup.up', '--out', str(tmp_path / 'up')]
+        + ['--page-port', str(port)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=ros_env,
+    )
+    try:
+        deadline = time.monotonic() + 120.0
+        while True:
+            assert time.monotonic() < deadline and process.poll() is None
+            try:
+                urllib.request.urlopen(f'http://127.0.0.1:{port}/', timeout=5.0).close()
+                break
+            except OSError:
+                time.sleep(0.2)
+        nodes = children(process.pid)
+        assert len(nodes) >= 8
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 0, output
+    assert '8 nodes start' in output and 'brought to rest' in output
+    # Python's own helper of the process pool ends when it notices that its parent has.
+    deadline = time.monotonic() + 10.0
+    while left := [pid for pid in nodes if Path(f'/proc/{pid}').exists()]:
+        assert time.monotonic() < deadline, left
+        time.sleep(0.05)
+
+
+def children(pid: int) -> list[int]:
+    found = subprocess.run(
+        ['ps', '-o', 'pid=', '--ppid', str(pid)], capture_output=True, text=True
+    )
+    return [int(word) for word in found.stdout.split()]
