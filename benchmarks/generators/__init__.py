@@ -1,1 +1,1 @@
-"""Development sessions for the gap diagnosis, from machines that share no physics with it."""
+"""Development sessions for the gap diagnosis, from two machines that share no physics code."""

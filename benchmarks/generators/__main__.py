@@ -17,10 +17,12 @@ from .cases import draw_cases, write_case
 from .record import Generator
 from .score import score
 
+GENERATORS = {'handmade': '.handmade', 'mujoco': '.mujoco_stage'}
+
 
 def generator_of(name: str) -> Generator:
     """The module of a generator, imported on demand: it compiles or needs what may be absent."""
-    return importlib.import_module(f'.{name}', __package__)  # type: ignore[return-value]
+    return importlib.import_module(GENERATORS[name], __package__)  # type: ignore[return-value]
 
 
 def make(options: argparse.Namespace) -> int:
@@ -49,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     commands = parser.add_subparsers(required=True)
     maker = commands.add_parser('make', help='draw, simulate and write cases')
-    maker.add_argument('--generator', choices=('handmade',), required=True)
+    maker.add_argument('--generator', choices=tuple(GENERATORS), required=True)
     maker.add_argument('--seed', type=int, required=True)
     maker.add_argument('--cases', type=int, default=40)
     maker.add_argument('--only', default='', help='single effects of this name only')

@@ -34,7 +34,9 @@ class Planted:
         return self.named(self.effect)
 
     def named(self, effect: str) -> str:
-        """Another effect on the same axis."""
+        """Another effect on the same axis, or the name itself where it says its axis."""
+        if '.' in effect:
+            return effect
         return f'{effect}.{self.axis}' if self.axis else effect
 
 
