@@ -74,3 +74,17 @@ def test_the_scorer_knows_right_also_right_and_false_names():
     refused = judged('d', truth, None, 'exit 2')
     assert any('0.50' in line for line in summary([right, wrong]))
     assert 'no report: 1' in summary([refused])
+
+
+def test_a_path_that_never_turns_back_is_bent():
+    machine = draw_machine(np.random.default_rng(1))
+    found = 0
+    for seed in range(60):
+        path = draw_reference(np.random.default_rng(seed), machine, 20.0)
+        span = np.ptp(path.position, axis=0)
+        if path.kinds == ('one_way',) and span.min() > 1e-3:
+            found += 1
+            assert np.diff(path.position, axis=0).min() > -1e-11
+            x, y = ((path.position - path.position[0]) / span).T
+            assert np.abs(x - y).max() > 0.1
+    assert found > 2
