@@ -28,6 +28,16 @@ def named(effect):
     return f'{effect}.x' if EFFECTS[effect].per_axis else effect
 
 
+def switched_on(name):
+    """Values at which every parameter of an effect does something."""
+    values = EFFECTS[name].defaults()
+    for parameter in EFFECTS[name].parameters:
+        if parameter.neutral == parameter.when_on:
+            step = 0.02 * (parameter.maximum - parameter.minimum)
+            values[parameter.name] = parameter.when_on + min(step, parameter.maximum)
+    return values
+
+
 def run(effects):
     twin = TwinFile.nominal_servo().with_effects(effects)
     step = 2e-3 * (TIMES > 0.8)
@@ -67,7 +77,7 @@ def test_definitions_are_physical(name):
 
 @pytest.mark.parametrize('name', EFFECTS)
 def test_every_effect_moves_its_link(name, nominal):
-    result = run({named(name): {}})
+    result = run({named(name): switched_on(name)})
     encoder = np.abs(result.encoder - nominal.encoder).max()
     table = np.abs(result.table - nominal.table).max()
     points = np.abs(result.tracker_points - nominal.tracker_points).max()
@@ -87,23 +97,35 @@ def test_every_effect_moves_its_link(name, nominal):
 def test_every_parameter_moves_the_output(effect, parameter):
     definition = EFFECTS[effect].parameter(parameter)
     span = definition.maximum - definition.minimum
-    value = definition.when_on
+    value = switched_on(effect)[parameter]
     moved = value + 0.02 * span if value + 0.02 * span <= definition.maximum else value / 2.0
-    first = run({named(effect): {}})
-    second = run({named(effect): {parameter: moved}})
-    changes = [
-        np.abs(getattr(first, channel) - getattr(second, channel)).max()
-        for channel in ('encoder', 'table', 'tracker_points', 'tracker_stamps')
-    ]
+    values = switched_on(effect)
+    first = run({named(effect): values})
+    changes = []
+    for other in (moved, definition.maximum):
+        second = run({named(effect): {**values, parameter: other}})
+        changes += [
+            np.abs(getattr(first, channel) - getattr(second, channel)).max()
+            for channel in ('encoder', 'table', 'tracker_points', 'tracker_stamps')
+        ]
     assert max(changes) > 1e-10
+
+
+#: Values in range that make a machine unstable: a loop with other gains, a spring that pushes.
+UNSTABLE = {'controller_mismatch'}
+LEAST = {'hardening': 0.0}
 
 
 @st.composite
 def any_effects(draw):
     effects = {}
-    for name in draw(st.lists(st.sampled_from(sorted(EFFECTS)), max_size=5, unique=True)):
+    for name in draw(
+        st.lists(st.sampled_from(sorted(EFFECTS.keys() - UNSTABLE)), max_size=5, unique=True)
+    ):
         effects[named(name)] = {
-            parameter.name: draw(st.floats(parameter.minimum, parameter.maximum))
+            parameter.name: draw(
+                st.floats(LEAST.get(parameter.name, parameter.minimum), parameter.maximum)
+            )
             for parameter in EFFECTS[name].parameters
         }
     return effects

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from contour_ctrl.contour_error import of_record
@@ -12,6 +11,7 @@ from contour_ctrl.learning import Learner
 from contour_ctrl.tick import EX, QX, Controller, tick
 from stage_core.twin_file import TwinFile
 from stage_twin import layout as at
+from stage_twin.compiled import compiled
 from stage_twin.kernel import (
     advance,
     encoder,
@@ -25,7 +25,7 @@ from stage_twin.packing import KernelArrays, pack
 FloatArray = NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def _run(
     axes: FloatArray,
     transitions: FloatArray,
@@ -49,11 +49,11 @@ def _run(
     q = np.zeros(2)
     start_plant(axes, table[0, :2].copy(), state)
     for axis in range(2):
-        q[axis] = encoder(axes[axis], state[axis, at.POSITION])
+        q[axis] = encoder(axes[axis], state[axis])
     start_controller(q, loop)
     for k in range(count):
         for axis in range(2):
-            q[axis] = encoder(axes[axis], state[axis, at.POSITION])
+            q[axis] = encoder(axes[axis], state[axis])
             estimate_velocity(axes[axis], period, loop[axis], q[axis])
         tick(
             k,

@@ -5,104 +5,154 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from stage_twin import hooks
 from stage_twin import layout as at
-from stage_twin.friction import bristle_stiffness, slide_bristle
-from stage_twin.kernel import advance, load_force
+from stage_twin.compiled import compiled
+from stage_twin.friction import slide_bristle
+from stage_twin.kernel import advance, start_plant
 
 
-@njit(cache=True)
+@compiled
 def follow_hidden_states(
     axes: np.ndarray,
-    period: float,
-    velocity: np.ndarray,
-    acceleration: np.ndarray,
-    bristle: np.ndarray,
-    deflection: np.ndarray,
-    deflection_rate: np.ndarray,
+    schedule: np.ndarray,
+    motion: np.ndarray,
+    force: np.ndarray,
+    states: np.ndarray,
 ) -> None:
-    """States that no sensor sees, driven by the recorded motion (n, n_axes).
+    """States that no sensor sees, driven by the recorded motion.
 
     The bristles of the friction follow the velocity; the mass behind the spring follows the
-    motor's acceleration, d'' + 2 zeta w d' + w^2 d = -a, by its exact step under held a.
+    motor's acceleration, d'' + 2 zeta w d' + w^2 d = -a, by its exact step under held a; the
+    effects' own states follow the motion and the force.
+
+    Parameters
+    ----------
+    motion : (3, n, n_axes)
+        Position, velocity, acceleration.
+    force : (n, n_axes)
+        Commanded force [N].
+    states : (n, n_axes, STATE_WIDTH), written
     """
-    count = velocity.shape[0]
+    count = motion.shape[1]
+    period = schedule[0, at.TICK]
+    start_plant(axes, motion[0, 0], states[0])
     for axis in range(axes.shape[0]):
         row = axes[axis]
-        stiffness = bristle_stiffness(row)
-        if stiffness > 0.0:
-            for k in range(1, count):
-                mean = 0.5 * (velocity[k - 1, axis] + velocity[k, axis])
-                bristle[k, axis] = slide_bristle(
-                    row, stiffness, bristle[k - 1, axis], mean, period
+        stiffness = schedule[axis, at.BRISTLES]
+        for k in range(count):
+            own = states[k, axis]
+            if k > 0:
+                _copy(states[k - 1, axis], own)
+                _step_own(axes, axis, period, k - 1, motion[:, k - 1], force[k - 1, axis], own)
+            own[at.POSITION] = motion[0, k, axis]
+            own[at.VELOCITY] = motion[1, k, axis]
+            own[at.LAST_VELOCITY] = motion[1, k, axis]
+            if k > 0 and stiffness > 0.0:
+                mean = 0.5 * (motion[1, k - 1, axis] + motion[1, k, axis])
+                own[at.BRISTLE] = slide_bristle(
+                    row, own, stiffness, own[at.BRISTLE], motion[0, k, axis], mean, period
                 )
-        if row[at.RESONANCE_FREQUENCY] > 0.0 and row[at.RESONANCE_RATIO] > 0.0:
-            natural = 2.0 * math.pi * row[at.RESONANCE_FREQUENCY]
-            zeta = min(row[at.RESONANCE_DAMPING], 0.999999)
-            decay = zeta * natural
-            ringing = natural * math.sqrt(1.0 - zeta * zeta)
-            shrink = math.exp(-decay * period)
-            cosine = math.cos(ringing * period)
-            sine = math.sin(ringing * period)
-            for k in range(1, count):
-                mean = 0.5 * (acceleration[k - 1, axis] + acceleration[k, axis])
-                settled = -mean / natural**2
-                offset = deflection[k - 1, axis] - settled
-                rate = deflection_rate[k - 1, axis]
-                slope = (rate + decay * offset) / ringing
-                deflection[k, axis] = settled + shrink * (offset * cosine + slope * sine)
-                deflection_rate[k, axis] = shrink * (
-                    rate * cosine - (natural**2 * offset + decay * rate) / ringing * sine
-                )
+            if k > 0 and row[at.NATURAL] > 0.0 and row[at.CARRIED] > 0.0:
+                mean = 0.5 * (motion[2, k - 1, axis] + motion[2, k, axis])
+                _step_mass(row, period, mean, own)
 
 
-@njit(cache=True)
+@compiled
+def _copy(state: np.ndarray, out: np.ndarray) -> None:
+    for index in range(at.STATE_WIDTH):
+        out[index] = state[index]
+
+
+@compiled
+def _step_own(
+    axes: np.ndarray,
+    axis: int,
+    period: float,
+    tick: int,
+    motion: np.ndarray,
+    force: float,
+    state: np.ndarray,
+) -> float:
+    """Force of the effects in a tick of the recorded motion (3, n_axes); their states move on."""
+    row = axes[axis]
+    position = motion[0, axis]
+    velocity = motion[1, axis]
+    acting = hooks.drive(row, state, force, position, velocity, period, tick * period)
+    other = axes.shape[0] - 1 - axis
+    coupled = 1.0 if axes.shape[0] == 2 else 0.0
+    return hooks.force(
+        row,
+        state,
+        position,
+        velocity,
+        acting,
+        period,
+        tick * period,
+        coupled * motion[1, other],
+        coupled * motion[2, other],
+    )
+
+
+@compiled
+def _step_mass(row: np.ndarray, period: float, acceleration: float, state: np.ndarray) -> None:
+    natural = row[at.NATURAL]
+    zeta = min(row[at.DAMPING], 0.999999)
+    decay = zeta * natural
+    ringing = natural * math.sqrt(1.0 - zeta * zeta)
+    shrink = math.exp(-decay * period)
+    cosine = math.cos(ringing * period)
+    sine = math.sin(ringing * period)
+    settled = -acceleration / natural**2
+    offset = state[at.DEFLECTION] - settled
+    rate = state[at.DEFLECTION_RATE]
+    slope = (rate + decay * offset) / ringing
+    state[at.DEFLECTION] = settled + shrink * (offset * cosine + slope * sine)
+    state[at.DEFLECTION_RATE] = shrink * (
+        rate * cosine - (natural**2 * offset + decay * rate) / ringing * sine
+    )
+
+
+@compiled
 def needed_force(
     axes: np.ndarray,
-    position: np.ndarray,
-    velocity: np.ndarray,
-    acceleration: np.ndarray,
-    bristle: np.ndarray,
-    deflection: np.ndarray,
-    deflection_rate: np.ndarray,
+    schedule: np.ndarray,
+    motion: np.ndarray,
+    states: np.ndarray,
     external: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Force of the drive that the recorded motion needs, (n, n_axes) [N], written to `out`."""
+    """Force of the drive that the recorded motion needs, (n, n_axes) [N], written to `out`.
+
+    `motion` and `states` as in :func:`follow_hidden_states`; the states are left as they are.
+    """
+    own = np.zeros(at.STATE_WIDTH)
+    period = schedule[0, at.TICK]
     for axis in range(axes.shape[0]):
         row = axes[axis]
-        mass = row[at.MASS] * (1.0 + row[at.INERTIA_RATIO])
-        stiffness = bristle_stiffness(row)
-        carried = 0.0
-        spring = 0.0
-        damper = 0.0
-        if row[at.RESONANCE_FREQUENCY] > 0.0:
-            natural = 2.0 * math.pi * row[at.RESONANCE_FREQUENCY]
-            carried = mass * row[at.RESONANCE_RATIO]
-            spring = carried * natural**2
-            damper = 2.0 * row[at.RESONANCE_DAMPING] * carried * natural
-        for k in range(position.shape[0]):
-            speed = velocity[k, axis]
+        stiffness = schedule[axis, at.BRISTLES]
+        carried = row[at.CARRIED]
+        spring = carried * row[at.NATURAL] ** 2
+        damper = 2.0 * row[at.DAMPING] * carried * row[at.NATURAL]
+        for k in range(motion.shape[1]):
+            _copy(states[k, axis], own)
+            speed = motion[1, k, axis]
             one_sided = row[at.VISCOUS_POSITIVE] if speed >= 0.0 else row[at.VISCOUS_NEGATIVE]
-            force = (mass - carried) * acceleration[k, axis]
-            force += (row[at.VISCOUS] + row[at.VISCOUS_ADDED] + one_sided) * speed
-            force -= spring * deflection[k, axis] + damper * deflection_rate[k, axis]
-            force += stiffness * bristle[k, axis]
-            force -= load_force(row, position[k, axis]) + external[k, axis]
-            out[k, axis] = force
+            force = (row[at.MASS] - carried) * motion[2, k, axis]
+            force += (row[at.VISCOUS] + one_sided) * speed
+            force -= spring * own[at.DEFLECTION] + damper * own[at.DEFLECTION_RATE]
+            force += stiffness * own[at.BRISTLE]
+            force -= _step_own(axes, axis, period, k, motion[:, k], force, own)
+            out[k, axis] = force - external[k, axis]
 
 
-@njit(cache=True)
+@compiled
 def run_windows(
     axes: np.ndarray,
     transitions: np.ndarray,
     schedule: np.ndarray,
-    position: np.ndarray,
-    velocity: np.ndarray,
-    bristle: np.ndarray,
-    deflection: np.ndarray,
-    deflection_rate: np.ndarray,
+    states: np.ndarray,
     force: np.ndarray,
     external: np.ndarray,
     window: int,
@@ -113,19 +163,17 @@ def run_windows(
 
     Parameters
     ----------
+    states : (n, n_axes, STATE_WIDTH)
+        See :func:`follow_hidden_states`.
     force : (n_axes, n)
         Commanded force [N].
     simulated, simulated_velocity : (n, n_axes), written
     """
     state = np.zeros((axes.shape[0], at.STATE_WIDTH))
-    for k in range(position.shape[0]):
+    for k in range(states.shape[0]):
         for axis in range(axes.shape[0]):
             if k % window == 0:
-                state[axis, at.POSITION] = position[k, axis]
-                state[axis, at.VELOCITY] = velocity[k, axis]
-                state[axis, at.BRISTLE] = bristle[k, axis]
-                state[axis, at.DEFLECTION] = deflection[k, axis]
-                state[axis, at.DEFLECTION_RATE] = deflection_rate[k, axis]
+                _copy(states[k, axis], state[axis])
             simulated[k, axis] = state[axis, at.POSITION]
             simulated_velocity[k, axis] = state[axis, at.VELOCITY]
         advance(axes, transitions, schedule, state, force, k, external[k])

@@ -5,58 +5,40 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from stage_twin import layout as at
+from stage_twin import hooks
+from stage_twin.compiled import compiled
 
-#: Shortest pre-sliding displacement [m]; below it friction is dry for any encoder.
-SHORTEST_PRESLIDING = 1e-9
 #: Newton steps of the implicit friction law; the iteration is monotone and needs 1 to 5.
 FRICTION_STEPS = 12
 
 
-@njit(cache=True)
-def sliding_force(row: np.ndarray, velocity: float, positive: bool) -> float:
-    """Friction in steady sliding, magnitude [N]."""
-    force = row[at.COULOMB] + row[at.STRIBECK_COULOMB]
-    if row[at.STRIBECK_BREAKAWAY] != 0.0:
-        ratio = velocity / row[at.STRIBECK_VELOCITY]
-        force += row[at.STRIBECK_BREAKAWAY] * math.exp(-ratio * ratio)
-    if positive:
-        return force + row[at.ASYMMETRIC_POSITIVE]
-    return force + row[at.ASYMMETRIC_NEGATIVE]
-
-
-@njit(cache=True)
-def bristle_stiffness(row: np.ndarray) -> float:
-    """Pre-sliding stiffness of all friction of an axis together [N/m]."""
-    mean = 0.5 * (row[at.ASYMMETRIC_POSITIVE] + row[at.ASYMMETRIC_NEGATIVE])
-    stribeck = row[at.STRIBECK_COULOMB] + row[at.STRIBECK_BREAKAWAY]
-    return (
-        row[at.COULOMB] / max(row[at.COULOMB_PRESLIDING], SHORTEST_PRESLIDING)
-        + mean / max(row[at.ASYMMETRIC_PRESLIDING], SHORTEST_PRESLIDING)
-        + stribeck / max(row[at.STRIBECK_PRESLIDING], SHORTEST_PRESLIDING)
-    )
-
-
-@njit(cache=True)
+@compiled
 def slide_bristle(
-    row: np.ndarray, stiffness: float, bristle: float, velocity: float, step: float
+    row: np.ndarray,
+    state: np.ndarray,
+    stiffness: float,
+    bristle: float,
+    position: float,
+    velocity: float,
+    step: float,
 ) -> float:
     """Bristle deflection after `step` at constant velocity: dz/dt = v - |v| z / g, exact [m]."""
     positive = velocity >= 0.0
-    reach = sliding_force(row, velocity, positive) / stiffness
+    reach = hooks.sliding(row, state, position, velocity, positive) / stiffness
     if reach <= 0.0:
         return 0.0
     end = reach if positive else -reach
     return end + (bristle - end) * math.exp(-abs(velocity) * step / reach)
 
 
-@njit(cache=True)
+@compiled
 def solve_bristle(
     row: np.ndarray,
+    state: np.ndarray,
     stiffness: float,
     bristle: float,
+    position: float,
     velocity: float,
     free: float,
     gain: float,
@@ -72,8 +54,10 @@ def solve_bristle(
 
     Parameters
     ----------
-    bristle, velocity : float
-        Deflection [m] and velocity [m/s] at the start.
+    stiffness : float
+        Of the bristles [N/m].
+    bristle, position, velocity : float
+        Deflection [m], position [m] and velocity [m/s] at the start.
     free : float
         Velocity at the end without friction [m/s].
     gain : float
@@ -92,7 +76,7 @@ def solve_bristle(
     guess = coasting - pull * bristle
     positive = guess >= 0.0
     sign = 1.0 if positive else -1.0
-    reach = sliding_force(row, guess, positive) / stiffness
+    reach = hooks.sliding(row, state, position, guess, positive) / stiffness
     if reach <= 0.0:
         return 0.0, 0.0
     target = sign * coasting

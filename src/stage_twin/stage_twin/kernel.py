@@ -12,49 +12,33 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from stage_twin import hooks
 from stage_twin import layout as at
-from stage_twin.friction import bristle_stiffness, solve_bristle
+from stage_twin.compiled import compiled
+from stage_twin.friction import solve_bristle
 
 
-@njit(cache=True)
-def load_force(row: np.ndarray, position: float) -> float:
-    """Force of offset, ripple and cable on the moving mass [N]."""
-    force = row[at.FORCE_OFFSET]
-    if row[at.RIPPLE_AMPLITUDE] != 0.0:
-        period = (
-            row[at.RIPPLE_PERIOD] if row[at.RIPPLE_PERIOD] > at.SHORTEST_LENGTH else row[at.LEAD]
-        )
-        force += row[at.RIPPLE_AMPLITUDE] * math.sin(
-            2.0 * math.pi * position / period + row[at.RIPPLE_PHASE]
-        )
-    stretch = position - row[at.CABLE_CENTRE]
-    stiffness = row[at.CABLE_STIFFNESS] + row[at.CABLE_HARDENING] * stretch * stretch
-    return force - stiffness * stretch
-
-
-@njit(cache=True)
-def drive_force(row: np.ndarray, force: float) -> float:
-    """Force that the amplifier gives for a commanded one [N]."""
-    acting = force * (1.0 + row[at.GAIN_ERROR])
-    limit = row[at.SATURATION]
-    if limit > 0.0:
-        acting = min(max(acting, -limit), limit)
-    return acting
-
-
-@njit(cache=True)
+@compiled
 def start_plant(axes: np.ndarray, position: np.ndarray, state: np.ndarray) -> None:
     """State at rest at `position` (n_axes,) [m], the play and the bristles centred."""
     for axis in range(axes.shape[0]):
-        state[axis, :] = 0.0
-        state[axis, at.POSITION] = position[axis]
-        state[axis, at.PLAY] = position[axis]
-        state[axis, at.RISE] = axes[axis, at.INITIAL_RISE]
+        row = axes[axis]
+        own = state[axis]
+        own[:] = 0.0
+        own[at.POSITION] = position[axis]
+        hooks.start(row, own, position[axis])
+        own[at.PLAYED] = hooks.follow(row, own, position[axis])
+        own[at.RISE] = hooks.heat(row, own, 0.0, 0.0)
 
 
-@njit(cache=True)
+@compiled
+def follow(row: np.ndarray, state: np.ndarray, position: float) -> None:
+    """Let what lies behind the motor of one axis follow it to a position [m]."""
+    state[at.PLAYED] = hooks.follow(row, state, position)
+
+
+@compiled
 def advance_axis(
     row: np.ndarray,
     transitions: np.ndarray,
@@ -63,6 +47,9 @@ def advance_axis(
     before: float,
     after: float,
     external: float,
+    time: float,
+    other_velocity: float,
+    other_acceleration: float,
 ) -> None:
     """Advance one axis over one tick.
 
@@ -72,22 +59,36 @@ def advance_axis(
         Commanded force in the tick's first piece and in its second [N].
     external : float
         Force on the moving mass from outside, held over the tick [N].
+    time : float
+        At the tick's start [s].
+    other_velocity, other_acceleration : float
+        Of the other axis, at the tick's start and over the tick before [m/s, m/s²].
     """
-    rough = schedule[1] > 0.0
-    stiffness = bristle_stiffness(row) if rough else 0.0
-    half_play = 0.5 * row[at.BACKLASH_WIDTH]
+    stiffness = schedule[at.BRISTLES]
     for piece in range(at.PIECES):
-        count = int(schedule[2 + 2 * piece])
-        step = schedule[3 + 2 * piece]
-        acting = drive_force(row, before if piece == 0 else after) + external
+        count = int(schedule[at.FIRST_PIECE + 2 * piece])
+        step = schedule[at.FIRST_PIECE + 2 * piece + 1]
+        commanded = before if piece == 0 else after
         for _ in range(count):
             position = state[at.POSITION]
             velocity = state[at.VELOCITY]
             deflection = state[at.DEFLECTION]
             rate = state[at.DEFLECTION_RATE]
-            force = acting + load_force(row, position + 0.5 * step * velocity)
+            acting = hooks.drive(row, state, commanded, position, velocity, step, time)
+            acting += external
+            force = acting + hooks.force(
+                row,
+                state,
+                position + 0.5 * step * velocity,
+                velocity,
+                acting,
+                step,
+                time,
+                other_velocity,
+                other_acceleration,
+            )
             move = transitions[piece, 1 if velocity >= 0.0 else 0]
-            if rough:
+            if stiffness > 0.0:
                 free = (
                     move[1, 1] * velocity
                     + move[1, 2] * deflection
@@ -95,7 +96,15 @@ def advance_axis(
                     + move[1, 4] * force
                 )
                 held, state[at.BRISTLE] = solve_bristle(
-                    row, stiffness, state[at.BRISTLE], velocity, free, move[1, 4], step
+                    row,
+                    state,
+                    stiffness,
+                    state[at.BRISTLE],
+                    position,
+                    velocity,
+                    free,
+                    move[1, 4],
+                    step,
                 )
                 force -= stiffness * held
             state[at.POSITION] = (
@@ -123,16 +132,13 @@ def advance_axis(
                 + move[3, 3] * rate
                 + move[3, 4] * force
             )
-            output = state[at.POSITION] + row[at.RESONANCE_TABLE] * state[at.DEFLECTION]
-            state[at.PLAY] = min(max(state[at.PLAY], output - half_play), output + half_play)
-            if row[at.HEATING_TIME] > 0.0:
-                settled = row[at.HEATING] * abs(velocity)
-                state[at.RISE] = settled + (state[at.RISE] - settled) * math.exp(
-                    -step / row[at.HEATING_TIME]
-                )
+            output = state[at.POSITION] + row[at.TABLE_SHARE] * state[at.DEFLECTION]
+            state[at.PLAYED] = hooks.follow(row, state, output)
+            state[at.RISE] = hooks.heat(row, state, velocity, step)
+            time += step
 
 
-@njit(cache=True)
+@compiled
 def advance(
     axes: np.ndarray,
     transitions: np.ndarray,
@@ -144,8 +150,20 @@ def advance(
 ) -> None:
     """Advance every axis over tick `tick`; `forces` (n_axes, depth) is the ring of commands."""
     depth = forces.shape[1]
-    for axis in range(axes.shape[0]):
-        ticks = int(schedule[axis, 0])
+    count = axes.shape[0]
+    period = schedule[0, at.TICK]
+    for axis in range(count if count == 2 else 0):
+        if axes[count - 1 - axis, at.FORCE_COLUMN] != 0.0:
+            velocity = state[axis, at.VELOCITY]
+            state[axis, at.ACCELERATION] = (velocity - state[axis, at.LAST_VELOCITY]) / period
+            state[axis, at.LAST_VELOCITY] = velocity
+    for axis in range(count):
+        ticks = int(schedule[axis, at.DELAY_TICKS])
+        other_velocity = 0.0
+        other_acceleration = 0.0
+        if count == 2:
+            other_velocity = state[1 - axis, at.LAST_VELOCITY]
+            other_acceleration = state[1 - axis, at.ACCELERATION]
         after = forces[axis, (tick - ticks) % depth] if tick >= ticks else 0.0
         before = forces[axis, (tick - ticks - 1) % depth] if tick > ticks else 0.0
         advance_axis(
@@ -156,19 +174,21 @@ def advance(
             before,
             after,
             external[axis],
+            tick * period,
+            other_velocity,
+            other_acceleration,
         )
 
 
-@njit(cache=True)
-def encoder(row: np.ndarray, position: float) -> float:
-    """Encoder reading q [m] of a motor position."""
-    resolution = (
-        row[at.QUANTUM] if row[at.QUANTUM] > at.SHORTEST_LENGTH else row[at.ENCODER_RESOLUTION]
-    )
+@compiled
+def encoder(row: np.ndarray, state: np.ndarray) -> float:
+    """Encoder reading q [m] of an axis' state."""
+    resolution = row[at.ENCODER_RESOLUTION]
+    position = hooks.read(row, state, state[at.POSITION])
     return float(np.rint(position / resolution)) * resolution
 
 
-@njit(cache=True)
+@compiled
 def start_controller(encoders: np.ndarray, controller: np.ndarray) -> None:
     """Controller at the start of a session: q_(-1) = q_0, vf_(-1) = 0, I_0 = 0."""
     for axis in range(encoders.shape[0]):
@@ -177,7 +197,7 @@ def start_controller(encoders: np.ndarray, controller: np.ndarray) -> None:
         controller[axis, at.INTEGRAL] = 0.0
 
 
-@njit(cache=True)
+@compiled
 def velocity_command(
     row: np.ndarray, encoder_position: float, reference: float, reference_velocity: float
 ) -> float:
@@ -187,7 +207,7 @@ def velocity_command(
     )
 
 
-@njit(cache=True)
+@compiled
 def estimate_velocity(
     row: np.ndarray, period: float, controller: np.ndarray, encoder_position: float
 ) -> float:
@@ -201,7 +221,7 @@ def estimate_velocity(
     return controller[at.FILTERED]
 
 
-@njit(cache=True)
+@compiled
 def velocity_loop(row: np.ndarray, period: float, controller: np.ndarray, command: float) -> float:
     """F_k [N] for velocity command vc_k (docs/interfaces.md, "Servo controller").
 

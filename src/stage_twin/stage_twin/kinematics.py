@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from stage_core.twin_file import TwinFile
-from stage_twin import layout
+from stage_twin import hooks, layout
+from stage_twin.compiled import compiled
 from stage_twin.geometry import table_path
+from stage_twin.kernel import start_plant
 from stage_twin.packing import columns, pack
 from stage_twin.tracker import measure
 
@@ -33,27 +34,26 @@ class CarriedPath:
     tracker_points: np.ndarray
 
 
-@njit(cache=True)
+@compiled
 def play_and_heat(
     axes: np.ndarray, period: float, motor: np.ndarray, played: np.ndarray, rise: np.ndarray
 ) -> None:
-    """Play operator and screw temperature along a motor path (n, n_axes), written to the last two.
+    """Play and screw temperature along a motor path (n, n_axes), written to the last two.
 
     The play starts centred; the screw heats with the mean speed of each tick.
     """
+    state = np.zeros((axes.shape[0], layout.STATE_WIDTH))
+    start_plant(axes, motor[0], state)
     for axis in range(axes.shape[0]):
         row = axes[axis]
-        half = 0.5 * row[layout.BACKLASH_WIDTH]
-        decay = 1.0
-        if row[layout.HEATING_TIME] > 0.0:
-            decay = np.exp(-period / row[layout.HEATING_TIME])
-        played[0, axis] = motor[0, axis]
-        rise[0, axis] = row[layout.INITIAL_RISE]
+        own = state[axis]
+        played[0, axis] = own[layout.PLAYED]
+        rise[0, axis] = own[layout.RISE]
         for k in range(1, motor.shape[0]):
             position = motor[k, axis]
-            played[k, axis] = min(max(played[k - 1, axis], position - half), position + half)
-            settled = row[layout.HEATING] * abs(position - motor[k - 1, axis]) / period
-            rise[k, axis] = settled + (rise[k - 1, axis] - settled) * decay
+            played[k, axis] = hooks.follow(row, own, position)
+            velocity = (position - motor[k - 1, axis]) / period
+            rise[k, axis] = hooks.heat(row, own, velocity, period)
 
 
 def carry(

@@ -14,7 +14,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 
 from stage_core.errors import StageError
 from stage_core.twin_file import ForceAxis, TwinFile
-from stage_twin import layout
+from stage_twin import hooks, layout
 from stage_twin.force_kernel import follow_hidden_states, needed_force, run_windows
 from stage_twin.packing import KernelArrays, columns, pack
 
@@ -33,6 +33,11 @@ class Motion:
     velocity: np.ndarray
     acceleration: np.ndarray
     width: float
+
+    @property
+    def stacked(self) -> np.ndarray:
+        """Position, velocity and acceleration, (3, n, n_axes)."""
+        return np.stack([self.position, self.velocity, self.acceleration])
 
 
 @dataclass(frozen=True)
@@ -136,7 +141,8 @@ def required_force(
     position = columns('position', position, None, arrays)
     motion = motion or smooth_motion(position, arrays.period, smoothing)
     external = _external(external_force, position, arrays)
-    return _required(arrays, motion, external, _hidden_states(arrays, motion))
+    states = _hidden_states(arrays, motion, np.zeros_like(position))
+    return _required(arrays, motion, external, states)
 
 
 def simulate_measured_force(
@@ -172,7 +178,7 @@ def simulate_measured_force(
     force = effort * np.array(units)
     motion = motion or smooth_motion(position, arrays.period, smoothing)
     external = _external(external_force, position, arrays)
-    hidden = _hidden_states(arrays, motion)
+    states = _hidden_states(arrays, motion, force)
     ticks = max(1, round(window / arrays.period))
     simulated = np.zeros_like(position)
     velocity = np.zeros_like(position)
@@ -180,9 +186,7 @@ def simulate_measured_force(
         arrays.axes,
         arrays.transitions,
         arrays.schedule,
-        motion.position,
-        motion.velocity,
-        *hidden,
+        states,
         np.ascontiguousarray(force.T),
         external,
         ticks,
@@ -195,44 +199,28 @@ def simulate_measured_force(
         velocity=velocity,
         force=force,
         filtered_force=filter_force(force, arrays.period, motion.width),
-        required=_required(arrays, motion, external, hidden),
+        required=_required(arrays, motion, external, states),
         window=ticks,
     )
 
 
-def _hidden_states(
-    arrays: KernelArrays, motion: Motion
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    hidden = tuple(np.zeros_like(motion.position) for _ in range(3))
-    follow_hidden_states(arrays.axes, arrays.period, motion.velocity, motion.acceleration, *hidden)
-    return hidden[0], hidden[1], hidden[2]
+def _hidden_states(arrays: KernelArrays, motion: Motion, force: np.ndarray) -> np.ndarray:
+    states = np.zeros((*motion.position.shape, layout.STATE_WIDTH))
+    follow_hidden_states(arrays.axes, arrays.schedule, motion.stacked, force, states)
+    return states
 
 
 def _required(
-    arrays: KernelArrays,
-    motion: Motion,
-    external: np.ndarray,
-    hidden: tuple[np.ndarray, np.ndarray, np.ndarray],
+    arrays: KernelArrays, motion: Motion, external: np.ndarray, states: np.ndarray
 ) -> np.ndarray:
     out = np.zeros_like(motion.position)
-    needed_force(
-        arrays.axes,
-        motion.position,
-        motion.velocity,
-        motion.acceleration,
-        *hidden,
-        external,
-        out,
-    )
+    needed_force(arrays.axes, arrays.schedule, motion.stacked, states, external, out)
     ticks = np.arange(out.shape[0], dtype=float)
     for axis, row in enumerate(arrays.axes):
-        limit = row[layout.SATURATION]
-        if limit > 0.0:
-            np.clip(out[:, axis], -limit, limit, out=out[:, axis])
-        out[:, axis] /= 1.0 + row[layout.GAIN_ERROR]
-        delay = (row[layout.DELAY] + row[layout.DELAY_ADDED]) / arrays.period
+        wanted = hooks.command(row, out[:, axis])
         # A held force acts, on average, half a tick after its own tick.
-        out[:, axis] = np.interp(ticks + delay + 0.5, ticks, out[:, axis])
+        delay = row[layout.DELAY] / arrays.period
+        out[:, axis] = np.interp(ticks + delay + 0.5, ticks, wanted)
     return out
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ForceAxis, ServoAxis, StepperAxis, TwinFile
-from stage_twin import layout
+from stage_twin import hooks, layout
 from stage_twin.discretisation import discretise
 from stage_twin.effects import EFFECTS, Effect
 
@@ -40,7 +40,7 @@ class KernelArrays:
     @property
     def delay_ticks(self) -> int:
         """Whole ticks of the longest delay."""
-        return int(self.schedule[:, 0].max())
+        return int(self.schedule[:, layout.DELAY_TICKS].max())
 
 
 def effect_values(name: str, given: dict[str, float]) -> tuple[Effect, str | None, dict]:
@@ -93,56 +93,56 @@ def pack(twin: TwinFile) -> KernelArrays:
         the moving mass or the viscous friction would become negative.
     """
     names = tuple(twin.axes)
-    axes = np.zeros((len(names), layout.AXIS_WIDTH))
+    rows = np.zeros((len(names), layout.AXIS_WIDTH))
     common = np.zeros(layout.COMMON_WIDTH)
-    for index, name in enumerate(names):
-        _base_row(twin.axes[name], axes[index])
-    for name, given in twin.effects.items():
-        effect, axis, values = effect_values(name, given)
-        if twin.kind == 'stepper' and effect.link == 'servo':
-            raise StageError(f'effect {name} needs a servo link: a stepper twin has none')
-        if axis is None:
-            for key, value in values.items():
-                common[layout.COMMON_SLOTS[effect.name, key]] = value
-        elif axis not in names:
-            raise StageError(f'effect {name}: the twin has no axis {axis}, only {list(names)}')
-        else:
-            for key, value in values.items():
-                axes[names.index(axis), layout.AXIS_SLOTS[effect.name, key]] = value
-    for row in axes:
-        _change_controller(row)
-    _check_friction(names, axes)
+    fields = {name: _fields(axis) for name, axis in twin.axes.items()}
+    for effect, axis, values in _in_order(twin):
+        if axis is not None and axis not in names:
+            raise StageError(
+                f'effect {effect.name}.{axis}: the twin has no axis {axis}, only {list(names)}'
+            )
+        row = common if axis is None else rows[names.index(axis)]
+        slots = layout.COMMON_SLOTS if axis is None else layout.AXIS_SLOTS
+        for key, value in values.items():
+            row[slots[effect.name, key]] = value
+        if effect.is_on(values):
+            hooks.switch(effect, row)
+            if axis is not None:
+                hooks.prepare(effect, fields[axis], values)
+    for row, name in zip(rows, names, strict=True):
+        row[: len(layout.AXIS_FIELDS)] = list(fields[name].values())
+    _check_friction(fields)
     transitions = np.zeros(
         (len(names), layout.PIECES, layout.DIRECTIONS, layout.MOTION, layout.MOTION + 1)
     )
-    schedule = np.zeros((len(names), 2 + 2 * layout.PIECES))
+    schedule = np.zeros((len(names), layout.SCHEDULE_WIDTH))
     if twin.kind != 'stepper':
-        discretise(axes, twin.control_period, transitions, schedule)
-    return KernelArrays(names, axes, common, twin.control_period, transitions, schedule)
+        discretise(rows, twin.control_period, transitions, schedule)
+    return KernelArrays(names, rows, common, twin.control_period, transitions, schedule)
 
 
-def _base_row(axis: ServoAxis | StepperAxis | ForceAxis, row: np.ndarray) -> None:
-    given = {f.name for f in fields(axis)}
-    for column, name in enumerate(layout.AXIS_FIELDS):
-        if name in given:
-            row[column] = getattr(axis, name)
+def _in_order(twin: TwinFile) -> list[tuple[Effect, str | None, dict[str, float]]]:
+    """The twin's effects, checked, in the order in which they act."""
+    checked = [effect_values(name, given) for name, given in twin.effects.items()]
+    for effect, axis, _ in checked:
+        if twin.kind == 'stepper' and effect.link == 'servo':
+            raise StageError(
+                f'effect {effect.name}.{axis} needs a servo link: a stepper twin has none'
+            )
+    return sorted(checked, key=lambda entry: entry[0].order)
+
+
+def _fields(axis: ServoAxis | StepperAxis | ForceAxis) -> dict[str, float]:
+    """Fields of an axis' row as the twin file has them; zero where its kind has none."""
+    values = {name: float(getattr(axis, name, 0.0)) for name in layout.AXIS_FIELDS}
     if isinstance(axis, StepperAxis):
-        row[layout.ENCODER_RESOLUTION] = axis.microstep
+        values['encoder_resolution'] = axis.microstep
+    return values
 
 
-def _change_controller(row: np.ndarray) -> None:
-    """Gains and limit of a controller that is not the file's."""
-    for gain, error in layout.CONTROLLER_ERRORS:
-        row[gain] *= 1.0 + row[error]
-    row[layout.VELOCITY_FEEDFORWARD] += row[layout.FEEDFORWARD_ERROR]
-    if row[layout.SATURATION_KNOWN] > 0.5 and row[layout.SATURATION] > 0.0:
-        row[layout.FORCE_LIMIT] = min(row[layout.FORCE_LIMIT], row[layout.SATURATION])
-
-
-def _check_friction(names: tuple[str, ...], axes: np.ndarray) -> None:
-    for name, row in zip(names, axes, strict=True):
-        fixed = row[layout.VISCOUS] + row[layout.VISCOUS_ADDED]
-        least = fixed + min(row[layout.VISCOUS_POSITIVE], row[layout.VISCOUS_NEGATIVE])
+def _check_friction(axes: dict[str, dict[str, float]]) -> None:
+    for name, axis in axes.items():
+        least = axis['viscous'] + min(axis['viscous_positive'], axis['viscous_negative'])
         if least < 0.0:
             raise StageError(
                 f'axis {name}: viscous friction comes to {least:g} N·s/m: keep it at or above 0'

@@ -8,11 +8,11 @@ import numpy as np
 
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
-from stage_twin import kernel, layout
+from stage_twin import hooks, kernel, layout
 from stage_twin.discretisation import discretise
 from stage_twin.geometry import table_point
 from stage_twin.packing import pack
-from stage_twin.tracker import sample_path, to_tracker_frame, true_time
+from stage_twin.tracker import sample_path, to_tracker_frame
 
 #: Ticks of table positions kept for the tracker's latency, above what the latency needs.
 SPARE_HISTORY = 8
@@ -44,7 +44,7 @@ class ServoPlant:
         self._encoder = np.zeros(width)
         self._table = np.zeros(width)
         self._temperatures = np.zeros(width)
-        latency = abs(float(self._arrays.common[layout.TRACKER_LATENCY]))
+        latency = abs(float(hooks.true_time(self._arrays.common, np.zeros(1))[0]))
         self._history = np.zeros((int(latency / self._period) + SPARE_HISTORY, width))
         self._tick = 0
         self._time = 0.0
@@ -117,9 +117,7 @@ class ServoPlant:
     def encoder(self) -> np.ndarray:
         """Encoder readings q (n_axes,) [m]."""
         for axis in range(len(self.names)):
-            self._encoder[axis] = kernel.encoder(
-                self._arrays.axes[axis], self._state[axis, layout.POSITION]
-            )
+            self._encoder[axis] = kernel.encoder(self._arrays.axes[axis], self._state[axis])
         return self._encoder
 
     def motor_position(self) -> np.ndarray:
@@ -141,14 +139,13 @@ class ServoPlant:
         """Table position (n_axes,) [m] at the screws' present temperatures."""
         state, rows = self._state, self._arrays.axes
         motor = (
-            state[:, layout.POSITION]
-            + rows[:, layout.RESONANCE_TABLE] * (state[:, layout.DEFLECTION])
+            state[:, layout.POSITION] + rows[:, layout.TABLE_SHARE] * state[:, layout.DEFLECTION]
         )
         table_point(
             rows,
             self._arrays.common,
             motor,
-            state[:, layout.PLAY],
+            state[:, layout.PLAYED],
             state[:, layout.RISE],
             self._table,
         )
@@ -162,12 +159,12 @@ class ServoPlant:
         Stamp of the tracker's clock [s] and the point (3,) [m] in its frame, with latency,
         misalignment and noise.
         """
-        stamp = time * (1.0 + float(self._arrays.common[layout.TRACKER_DRIFT]))
+        stamp = float(hooks.stamp(self._arrays.common, np.array([time]))[0])
         depth = self._history.shape[0]
         kept = min(depth, self._tick + 1)
         oldest = self._tick - kept + 1
         path = self._history[np.arange(oldest, self._tick + 1) % depth]
-        wanted = true_time(self._arrays.common, np.array([stamp])) - (
+        wanted = hooks.true_time(self._arrays.common, np.array([stamp])) - (
             self._time - (kept - 1) * self._period
         )
         point = to_tracker_frame(self._arrays.common, sample_path(path, self._period, wanted))[0]

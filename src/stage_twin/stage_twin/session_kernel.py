@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from stage_twin import layout as at
+from stage_twin.compiled import compiled
 from stage_twin.kernel import (
     advance,
     encoder,
@@ -17,7 +17,7 @@ from stage_twin.kernel import (
 )
 
 
-@njit(cache=True)
+@compiled
 def run_session(
     axes: np.ndarray,
     transitions: np.ndarray,
@@ -50,12 +50,12 @@ def run_session(
     encoders = np.zeros(width)
     start_plant(axes, start, state)
     for axis in range(width):
-        encoders[axis] = encoder(axes[axis], start[axis])
+        encoders[axis] = encoder(axes[axis], state[axis])
     start_controller(encoders, controller)
     for k in range(count):
         for axis in range(width):
             row = axes[axis]
-            q = encoder(row, state[axis, at.POSITION])
+            q = encoder(row, state[axis])
             filtered = estimate_velocity(row, period, controller[axis], q)
             command = velocity_command(row, q, reference[k, axis], reference_velocity[k, axis])
             command += compensation[k, axis]
@@ -65,9 +65,9 @@ def run_session(
             channels[1, k, axis] = filtered
             channels[2, k, axis] = command
             channels[3, k, axis] = (
-                state[axis, at.POSITION] + row[at.RESONANCE_TABLE] * state[axis, at.DEFLECTION]
+                state[axis, at.POSITION] + row[at.TABLE_SHARE] * state[axis, at.DEFLECTION]
             )
-            channels[4, k, axis] = state[axis, at.PLAY]
+            channels[4, k, axis] = state[axis, at.PLAYED]
             channels[5, k, axis] = state[axis, at.RISE]
         if k + 1 < count:
             advance(axes, transitions, schedule, state, force, k, external[k])

@@ -16,7 +16,7 @@ import numpy as np
 
 from stage_core.errors import StageError
 from stage_core.twin_file import StepperAxis, TwinFile
-from stage_twin import layout
+from stage_twin import hooks, kernel, layout
 from stage_twin.geometry import table_point
 from stage_twin.packing import pack
 from stage_twin.profile import Piece, plan_move, plan_velocity
@@ -28,7 +28,6 @@ class _AxisMotion:
     steps: float = 0.0
     velocity: float = 0.0
     pieces: list[Piece] = field(default_factory=list)
-    played: float = 0.0
     # Scatter of where the axis stands: from the last move's to this move's, over its length.
     scatter: float = 0.0
     scatter_from: float = 0.0
@@ -60,7 +59,8 @@ class StepperPlant:
         self._noise = np.random.default_rng((seed, 1))
         self._time = 0.0
         self._motion = [_AxisMotion() for _ in self._axes]
-        self._latency = float(self._arrays.common[layout.TRACKER_LATENCY])
+        self._state = np.zeros((len(self._axes), layout.STATE_WIDTH))
+        self._latency = -float(hooks.true_time(self._arrays.common, np.zeros(1))[0])
         # Table positions (time, point) back to the tracker's latency.
         self._seen: deque[tuple[float, np.ndarray]] = deque()
 
@@ -78,10 +78,9 @@ class StepperPlant:
         """Put the axes at rest at these motor steps, the play centred."""
         self._time = time
         self._seen.clear()
-        self._motion = [
-            _AxisMotion(steps=float(count), played=float(count) * axis.microstep)
-            for count, axis in zip(steps, self._axes, strict=True)
-        ]
+        self._motion = [_AxisMotion(steps=float(count)) for count in steps]
+        motor = [float(n) * axis.microstep for n, axis in zip(steps, self._axes, strict=True)]
+        kernel.start_plant(self._arrays.axes, np.array(motor), self._state)
 
     def move_abs(
         self, axis: int, steps: float, speed: float | None = None, accel: float | None = None
@@ -154,14 +153,15 @@ class StepperPlant:
         motor = np.array(
             [self.position_steps(index) * axis.microstep for index, axis in enumerate(self._axes)]
         )
-        played = np.array([motion.played + motion.scatter for motion in self._motion])
-        rise = self._arrays.axes[:, layout.INITIAL_RISE]
+        scatter = np.array([motion.scatter for motion in self._motion])
+        played = self._state[:, layout.PLAYED] + scatter
+        rise = self._state[:, layout.RISE]
         table_point(self._arrays.axes, self._arrays.common, motor, played, rise, out)
         return out
 
     def temperatures(self) -> np.ndarray:
         """Screw temperatures (n_axes,) [degC]; a stepper twin's stay where they start."""
-        return self.twin.temperature_reference + self._arrays.axes[:, layout.INITIAL_RISE]
+        return self.twin.temperature_reference + self._state[:, layout.RISE]
 
     def tracker_point(self, time: float, noise: bool = True) -> tuple[float, np.ndarray]:
         """Stamp [s] and point (3,) [m] that the tracker gives at `time`, which is now or later."""
@@ -174,7 +174,7 @@ class StepperPlant:
         point = to_tracker_frame(self._arrays.common, table[None, :])[0]
         if noise and self.twin.tracker is not None:
             point += self.twin.tracker.noise * self._noise.standard_normal(3)
-        return time * (1.0 + float(self._arrays.common[layout.TRACKER_DRIFT])), point
+        return float(hooks.stamp(self._arrays.common, np.array([time]))[0]), point
 
     def _limits(self, axis: int, speed: float | None, accel: float | None) -> tuple[float, float]:
         own = self._axes[axis]
@@ -189,8 +189,7 @@ class StepperPlant:
             done = min(max((motion.steps - motion.move_start) / length, 0.0), 1.0)
             motion.scatter = motion.scatter_from + done * (motion.scatter_to - motion.scatter_from)
         position = self.position_steps(index) * self._axes[index].microstep
-        half = 0.5 * float(self._arrays.axes[index, layout.BACKLASH_WIDTH])
-        motion.played = min(max(motion.played, position - half), position + half)
+        kernel.follow(self._arrays.axes[index], self._state[index], position)
 
     @staticmethod
     def _hold_scatter(motion: _AxisMotion) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stage_core.twin_file import TwinFile
-from stage_twin import layout as at
+from stage_twin import hooks
 from stage_twin.packing import KernelArrays
 
 
@@ -42,20 +42,11 @@ def sample_path(path: np.ndarray, period: float, times: np.ndarray) -> np.ndarra
     )
 
 
-def true_time(common: np.ndarray, stamps: np.ndarray) -> np.ndarray:
-    """Session time [s] at which the table was where a point of these stamps shows it."""
-    return stamps / (1.0 + common[at.TRACKER_DRIFT]) - common[at.TRACKER_LATENCY]
-
-
 def to_tracker_frame(common: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Measured = R(+angle) p + offset, in the plane; (m, n_axes) to (m, 3) [m]."""
+    """Table positions (m, n_axes) as the tracker sees them, (m, 3) [m]."""
     plane = np.zeros((points.shape[0], 3))
     plane[:, : points.shape[1]] = points
-    cosine, sine = np.cos(common[at.TRACKER_ANGLE]), np.sin(common[at.TRACKER_ANGLE])
-    x, y = plane[:, 0].copy(), plane[:, 1].copy()
-    plane[:, 0] = cosine * x - sine * y + common[at.TRACKER_OFFSET_X]
-    plane[:, 1] = sine * x + cosine * y + common[at.TRACKER_OFFSET_Y]
-    return plane
+    return hooks.seen(common, plane)
 
 
 def measure(
@@ -84,9 +75,9 @@ def measure(
         duration = (table.shape[0] - 1) * arrays.period
         # A tick that is also an instant of the tracker counts, whatever its rounding.
         count = int(np.floor(duration * rate * (1.0 + 1e-12))) + 1 if rate > 0.0 else 0
-        stamps = np.arange(count) / (rate or 1.0) * (1.0 + arrays.common[at.TRACKER_DRIFT])
+        stamps = hooks.stamp(arrays.common, np.arange(count) / (rate or 1.0))
     stamps = np.asarray(stamps, dtype=float)
-    seen = sample_path(table, arrays.period, true_time(arrays.common, stamps))
+    seen = sample_path(table, arrays.period, hooks.true_time(arrays.common, stamps))
     points = to_tracker_frame(arrays.common, seen)
     if noise and twin.tracker is not None:
         points += twin.tracker.noise * np.random.default_rng(seed).standard_normal(points.shape)

@@ -22,6 +22,11 @@ EFFECT = Effect(
 )
 
 
+def prepare(axis: dict[str, float], delay: float) -> None:
+    """Delay of the force [s]."""
+    axis['delay'] += delay
+
+
 def term(rows: ForceRows) -> Term:
     """The force less the same force later (θ)."""
     direct = rows.applied()

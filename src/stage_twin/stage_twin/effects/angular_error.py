@@ -15,7 +15,15 @@ EFFECT = Effect(
     parameters=(
         Parameter('linear', 'rad', -5e-3, 5e-3, 40e-6, 'yaw at the end of the travel'),
         Parameter('quadratic', 'rad', -5e-3, 5e-3, 0.0, 'factor of P2(s) in the yaw'),
-        Parameter('arm', 'm', -1.0, 1.0, 0.05, 'Abbe arm from the guide to the point measured'),
+        Parameter(
+            'arm',
+            'm',
+            -1.0,
+            1.0,
+            0.05,
+            'Abbe arm from the guide to the point measured',
+            neutral=None,
+        ),
         CENTRE,
         HALF_RANGE,
     ),
@@ -31,6 +39,22 @@ EFFECT = Effect(
     },
     holds=('scale_error',),
 )
+
+
+def turn(
+    position: float,
+    other: float,
+    side: float,
+    linear: float,
+    quadratic: float,
+    arm: float,
+    centre: float,
+    half_range: float,
+) -> float:
+    """Displacement of the point along the axis [m]."""
+    s = (position - centre) / half_range
+    yaw = linear * s + quadratic * 0.5 * (3.0 * s * s - 1.0)
+    return side * yaw * (other + arm)
 
 
 def term(rows: TrackerRows) -> Term | None:

@@ -6,6 +6,7 @@ from stage_twin.effects.definition import Effect
 from stage_twin.effects.friction import (
     PRESLIDING,
     PRESLIDING_GRID,
+    SHORTEST_PRESLIDING,
     bristles,
     friction_force,
     speed_curve,
@@ -38,6 +39,22 @@ EFFECT = Effect(
     },
     holds=('coulomb_friction', 'viscous_friction', 'force_offset'),
 )
+
+
+def prepare(axis: dict[str, float], viscous_positive: float, viscous_negative: float) -> None:
+    """The viscous coefficients of both directions [N·s/m]."""
+    axis['viscous_positive'] += viscous_positive
+    axis['viscous_negative'] += viscous_negative
+
+
+def sliding(positive: bool, coulomb_positive: float, coulomb_negative: float) -> float:
+    """Level of the friction [N]."""
+    return coulomb_positive if positive else coulomb_negative
+
+
+def stiffness(coulomb_positive: float, coulomb_negative: float, presliding: float) -> float:
+    """Stiffness before sliding [N/m]."""
+    return 0.5 * (coulomb_positive + coulomb_negative) / max(presliding, SHORTEST_PRESLIDING)
 
 
 signature = speed_curve

@@ -16,12 +16,25 @@ EFFECT = Effect(
     model='Play operator between motor and table, centred at the start of a session. Nordin and '
     'Gutman, "Controlling mechanical systems with backlash: a survey", Automatica 38 (2002).',
     sentence='the table follows the motor late by {width} after each reversal',
+    states=('position',),
     excited_by='the same positions approached from both sides',
     separated_from={
         'cyclic_pitch_error': 'the same positions approached from both sides: play changes sign '
         'with the direction, a pitch error does not',
     },
 )
+
+
+def start(state: Array, position: float) -> None:
+    """The table in the middle of the play."""
+    state[0] = position
+
+
+def follow(state: Array, position: float, width: float) -> float:
+    """Position behind the play [m]."""
+    half = 0.5 * width
+    state[0] = min(max(state[0], position - half), position + half)
+    return state[0]
 
 
 @njit(cache=True)

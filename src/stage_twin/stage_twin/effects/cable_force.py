@@ -13,7 +13,7 @@ EFFECT = Effect(
     link='servo',
     parameters=(
         Parameter('stiffness', 'N/m', 0.0, 2e4, 100.0, 'restoring force per displacement'),
-        Parameter('centre', 'm', -1.0, 1.0, 0.0, 'position without cable force'),
+        Parameter('centre', 'm', -1.0, 1.0, 0.0, 'position without cable force', neutral=None),
         Parameter(
             'hardening',
             'N/m³',
@@ -29,6 +29,12 @@ EFFECT = Effect(
     excited_by='slow strokes over the whole travel',
     holds=('force_offset',),
 )
+
+
+def force(position: float, stiffness: float, centre: float, hardening: float) -> float:
+    """Force on the moving mass [N]."""
+    stretch = position - centre
+    return -(stiffness + hardening * stretch * stretch) * stretch
 
 
 def term(rows: ForceRows) -> Term:

@@ -31,3 +31,19 @@ EFFECT = Effect(
     '{velocity_filter_error} off, feed-forward {velocity_feedforward_error} more',
     excited_by='any motion, with the velocity command and the force recorded',
 )
+
+
+def prepare(
+    axis: dict[str, float],
+    position_gain_error: float,
+    velocity_feedforward_error: float,
+    velocity_gain_error: float,
+    integral_gain_error: float,
+    velocity_filter_error: float,
+) -> None:
+    """Gains of the controller."""
+    axis['position_gain'] *= 1.0 + position_gain_error
+    axis['velocity_gain'] *= 1.0 + velocity_gain_error
+    axis['integral_gain'] *= 1.0 + integral_gain_error
+    axis['velocity_filter'] *= 1.0 + velocity_filter_error
+    axis['velocity_feedforward'] += velocity_feedforward_error

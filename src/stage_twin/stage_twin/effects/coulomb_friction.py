@@ -6,6 +6,7 @@ from stage_twin.effects.definition import Effect
 from stage_twin.effects.friction import (
     PRESLIDING,
     PRESLIDING_GRID,
+    SHORTEST_PRESLIDING,
     bristles,
     friction_force,
     speed_curve,
@@ -23,6 +24,16 @@ EFFECT = Effect(
     sentence='friction of {coulomb} opposes the motion at any speed',
     excited_by='reversals at several speeds',
 )
+
+
+def sliding(coulomb: float) -> float:
+    """Level of the friction [N]."""
+    return coulomb
+
+
+def stiffness(coulomb: float, presliding: float) -> float:
+    """Stiffness before sliding [N/m]."""
+    return coulomb / max(presliding, SHORTEST_PRESLIDING)
 
 
 signature = speed_curve

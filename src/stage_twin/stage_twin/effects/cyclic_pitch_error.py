@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.shared import PERIOD, PHASE
+from stage_twin.effects.shared import PERIOD, PHASE, screw_angle
 from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
@@ -18,6 +20,11 @@ EFFECT = Effect(
     sentence='the table swings by {amplitude} with each turn of the screw',
     excited_by='positions within several turns of the screw',
 )
+
+
+def along(motor: float, amplitude: float, period: float, phase: float, lead: float) -> float:
+    """Displacement of the table along the axis [m]."""
+    return amplitude * math.sin(screw_angle(motor, period, lead) + phase)
 
 
 def term(rows: TrackerRows) -> Term:

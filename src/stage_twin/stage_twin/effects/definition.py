@@ -29,9 +29,9 @@ class Parameter:
         Value taken where a twin file switches the effect on without naming the parameter.
     meaning : str
         What it is, in a few words.
-    neutral : float
-        Value in the simulation of a machine without the effect: with all its parameters neutral
-        an effect does nothing.
+    neutral : float or None
+        Value at which it does nothing; an effect whose parameters are all neutral is off. None
+        for one that only shapes what others switch on (a period, a phase).
     nuisance : bool
         True for what belongs to a session and not to the machine (a phase, an offset): it is
         refitted per session.
@@ -46,7 +46,7 @@ class Parameter:
     maximum: float
     when_on: float
     meaning: str
-    neutral: float = 0.0
+    neutral: float | None = 0.0
     nuisance: bool = False
     fitted: bool = True
 
@@ -86,6 +86,11 @@ class Effect:
         Effects that cannot be judged beside this one, as both have the same trivial solution.
     merges : tuple of str
         Effects that together imitate this one: it is taken if it does as well as all of them.
+    states : tuple of str
+        States of its own in the simulation of an axis, zero at the start (see
+        :mod:`stage_twin.hooks`).
+    order : int
+        Of two effects that transform the same quantity, the lower one acts first.
     """
 
     name: str
@@ -99,6 +104,8 @@ class Effect:
     holds: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()
     merges: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+    order: int = 0
 
     def __post_init__(self) -> None:
         if self.link not in LINKS:
@@ -114,6 +121,11 @@ class Effect:
     def defaults(self) -> dict[str, float]:
         """Every parameter at its value when on."""
         return {parameter.name: parameter.when_on for parameter in self.parameters}
+
+    def is_on(self, values: Mapping[str, float]) -> bool:
+        """Whether it does anything with these values (all its parameters)."""
+        strengths = [p for p in self.parameters if p.neutral is not None]
+        return not strengths or any(values[p.name] != p.neutral for p in strengths)
 
     def says(self, values: Mapping[str, float]) -> str:
         """The sentence with these values; a parameter not given stands at its value when on."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Term, constant
+from stage_twin.effects.term import Array, Term, constant
 
 EFFECT = Effect(
     name='drive_gain',
@@ -22,6 +22,16 @@ EFFECT = Effect(
     excludes=('inertia_mismatch',),
     merges=('inertia_mismatch', 'viscous_friction'),
 )
+
+
+def drive(force: float, error: float) -> float:
+    """Force that the amplifier gives [N]."""
+    return force * (1.0 + error)
+
+
+def command(force: Array, error: float) -> Array:
+    """Force to command for a force that acts, (n,) [N]."""
+    return force / (1.0 + error)
 
 
 def term(rows: ForceRows) -> Term:

@@ -1,6 +1,7 @@
 """An encoder that counts in coarser steps than stated."""
 
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.shared import SHORTEST_LENGTH
 
 EFFECT = Effect(
     name='encoder_quantisation',
@@ -13,3 +14,9 @@ EFFECT = Effect(
     sentence='the encoder counts in steps of {resolution}',
     excited_by='slow strokes',
 )
+
+
+def prepare(axis: dict[str, float], resolution: float) -> None:
+    """The encoder's step [m]."""
+    if resolution > SHORTEST_LENGTH:
+        axis['encoder_resolution'] = resolution

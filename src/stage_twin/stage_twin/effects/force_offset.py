@@ -21,6 +21,11 @@ EFFECT = Effect(
 )
 
 
+def force(offset: float) -> float:
+    """Force on the moving mass [N]."""
+    return offset
+
+
 def term(rows: ForceRows) -> Term:
     """A constant."""
     signal = rows.columns([-np.ones_like(p) for p in rows.position()])

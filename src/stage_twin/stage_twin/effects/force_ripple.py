@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from stage_twin.effects import periodic
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.shared import PERIOD, PHASE
+from stage_twin.effects.shared import PERIOD, PHASE, screw_angle
 from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
@@ -25,6 +27,27 @@ EFFECT = Effect(
     sentence='the drive force ripples over position by {amplitude}',
     excited_by='slow strokes over whole periods of the motor',
 )
+
+
+def force(
+    position: float,
+    amplitude: float,
+    period: float,
+    phase: float,
+    amplitude_2: float,
+    phase_2: float,
+    amplitude_3: float,
+    phase_3: float,
+    lead: float,
+) -> float:
+    """Force on the moving mass [N]."""
+    angle = screw_angle(position, period, lead)
+    total = amplitude * math.sin(angle + phase)
+    if amplitude_2 != 0.0:
+        total += amplitude_2 * math.sin(2.0 * angle + phase_2)
+    if amplitude_3 != 0.0:
+        total += amplitude_3 * math.sin(3.0 * angle + phase_3)
+    return total
 
 
 def term(rows: ForceRows) -> Term:

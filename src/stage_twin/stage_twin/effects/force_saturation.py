@@ -23,6 +23,7 @@ EFFECT = Effect(
             0.0,
             '1 where the controller itself is limited to it, so that its integral is held',
             fitted=False,
+            neutral=None,
         ),
     ),
     model='The amplifier clips below the `force_limit` that the controller knows of, so that its '
@@ -35,6 +36,22 @@ EFFECT = Effect(
         'fast one',
     },
 )
+
+
+def prepare(axis: dict[str, float], limit: float, known: float) -> None:
+    """Limit of a controller that is limited itself [N]."""
+    if known > 0.5 and limit > 0.0:
+        axis['force_limit'] = min(axis['force_limit'], limit)
+
+
+def drive(force: float, limit: float) -> float:
+    """Force that the amplifier gives [N]."""
+    return min(max(force, -limit), limit) if limit > 0.0 else force
+
+
+def command(force: Array, limit: float) -> Array:
+    """Force to command for a force that acts, (n,) [N]."""
+    return np.clip(force, -limit, limit)
 
 
 def term(rows: ForceRows) -> Term | None:

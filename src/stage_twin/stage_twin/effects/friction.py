@@ -19,7 +19,10 @@ PRESLIDING = Parameter(
     1e-6,
     'displacement over which the force builds up after a reversal (bristle deflection when it '
     'slides or breaks away); 0 is dry friction',
+    neutral=None,
 )
+#: Shortest pre-sliding displacement [m]; below it friction is dry for any encoder.
+SHORTEST_PRESLIDING = 1e-9
 PRESLIDING_GRID = (0.0, 1e-6, 3e-6, 8e-6, 15e-6)
 CURVE_KNOTS = (0.0, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1)  # m/s
 

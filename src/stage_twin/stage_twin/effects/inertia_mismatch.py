@@ -18,6 +18,11 @@ EFFECT = Effect(
 )
 
 
+def prepare(axis: dict[str, float], ratio: float) -> None:
+    """The moving mass [kg]."""
+    axis['mass'] *= 1.0 + ratio
+
+
 def term(rows: ForceRows) -> Term:
     """The mass times the acceleration."""
     signal = rows.columns([rows.mass * a for a in rows.acceleration()])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from stage_twin.effects.definition import Effect, Parameter
@@ -25,6 +27,11 @@ EFFECT = Effect(
         'tracker frame',
     },
 )
+
+
+def plane(x: float, y: float, angle: float) -> tuple[float, float]:
+    """Table position [m] of two axes' positions."""
+    return x - math.sin(angle) * y, math.cos(angle) * y
 
 
 def term(rows: TrackerRows) -> Term | None:

@@ -22,7 +22,14 @@ def harmonic_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
         out.append(Parameter(f'amplitude_{k}', unit, 0.0, largest, 0.0, f'of harmonic {k}'))
         out.append(
             Parameter(
-                f'phase_{k}', 'rad', -6.2831854, 6.2831854, 0.0, f'of harmonic {k}', nuisance=True
+                f'phase_{k}',
+                'rad',
+                -6.2831854,
+                6.2831854,
+                0.0,
+                f'of harmonic {k}',
+                nuisance=True,
+                neutral=None,
             )
         )
     return tuple(out)

@@ -5,27 +5,55 @@ The order is that of the chain, within a link alphabetical.
 
 from __future__ import annotations
 
+import os
 import pkgutil
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from stage_core.errors import StageError
 from stage_core.quantities import LINKS, split_effect
 from stage_twin.effects.definition import Effect
 from stage_twin.effects.term import Array, Term
 
 
 def _collect() -> dict[str, ModuleType]:
-    names = [module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)])]
+    names = [module.name for module in pkgutil.iter_modules([str(FOLDER)])]
     modules = [import_module(f'{__package__}.{name}') for name in names if name[0] != '_']
+    modules += [_load(path) for path in EXTRA_FILES]
     found = [m for m in modules if isinstance(getattr(m, 'EFFECT', None), Effect)]
     found.sort(key=lambda m: (LINKS.index(m.EFFECT.link), m.EFFECT.name))
     return {module.EFFECT.name: module for module in found}
 
 
+def _load(path: Path) -> ModuleType:
+    spec = spec_from_file_location(f'{__package__}.{path.stem}', path)
+    assert spec is not None and spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    except OSError as error:
+        raise StageError(
+            f'{path} of {VARIABLE} cannot be read: name a file or a folder'
+        ) from error
+    return module
+
+
+def _extra_files() -> list[Path]:
+    given = [Path(name) for name in os.environ.get(VARIABLE, '').split(os.pathsep) if name]
+    return [f for path in given for f in (sorted(path.glob('*.py')) if path.is_dir() else [path])]
+
+
+#: Environment variable that names files of effects, or folders of such, beside the library's own.
+VARIABLE = 'STAGE_EFFECTS'
+FOLDER = Path(__file__).parent
+EXTRA_FILES: list[Path] = _extra_files()
 #: Effect name -> module that holds all that is known of it.
 MODULES: dict[str, ModuleType] = _collect()
 #: Effect name -> definition.

@@ -20,6 +20,11 @@ EFFECT = Effect(
 )
 
 
+def along(played: float, error: float) -> float:
+    """Displacement of the table along the axis [m]."""
+    return error * played
+
+
 def term(rows: TrackerRows) -> Term:
     """The position."""
     return Term(

@@ -27,6 +27,16 @@ EFFECT = Effect(
 )
 
 
+def across(
+    position: float, quadratic: float, cubic: float, centre: float, half_range: float
+) -> float:
+    """Displacement of the other axis [m]."""
+    s = (position - centre) / half_range
+    second = 0.5 * (3.0 * s * s - 1.0)
+    third = 0.5 * (5.0 * s * s - 3.0) * s
+    return quadratic * second + cubic * third
+
+
 def term(rows: TrackerRows) -> Term | None:
     """Legendre polynomials of second and third order over the travel, across the axis."""
     if len(rows.axes) != 2:

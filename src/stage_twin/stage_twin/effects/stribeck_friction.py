@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import (
     PRESLIDING,
     PRESLIDING_GRID,
+    SHORTEST_PRESLIDING,
     bristles,
     friction_force,
     speed_curve,
@@ -24,7 +27,13 @@ EFFECT = Effect(
         friction_force('coulomb', 10.0, 'sliding force at high speed'),
         friction_force('breakaway', 6.0, 'excess of the force near standstill'),
         Parameter(
-            'stribeck_velocity', 'm/s', 1e-4, 0.2, 5e-3, 'speed at which the excess has decayed'
+            'stribeck_velocity',
+            'm/s',
+            1e-4,
+            0.2,
+            5e-3,
+            'speed at which the excess has decayed',
+            neutral=None,
         ),
         PRESLIDING,
     ),
@@ -39,6 +48,17 @@ EFFECT = Effect(
     },
     holds=('coulomb_friction',),
 )
+
+
+def sliding(velocity: float, coulomb: float, breakaway: float, stribeck_velocity: float) -> float:
+    """Level of the friction [N]."""
+    ratio = velocity / stribeck_velocity
+    return coulomb + breakaway * math.exp(-ratio * ratio)
+
+
+def stiffness(coulomb: float, breakaway: float, presliding: float) -> float:
+    """Stiffness before sliding [N/m]."""
+    return (coulomb + breakaway) / max(presliding, SHORTEST_PRESLIDING)
 
 
 signature = speed_curve

@@ -22,8 +22,9 @@ EFFECT = Effect(
             400.0,
             60.0,
             'natural frequency of the carried mass with the motor held; 0 is off',
+            neutral=None,
         ),
-        Parameter('damping', '', 0.0, 1.0, 0.03, 'damping ratio of that mode'),
+        Parameter('damping', '', 0.0, 1.0, 0.03, 'damping ratio of that mode', neutral=None),
         Parameter('mass_ratio', '', 0.0, 0.9, 0.3, 'share of the moving mass behind the spring'),
         Parameter(
             'table_share',
@@ -33,13 +34,26 @@ EFFECT = Effect(
             0.0,
             "share of the spring's deflection that the table makes; 0: the table is the motor",
             fitted=False,
+            neutral=None,
         ),
     ),
     model='Two masses: a share of the moving mass hangs on a spring and a damper behind the motor'
     '. Altintas et al., "Machine tool feed drives", CIRP Annals 60 (2011), flexible drive model.',
     sentence='a share of {mass_ratio} of the moving mass swings at {frequency}',
+    order=1,
     excited_by='a frequency sweep to 150 Hz',
 )
+
+
+def prepare(
+    axis: dict[str, float], frequency: float, damping: float, mass_ratio: float, table_share: float
+) -> None:
+    """The mass behind the spring [kg], its natural frequency [rad/s], its damping ratio."""
+    if frequency > 0.0:
+        axis['carried'] = axis['mass'] * mass_ratio
+        axis['natural'] = 2.0 * math.pi * frequency
+        axis['damping'] = damping
+    axis['table_share'] = table_share
 
 
 def carried_mass(acceleration: Array, period: float, frequency: float, damping: float) -> Array:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.term import Term, constant
+from stage_twin.effects.term import Array, Term, constant
 
 EFFECT = Effect(
     name='thermal_expansion',
@@ -14,7 +16,13 @@ EFFECT = Effect(
     parameters=(
         Parameter('coefficient', '1/K', -50e-6, 50e-6, 11.5e-6, 'expansion coefficient'),
         Parameter(
-            'fixed_point', 'm', -2.0, 2.0, 0.0, 'position that does not move; may lie outside'
+            'fixed_point',
+            'm',
+            -2.0,
+            2.0,
+            0.0,
+            'position that does not move; may lie outside',
+            neutral=None,
         ),
         Parameter(
             'initial_rise',
@@ -43,14 +51,35 @@ EFFECT = Effect(
             600.0,
             "time constant of the screw's temperature (simulated temperature only)",
             fitted=False,
+            neutral=None,
         ),
     ),
     model='coefficient * (T_screw - T_reference) * (p - fixed_point); without a recorded '
     'temperature the screw is one thermal mass heated in proportion to speed. Mayr et al., '
     '"Thermal issues in machine tools", CIRP Annals 61 (2012).',
     sentence='the screw grows by {coefficient} with its temperature',
+    states=('rise',),
     excited_by='the same grid cold and warm',
 )
+
+
+def start(state: Array, initial_rise: float) -> None:
+    """The screw as warm as the session finds it."""
+    state[0] = initial_rise
+
+
+def heat(
+    state: Array, velocity: float, step: float, heating: float, time_constant: float
+) -> float:
+    """Temperature of the screw above the reference after a step [K]."""
+    settled = heating * abs(velocity)
+    state[0] = settled + (state[0] - settled) * math.exp(-step / time_constant)
+    return state[0]
+
+
+def along(played: float, rise: float, coefficient: float, fixed_point: float) -> float:
+    """Displacement of the table along the axis [m]."""
+    return coefficient * rise * (played - fixed_point)
 
 
 def term(rows: TrackerRows) -> Term | None:

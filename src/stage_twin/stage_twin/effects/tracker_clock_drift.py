@@ -7,7 +7,7 @@ import numpy as np
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.lateness import lateness
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.term import Term
+from stage_twin.effects.term import Array, Term
 
 EFFECT = Effect(
     name='tracker_clock_drift',
@@ -23,6 +23,16 @@ EFFECT = Effect(
         '10 minutes: a latency stays the same',
     },
 )
+
+
+def stamp(times: Array, drift: float) -> Array:
+    """Stamps of the tracker's clock at some times [s]."""
+    return times * (1.0 + drift)
+
+
+def true_time(stamps: Array, drift: float) -> Array:
+    """Time [s] at which the table was where points of these stamps show it."""
+    return stamps / (1.0 + drift)
 
 
 signature = lateness

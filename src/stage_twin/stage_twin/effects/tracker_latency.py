@@ -7,7 +7,7 @@ import numpy as np
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.lateness import lateness
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.term import Term
+from stage_twin.effects.term import Array, Term
 
 EFFECT = Effect(
     name='tracker_latency',
@@ -19,6 +19,11 @@ EFFECT = Effect(
     excited_by='fast strokes in both directions',
     per_axis=False,
 )
+
+
+def true_time(stamps: Array, latency: float) -> Array:
+    """Time [s] at which the table was where points of these stamps show it."""
+    return stamps - latency
 
 
 signature = lateness

@@ -23,6 +23,16 @@ EFFECT = Effect(
 )
 
 
+def seen(points: Array, angle: float, offset_x: float, offset_y: float) -> Array:
+    """Table positions (m, 3) in the tracker's frame [m]."""
+    out = points.copy()
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y = points[:, 0], points[:, 1]
+    out[:, 0] = cosine * x - sine * y + offset_x
+    out[:, 1] = sine * x + cosine * y + offset_y
+    return out
+
+
 def term(rows: TrackerRows) -> Term:
     """A small rotation and an offset, on top of the frames taken out before."""
     if len(rows.axes) == 1:

@@ -19,6 +19,11 @@ EFFECT = Effect(
 )
 
 
+def prepare(axis: dict[str, float], viscous: float) -> None:
+    """The viscous coefficient [N·s/m]."""
+    axis['viscous'] += viscous
+
+
 signature = speed_curve
 
 

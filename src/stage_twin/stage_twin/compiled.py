@@ -1,0 +1,48 @@
+"""Compiles what depends on the effects, and keeps the code per state of the library.
+
+Numba's cache on disk knows a function by its own file only. What a kernel calls stands in other
+files: the effects', and those that `STAGE_EFFECTS` names. So the cache has one folder per content
+of all of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from numba import njit
+from numba.core import config
+
+from stage_twin.effects.registry import EXTRA_FILES
+
+Function = TypeVar('Function', bound=Callable[..., Any])
+
+
+def _state() -> str:
+    """Hash of the sources that compiled functions of the twin may call."""
+    package = Path(__file__).parent
+    files = [*sorted(package.glob('*.py')), *sorted(package.glob('effects/*.py')), *EXTRA_FILES]
+    text = b''.join(path.name.encode() + path.read_bytes() for path in files)
+    return hashlib.sha1(text).hexdigest()[:12]
+
+
+_STATE = _state()
+
+
+def compiled(function: Function) -> Function:
+    """`njit` with a cache of its own for each state of the library of effects.
+
+    Without NUMBA_CACHE_DIR the code lies beside the sources, as Numba has it; an effect from
+    outside is then compiled by each process.
+    """
+    outer = config.CACHE_DIR
+    if not outer:
+        return njit(cache=not EXTRA_FILES)(function)  # type: ignore[no-any-return]
+    config.CACHE_DIR = os.path.join(outer, f'twin-{_STATE}')
+    try:
+        return njit(cache=True)(function)  # type: ignore[no-any-return]
+    finally:
+        config.CACHE_DIR = outer

@@ -1,0 +1,202 @@
+"""What the plant asks of the effects: hooks, each composed of the functions of one name.
+
+An effect's file takes part in a hook by a function of the hook's name. The function asks by the
+names of its arguments: for signals of the hook (below), for its effect's parameters, for fields
+of the axis (:data:`stage_twin.layout.AXIS_FIELDS`), for `state`, the effect's own states, which it
+may change, and for an array of parameters `c0`, `c1`, … as `c`. It runs only where its effect is
+on. Units are m, s, N, K, rad.
+
+Compiled, of an axis, in scalars:
+
+=============  =================================================  ===============================
+hook           signals                                            gives
+=============  =================================================  ===============================
+``read``       position                                           what the encoder reads of it
+``drive``      force, position, velocity, step, time              the force that acts
+``force``      position, velocity, acting, step, time,            force on the moving mass, a sum
+               other_velocity, other_acceleration
+``sliding``    position, velocity, positive                       level of friction, a sum
+``start``      position                                           nothing: sets the states
+``follow``     position                                           the position behind it
+``heat``       velocity, step                                     rise of the screw, a sum
+``along``      motor, played, rise                                displacement, a sum
+``across``     position                                           that of the other axis, a sum
+``turn``       position, other, side                              displacement along, a sum
+=============  =================================================  ===============================
+
+`drive` and `force` are asked once per substep. `velocity` is that of its start, `position` that of
+its start (`drive`) or middle (`force`), `acting` the force of the drive. `side` is -1 on the first
+axis and 1 on the second. `read`, `drive` and `follow` pass through the effects in turn. `along`,
+`across` and `turn` have no `state`.
+
+Compiled, of the machine: ``plane`` takes x and y and gives the table's x and y.
+
+In Python: ``prepare(axis)`` changes the fields of an axis; ``stiffness()`` is that of a friction
+before it slides; ``command(force)`` inverts ``drive`` for forces (n,); ``stamp(times)`` and
+``true_time(stamps)`` carry times (n,) to the tracker's stamps and back; ``seen(points)`` carries
+table positions (m, 3) to its frame.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from functools import cache
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from stage_twin import layout
+from stage_twin.effects.definition import Effect
+from stage_twin.effects.registry import MODULES
+
+#: Signals of a hook of `drive` and `force` that change within a tick.
+CHANGING = frozenset({'position', 'velocity', 'acting', 'state', 'step', 'time'})
+
+
+@cache
+def _asked(function: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(inspect.signature(function).parameters)
+
+
+def _taking_part(hook: str) -> list[tuple[Effect, Callable[..., Any]]]:
+    modules: list[ModuleType] = sorted(MODULES.values(), key=lambda m: m.EFFECT.order)
+    return [(m.EFFECT, getattr(m, hook)) for m in modules if hasattr(m, hook)]
+
+
+def _argument(effect: Effect, name: str, signals: tuple[str, ...], hook: str) -> str:
+    """Source text of what a function is handed for one of its arguments."""
+    slots = layout.AXIS_SLOTS if effect.per_axis else layout.COMMON_SLOTS
+    if (effect.name, name) in slots:
+        return f'row[{slots[effect.name, name]}]'
+    if name in signals:
+        return name
+    if name == 'state' and effect.states:
+        first, last = layout.STATES[effect.name]
+        return f'state[{first}:{last}]'
+    if effect.per_axis and name in layout.AXIS_FIELDS:
+        return f'row[{layout.AXIS_FIELDS.index(name)}]'
+    many = [slots[effect.name, p.name] for p in effect.parameters if _indexed(p.name, name)]
+    if many:
+        return f'row[{many[0]}:{many[-1] + 1}]'
+    raise TypeError(
+        f'effect {effect.name}: {hook} asks for {name}: there are its parameters, the fields of '
+        f'the axis and {", ".join(signals)}'
+    )
+
+
+def _indexed(parameter: str, name: str) -> bool:
+    return re.fullmatch(rf'{name}\d+', parameter) is not None
+
+
+def _compose(hook: str, signals: tuple[str, ...], body: str, start: str, end: str) -> Any:
+    """One compiled function (row, state, *signals) of all that take part in a hook."""
+    namespace: dict[str, Any] = {}
+    lines = [f'def {hook}({", ".join(("row", "state", *signals))}):', f'    {start}']
+    slots = layout.AXIS_SLOTS if hook in layout.AXIS_HOOKS else layout.COMMON_SLOTS
+    lines += [f'    if row[{slots["", hook]}] == 0.0:', f'        return {end}']
+    for effect, function in _taking_part(hook):
+        own = f'{effect.name}_{hook}'
+        namespace[own] = njit(function, inline='always')
+        call = ', '.join(_argument(effect, n, signals, hook) for n in _asked(function))
+        lines.append(f'    if row[{slots[effect.name, ""]}] != 0.0:')
+        lines.append('        ' + body.format(f'{own}({call})'))
+    lines.append(f'    return {end}')
+    exec(compile('\n'.join(lines), f'<effects: {hook}>', 'exec'), namespace)
+    return njit(namespace[hook])
+
+
+def _sum(hook: str, *signals: str) -> Any:
+    return _compose(hook, signals, 'total += {}', 'total = 0.0', 'total')
+
+
+def _chain(hook: str, *signals: str) -> Any:
+    return _compose(hook, signals, f'{signals[0]} = {{}}', 'pass', signals[0])
+
+
+read = _chain('read', 'position')
+drive = _chain('drive', 'force', 'position', 'velocity', 'step', 'time')
+force = _sum(
+    'force',
+    *('position', 'velocity', 'acting', 'step', 'time', 'other_velocity', 'other_acceleration'),
+)
+sliding = _sum('sliding', 'position', 'velocity', 'positive')
+start = _compose('start', ('position',), '{}', 'pass', 'None')
+follow = _chain('follow', 'position')
+heat = _sum('heat', 'velocity', 'step')
+along = _sum('along', 'motor', 'played', 'rise')
+across = _sum('across', 'position')
+turn = _sum('turn', 'position', 'other', 'side')
+plane = _compose('plane', ('x', 'y'), 'x, y = {}', 'pass', 'x, y')
+
+
+def switch(effect: Effect, row: np.ndarray) -> None:
+    """Switch an effect on in its row, and the hooks that it takes part in."""
+    slots = layout.AXIS_SLOTS if effect.per_axis else layout.COMMON_SLOTS
+    row[slots[effect.name, '']] = 1.0
+    module = MODULES[effect.name]
+    for hook in layout.AXIS_HOOKS if effect.per_axis else layout.COMMON_HOOKS:
+        if hasattr(module, hook):
+            row[slots['', hook]] = 1.0
+            if hook in ('drive', 'force') and CHANGING.intersection(_asked(getattr(module, hook))):
+                row[layout.FINE_COLUMN] = 1.0
+
+
+def prepare(effect: Effect, axis: dict[str, float], values: Mapping[str, float]) -> None:
+    """Let an effect change the fields of an axis."""
+    change = getattr(MODULES[effect.name], 'prepare', None)
+    if change is not None:
+        change(axis, **{name: values[name] for name in _asked(change)[1:]})
+
+
+def _on(effect: Effect, row: np.ndarray) -> bool:
+    slots = layout.AXIS_SLOTS if effect.per_axis else layout.COMMON_SLOTS
+    return bool(row[slots[effect.name, '']] != 0.0)
+
+
+def _own(
+    effect: Effect, function: Callable[..., Any], row: np.ndarray, given: tuple[str, ...] = ()
+) -> dict[str, float]:
+    """Parameters that a function asks for beside what it is given."""
+    slots = layout.AXIS_SLOTS if effect.per_axis else layout.COMMON_SLOTS
+    return {n: row[slots[effect.name, n]] for n in _asked(function) if n not in given}
+
+
+def _applied(hook: str, row: np.ndarray, value: Any, *signals: str) -> Any:
+    """A value passed through the functions of a hook; the first of `signals` is its name."""
+    for effect, function in _taking_part(hook):
+        if _on(effect, row):
+            value = function(value, **_own(effect, function, row, signals))
+    return value
+
+
+def stiffness(row: np.ndarray) -> float:
+    """Stiffness before sliding [N/m] of all frictions of an axis together."""
+    parts = _taking_part('stiffness')
+    return float(sum(function(**_own(e, function, row)) for e, function in parts if _on(e, row)))
+
+
+def command(row: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Force (n,) [N] to command for a force that acts: `drive` backwards."""
+    for effect, function in reversed(_taking_part('command')):
+        if _on(effect, row):
+            force = function(force, **_own(effect, function, row, ('force',)))
+    return force
+
+
+def stamp(common: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Stamps (n,) of the tracker's clock at some times of the session [s]."""
+    return np.asarray(_applied('stamp', common, times, 'times'))
+
+
+def true_time(common: np.ndarray, stamps: np.ndarray) -> np.ndarray:
+    """Session time (n,) [s] at which the table was where points of these stamps show it."""
+    return np.asarray(_applied('true_time', common, stamps, 'stamps'))
+
+
+def seen(common: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points (m, 3) [m] in the tracker's frame."""
+    return np.asarray(_applied('seen', common, points, 'points'))
