@@ -286,8 +286,10 @@ def _contradicted(
 
     step = float(getattr(twin.axes[axis], 'encoder_resolution', 1e-6)) ** 2
     everything = gap(effects)
+    rest = {n: gap({k: v for k, v in effects.items() if k != n}) for n in accepted}
+    best = min(accepted, key=lambda n: rest[n])
     if math.isinf(everything) or (gap({}) > 4.0 * step and everything > 0.7 * gap({})):
-        return list(accepted)
-    losses = {n: everything - gap({k: v for k, v in effects.items() if k != n}) for n in accepted}
-    worst = max(losses, key=lambda n: losses[n])
-    return [worst] if losses[worst] > max(0.05 * everything, 0.05 * step) else []
+        # One that is no machine beside the others may hide that they are right.
+        return [best] if rest[best] < 0.7 * min(everything, gap({})) else list(accepted)
+    loss = everything - rest[best]
+    return [best] if loss > max(0.05 * everything, 0.05 * step) else []

@@ -8,6 +8,9 @@ from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.term import Array, Term, Theta
 
+#: By how much the missing share of the force beyond the limit may differ from all of it.
+WHOLE = 0.1
+
 EFFECT = Effect(
     name='force_saturation',
     link='servo',
@@ -69,10 +72,12 @@ def term(rows: ForceRows) -> Term | None:
     return Term(
         columns,
         lambda theta, c: {'limit': theta[0] * peak},
-        grid=tuple((s,) for s in (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)),
+        grid=tuple((s,) for s in (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)),
         lower=(0.002,),
         upper=(1.0,),
-        fixed=True,
-        # With no force at all the equation of motion has the trivial solution 0 = 0.
-        admissible=lambda theta, c: float(np.mean(strength > theta[0] * peak)) < 0.5,
+        # All of the force beyond the limit is missing, whatever a free coefficient says; with no
+        # force at all the equation of motion has the trivial solution 0 = 0.
+        admissible=lambda theta, c: bool(
+            abs(c[0] - 1.0) < WHOLE and np.mean(strength > theta[0] * peak) < 0.5
+        ),
     )
