@@ -50,8 +50,8 @@ def test_the_parts_of_an_asymmetric_friction(planted: Maker, tmp_path: Path) -> 
     falling = parts.get('stribeck_friction.x')
     assert falling is None or falling['shrink'] < 0.05
     text = page.render(found)
-    assert 'asymmetric_friction.x contains' in text
-    assert 'asymmetric_friction.x: friction differs between the directions' in text
+    assert 'What asymmetric friction of x contains' in text
+    assert '<td>friction differs between the directions' in text
 
 
 def test_a_plain_effect_has_no_parts(planted: Maker) -> None:

@@ -27,7 +27,7 @@ class Figures:
         return (
             f'tracking RMS x {rms[0]:.2f} y {rms[1]:.2f} µm, max x {largest[0]:.1f} '
             f'y {largest[1]:.1f} µm, contour RMS {1e6 * self.contour_rms:.2f} µm, '
-            f'max {1e6 * self.contour_max:.1f} um'
+            f'max {1e6 * self.contour_max:.1f} µm'
         )
 
 

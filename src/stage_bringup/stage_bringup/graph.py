@@ -23,6 +23,7 @@ class Options:
     heldout: int = 10
     iterations: int = 3
     method: str = 'structured'
+    standard_tests: bool = False
     diagnose: bool = True
     reality: Path | None = None
     nominal: Path | None = None

@@ -40,3 +40,17 @@ def heldout_points(half_range: float, count: int, seed: int) -> Array:
     """Random positions that no model is trained on, (count, 2) [m]."""
     rng = np.random.default_rng(seed)
     return rng.uniform(-0.95 * half_range, 0.95 * half_range, (count, 2))
+
+
+def positioning_points(half_range: float, axis: int, targets: int = 5, cycles: int = 5) -> Array:
+    """Positions of a test by ISO 230-2 of one axis (0 or 1), (cycles · 2 · (targets + 1), 2) [m].
+
+    Each cycle visits the targets upwards, turns beyond the last one, and visits them downwards.
+    The targets are not equidistant, as the standard asks, so that a periodic error shows.
+    """
+    places = np.linspace(-0.85, 0.85, targets)
+    places += 0.1 * ((np.arange(targets) * 0.6180339887498949) % 1.0 - 0.5)
+    cycle = np.concatenate([[-1.0], places, [1.0], places[::-1]])
+    points = np.zeros((cycles * len(cycle), 2))
+    points[:, axis] = np.tile(half_range * cycle, cycles)
+    return points

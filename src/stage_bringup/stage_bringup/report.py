@@ -13,7 +13,7 @@ from calibrator import model_file
 from session_bags.reader import read_session
 from stage_bringup.graph import Options, nominal_twin, reality_twin
 from stage_bringup.steps import SessionResult
-from stage_core.pages import Page
+from stage_core.pages import Page, add_navigation
 from stage_core.quantities import MICROMETRE, split_effect
 from stage_core.session import Session
 from stage_core.wording import effect_words, measure, span, with_interval, with_std
@@ -50,6 +50,8 @@ def write_report(options: Options, result: SessionResult) -> Path:
     page.navigation([('Session', ''), *links])
     if found is not None:
         _diagnosis(page, found)
+        back = [(n, '' if a.startswith('diagnosis') else f'../{a}') for n, a in links]
+        add_navigation(diagnosis.with_name('report.html'), [('Session', '../report.html'), *back])
     _steps(page, result)
     page.save_pictures(options.out, 'picture')
     return page.save(options.out / 'report.html')

@@ -51,6 +51,9 @@ def parse(arguments: Sequence[str] | None) -> Options:
     parser.add_argument('--heldout', type=int, default=Options.heldout, help='held-out points')
     parser.add_argument('--iterations', type=int, default=3, help='runs of the circle')
     parser.add_argument('--method', default='structured', help='calibration method')
+    parser.add_argument(
+        '--standard-tests', action='store_true', help='test both axes by ISO 230-2 too'
+    )
     parser.add_argument('--no-diagnosis', action='store_true', help='skip the gap diagnosis')
     parser.add_argument('--reality', type=Path, help='twin file of the machine that is emulated')
     parser.add_argument('--nominal', type=Path, help='twin file of the nominal machine')
@@ -69,6 +72,7 @@ def parse(arguments: Sequence[str] | None) -> Options:
         heldout=given.heldout,
         iterations=given.iterations,
         method=given.method,
+        standard_tests=given.standard_tests,
         diagnose=not given.no_diagnosis,
         reality=given.reality,
         nominal=given.nominal,

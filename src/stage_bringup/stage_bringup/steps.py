@@ -18,7 +18,12 @@ from numpy.typing import NDArray
 from calibrator import model_file
 from stage_bringup.client_node import SessionClient
 from stage_bringup.graph import Options
-from stage_bringup.plan import alignment_points, calibration_grid, heldout_points
+from stage_bringup.plan import (
+    alignment_points,
+    calibration_grid,
+    heldout_points,
+    positioning_points,
+)
 from stage_bringup.processes import Processes
 from stage_bringup.progress import Progress, State
 from stage_bringup.table import Row, as_dict, heldout_rows, render
@@ -122,6 +127,8 @@ def run_steps(options: Options, processes: Processes) -> SessionResult:
         _start(session)
         _align(session)
         _calibrate(session)
+        if options.standard_tests:
+            _test_positioning(session)
         _circle(session)
         _retrain_offline(session)
         if options.diagnose:
@@ -203,6 +210,14 @@ def _calibrate(session: Session) -> None:
         'errors_before': result.before.tolist(),
         'errors_after': result.after.tolist(),
     }
+
+
+def _test_positioning(session: Session) -> None:
+    with session.step('testing the positioning of both axes by ISO 230-2'):
+        session.record('positioning')
+        for axis in range(2):
+            session.visit(positioning_points(session.half_range, axis), measure=False)
+        session.stop_recording()
 
 
 def _circle(session: Session) -> None:

@@ -60,6 +60,10 @@ figure,table,.headline{break-inside:avoid}nav{display:none}figure.wide img{min-w
 """
 
 
+#: Name and address of a page; an empty address is the page itself.
+Entry = tuple[str, str]
+
+
 def css() -> str:
     """The style of every page, with the colours of both themes."""
     light = f'{theme.variables(0)}--page:#fff;--card:#f3f6f8'
@@ -86,15 +90,9 @@ class Page:
         self._parts: list[str] = []
         self._row: list[str] = []
 
-    def navigation(self, entries: Sequence[tuple[str, str]]) -> Page:
+    def navigation(self, entries: Sequence[Entry]) -> Page:
         """Links to the pages of this session, (name, address); an empty address is this page."""
-        links = (
-            f'<a href="{html.escape(address)}">{html.escape(name)}</a>'
-            if address
-            else f'<span aria-current="page">{html.escape(name)}</span>'
-            for name, address in entries
-        )
-        self._nav = f'<nav>{"".join(links)}</nav>'
+        self._nav = _navigation(entries)
         return self
 
     def headline(self, value: str, meaning: str, brief: str = '', warn: bool = False) -> Page:
@@ -226,6 +224,24 @@ class Page:
         """Write each picture as ``<name>_<number>.png`` on white."""
         for number, (_, figure) in enumerate(self.figures, 1):
             figure.savefig(folder / f'{name}_{number:02d}.png', dpi=110, facecolor='white')
+
+
+def add_navigation(path: Path, entries: Sequence[Entry]) -> None:
+    """Put links into a page that another program has written without any."""
+    text = path.read_text(encoding='utf-8')
+    path.write_text(
+        text.replace('<body><main>', f'<body>{_navigation(entries)}<main>', 1), encoding='utf-8'
+    )
+
+
+def _navigation(entries: Sequence[Entry]) -> str:
+    links = (
+        f'<a href="{html.escape(address)}">{html.escape(name)}</a>'
+        if address
+        else f'<span aria-current="page">{html.escape(name)}</span>'
+        for name, address in entries
+    )
+    return f'<nav>{"".join(links)}</nav>'
 
 
 def _text(text: str) -> str:

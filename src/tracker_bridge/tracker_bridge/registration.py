@@ -54,7 +54,7 @@ class Registration:
             f'tracker -> stage from {len(self.residuals)} rests: RMS {self.rms * 1e6:.3f} µm, '
             f'max {largest * 1e6:.3f} µm, rotation about z known to '
             f'{self.rotation_std[2] * 1e6:.2f} µrad; eq. 24 with scale and skew free: '
-            f'RMS {self.planar_rms * 1e6:.3f} um'
+            f'RMS {self.planar_rms * 1e6:.3f} µm'
         )
 
 

@@ -1,67 +1,74 @@
-"""Pictures of the report, as PNG in data URIs."""
+"""Pictures of the diagnosis: the gap over time, its spectra, where it lies, and its conditions."""
 
 from __future__ import annotations
 
-import base64
-import io
-
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from gap_diagnosis.diagnose import Channel, Diagnosis
+from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.report.words import condition_words
+from stage_core.drawing import Array, canvas, envelope, styled
+from stage_core.theme import BLUE, MUTED, ORANGE, RULE
 
-Array = NDArray[np.float64]
-
-BEFORE, AFTER = '#c0392b', '#1f77b4'
-MOST_POINTS = 3000
-
-
-def data_uri(figure: Figure) -> str:
-    """PNG of a figure as a data URI."""
-    buffer = io.BytesIO()
-    FigureCanvasAgg(figure)
-    # No date in the file: the same diagnosis makes the same page.
-    figure.savefig(buffer, format='png', dpi=90, metadata={'Software': None})
-    return 'data:image/png;base64,' + base64.b64encode(buffer.getvalue()).decode('ascii')
+#: The pale wide line below and the thin one above: where both agree, both are seen.
+BEFORE = {'color': ORANGE, 'lw': 2.2, 'alpha': 0.65, 'label': 'nominal twin'}
+AFTER = {'color': BLUE, 'lw': 0.9, 'label': 'corrected twin'}
 
 
-def _scale(channel: Channel) -> tuple[float, str]:
+def scale(channel: Channel) -> tuple[float, str]:
+    """Factor and unit in which a channel is shown."""
     return (1.0, 'N') if channel.unit == 'N' else (1e6, 'µm')
 
 
-def time_series(diagnosis: Diagnosis) -> str:
-    """Gap before and after over the held-out windows, one row per channel."""
+def _joined(channel: Channel) -> tuple[Array, list[float]]:
+    """Time with the stretches between the windows left out (n,) [s], and where windows begin."""
+    starts, parts, begin = [], [], 0.0
+    for time in channel.time:
+        period = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+        steps = np.diff(time, prepend=time[:1])
+        jumps = steps > 20.0 * period
+        steps[jumps] = period
+        part = begin + np.cumsum(steps)
+        starts += [float(part[0]), *part[jumps].tolist()]
+        parts.append(part)
+        begin = float(part[-1]) + period
+    return np.concatenate(parts), starts
+
+
+@styled
+def time_series(diagnosis: Diagnosis) -> Figure:
+    """Gap before and after over the held-out windows put together, one row per channel."""
     channels = list(diagnosis.channels.values())
-    figure = Figure(figsize=(9.5, 1.7 * len(channels) + 0.6), layout='constrained')
+    figure = canvas(10.5, 1.7 * len(channels) + 0.7)
     rows = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     for plot, channel in zip(rows, channels, strict=True):
-        factor, unit = _scale(channel)
-        time = np.concatenate(channel.time)
-        step = max(1, len(time) // MOST_POINTS)
-        for values, colour, label in (
-            (channel.before, BEFORE, 'nominal twin'),
-            (channel.after, AFTER, 'corrected twin'),
-        ):
+        factor, unit = scale(channel)
+        time, starts = _joined(channel)
+        for values, style in ((channel.before, BEFORE), (channel.after, AFTER)):
             gap = factor * np.concatenate(values)
-            plot.plot(time[::step], gap[::step], '.', color=colour, markersize=1.5, label=label)
-        plot.set_ylabel(f'{channel.name} [{unit}]')
-        plot.grid(alpha=0.3)
-    rows[0].legend(loc='upper right', markerscale=5)
-    rows[-1].set_xlabel('time in the held-out windows [s]')
-    return data_uri(figure)
+            index = envelope(gap, 1200)
+            plot.plot(time[index], gap[index], **style)
+        for start in starts[1:]:
+            plot.axvline(start, color=MUTED, lw=0.8, ls=':')
+        plot.set_ylabel(f'{channel.name} ({unit})')
+        plot.margins(x=0.005)
+    rows[0].legend(loc='upper right', ncols=2)
+    rows[-1].set_xlabel('time in the held-out windows, put together (s); dotted: next window')
+    return figure
 
 
-def spectra(diagnosis: Diagnosis) -> str:
+@styled
+def spectra(diagnosis: Diagnosis) -> Figure:
     """Amplitude spectra of the gap before and after, one panel per channel."""
     channels = list(diagnosis.channels.values())
-    figure = Figure(figsize=(9.5, 2.4 * ((len(channels) + 1) // 2) + 0.4), layout='constrained')
-    panels = figure.subplots((len(channels) + 1) // 2, 2, squeeze=False).ravel()
+    count = (len(channels) + 1) // 2
+    figure = canvas(10.5, 2.5 * count + 0.4)
+    panels = figure.subplots(count, 2, squeeze=False).ravel()
     for plot, channel in zip(panels, channels, strict=False):
-        factor, unit = _scale(channel)
+        factor, unit = scale(channel)
         period = float(np.median(np.diff(channel.time[0])))
-        for values, colour in ((channel.before, BEFORE), (channel.after, AFTER)):
+        for values, style in ((channel.before, BEFORE), (channel.after, AFTER)):
             gap = factor * np.concatenate(values)
             size = min(len(gap), 4096)
             pieces = gap[: len(gap) // size * size].reshape(-1, size) * np.hanning(size)
@@ -69,17 +76,17 @@ def spectra(diagnosis: Diagnosis) -> str:
             frequency = np.fft.rfftfreq(size, period)
             # A gap of exactly zero has no place on a logarithmic axis.
             amplitude = np.maximum(4.0 / size * amplitude[1:], 1e-6)
-            plot.loglog(frequency[1:], amplitude, color=colour, lw=0.8)
-        plot.set_title(channel.name, fontsize=9)
-        plot.set_xlabel('frequency [Hz]')
-        plot.set_ylabel(f'amplitude [{unit}]')
-        plot.grid(alpha=0.3)
+            index = envelope(amplitude, 400)
+            plot.loglog(frequency[1:][index], amplitude[index], **style)
+        plot.set(xlabel='frequency (Hz)', ylabel=f'{channel.name} ({unit})')
+    panels[0].legend()
     for plot in panels[len(channels) :]:
         plot.set_axis_off()
-    return data_uri(figure)
+    return figure
 
 
-def heat_map(diagnosis: Diagnosis) -> str:
+@styled
+def heat_map(diagnosis: Diagnosis) -> Figure:
     """RMS gap over the workspace, before and after: over x and y, or position and speed."""
     record = diagnosis.records[-1]
     channels = [c for c in diagnosis.channels.values() if c.unit == 'm']
@@ -91,11 +98,11 @@ def heat_map(diagnosis: Diagnosis) -> str:
     first = np.interp(time, record.time, record.encoder[:, 0])
     if len(record.axes) == 2:
         second = 1e3 * np.interp(time, record.time, record.encoder[:, 1])
-        label = 'y [mm]'
+        label = 'y (mm)'
     else:
         second = 1e3 * np.gradient(first, time)
-        label = f'speed of {record.axes[0]} [mm/s]'
-    figure = Figure(figsize=(9.5, 3.8), layout='constrained')
+        label = f'speed of {record.axes[0]} (mm/s)'
+    figure = canvas(10.5, 4.2)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     top = 1e6 * float(np.percentile(before, 99.0)) or 1.0
     image = None
@@ -111,20 +118,21 @@ def heat_map(diagnosis: Diagnosis) -> str:
             cmap='viridis',
         )
         plot.set_title(f'{kind} gap {title}')
-        plot.set_xlabel(f'{record.axes[0]} [mm]')
+        plot.set_xlabel(f'{record.axes[0]} (mm)')
     panels[0].set_ylabel(label)
-    figure.colorbar(image, ax=panels, label='RMS gap [µm]')
-    return data_uri(figure)
+    figure.colorbar(image, ax=panels, label='RMS gap (µm)')
+    return figure
 
 
-def shares(diagnosis: Diagnosis) -> str:
+@styled
+def shares(diagnosis: Diagnosis) -> Figure:
     """Share of the gap by condition, the significant ones in colour."""
-    found = diagnosis.conditions[:12]
-    figure = Figure(figsize=(9.5, 0.28 * max(len(found), 3) + 0.9), layout='constrained')
+    found = diagnosis.conditions[:12][::-1]
+    figure = canvas(10.5, 0.3 * max(len(found), 3) + 0.9)
     plot = figure.subplots()
-    labels = [f'{c.name} {c.axis} ({c.link})' for c in found][::-1]
-    colours = [BEFORE if c.p_value < 0.05 else '#bbbbbb' for c in found][::-1]
-    plot.barh(labels, [c.share for c in found][::-1], color=colours)
-    plot.set_xlim(0.0, 1.0)
-    plot.set_xlabel('share of the gap that goes with the condition (red: p < 0.05)')
-    return data_uri(figure)
+    labels = [condition_words(c) for c in found]
+    colours = [BLUE if c.p_value < 0.05 else RULE for c in found]
+    plot.barh(labels, [100.0 * c.share for c in found], color=colours)
+    plot.set_xlim(0.0, 100.0)
+    plot.set_xlabel('share of the gap that goes with it (%); grey: not significant (p ≥ 0.05)')
+    return figure

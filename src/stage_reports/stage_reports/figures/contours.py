@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from stage_core.drawing import MICRO, Array, canvas, colours, envelope, styled
 from stage_core.errors import StageError
 from stage_core.theme import INK
-from stage_reports.figures.canvas import MICRO, Array, canvas, colours, envelope, styled
 
 #: Name, place along the path (n,), contour error there (n,) [m].
 Run = tuple[str, Array, Array]

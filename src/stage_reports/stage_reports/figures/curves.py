@@ -10,8 +10,8 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 from scipy import signal
 
+from stage_core.drawing import MICRO, canvas, colours, envelope, styled
 from stage_core.errors import StageError
-from stage_reports.figures.canvas import MICRO, canvas, colours, envelope, styled
 
 
 @styled

@@ -9,18 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from stage_core.drawing import MICRO, MILLI, Array, canvas, colours, styled, thin
 from stage_core.errors import StageError
 from stage_core.theme import BLUE, MUTED, ORANGE
-from stage_reports.figures.canvas import (
-    MICRO,
-    MILLI,
-    Array,
-    canvas,
-    colours,
-    pairs,
-    styled,
-    thin,
-)
+from stage_reports.figures.checks import pairs
 
 #: The longest arrow spans this share of the workspace.
 _LONGEST_ARROW = 0.16

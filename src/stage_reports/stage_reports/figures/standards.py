@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from stage_core.drawing import MICRO, MILLI, canvas, styled, thin
 from stage_core.theme import BLUE, INK, MUTED, ORANGE
-from stage_reports.figures.canvas import MICRO, MILLI, canvas, pairs, styled, thin
+from stage_reports.figures.checks import pairs
 from stage_reports.iso230 import Circular, Positioning
 
 

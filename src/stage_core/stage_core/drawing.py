@@ -1,17 +1,17 @@
-"""What all pictures share: the style, units, and the check and thinning of arrays."""
+"""What all pictures share: the style of the pages, an empty canvas, and thinned curves."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
+from itertools import cycle, islice
 from typing import ParamSpec
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from stage_core.errors import StageError
 from stage_core.theme import SERIES, STYLE
 
 Array = NDArray[np.float64]
@@ -38,23 +38,9 @@ def canvas(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout='constrained')
 
 
-def colours(count: int) -> Iterable[str]:
+def colours(count: int) -> Iterator[str]:
     """So many colours of the series, from the start again where they run out."""
-    return (str(c) for c in np.resize(SERIES, count))
-
-
-def pairs(name: str, values: ArrayLike) -> Array:
-    """Points (n, 2) in metres.
-
-    Raises
-    ------
-    StageError
-        For another shape or a value that is not finite.
-    """
-    table = np.asarray(values, dtype=float)
-    if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
-        raise StageError(f'{name} of shape {table.shape}: give finite numbers (n, 2) in metres')
-    return table
+    return islice(cycle(SERIES), count)
 
 
 def thin(count: int, limit: int = MOST_POINTS) -> NDArray[np.int64]:

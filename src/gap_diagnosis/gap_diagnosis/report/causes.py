@@ -1,0 +1,99 @@
+"""Sections of the page about the causes: what was found, the evidence, what an effect contains."""
+
+from __future__ import annotations
+
+from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.evidence.judgement import Cause
+from gap_diagnosis.report.words import status_words
+from stage_core.pages import Page
+from stage_core.quantities import split_effect
+from stage_core.wording import effect_words, with_std
+from stage_twin.effects import EFFECTS, effect_of
+
+MOST_CANDIDATES = 25
+Parameters = dict[str, tuple[float, float]]
+
+
+def parameter_words(effect: str, parameters: Parameters) -> str:
+    """*width 7.98 ± 0.05 µm*, for each parameter of an effect."""
+    definition = EFFECTS.get(split_effect(effect)[0])
+    units = {p.name: p.unit for p in definition.parameters} if definition else {}
+    return ', '.join(
+        f'{name.replace("_", " ")} {with_std(value, std, units.get(name, ""))}'
+        for name, (value, std) in parameters.items()
+    )
+
+
+def _interval(shrink: float, interval: tuple[float, float]) -> str:
+    low, high = interval
+    return f'{100 * shrink:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)'
+
+
+def _accepted(cause: Cause) -> bool:
+    return cause.status == 'accepted' and bool(cause.parameters)
+
+
+def found_section(page: Page, diagnosis: Diagnosis) -> None:
+    """What each accepted effect means on this machine."""
+    rows: list[list[object]] = []
+    for cause in diagnosis.causes:
+        if not _accepted(cause):
+            continue
+        values = {name: value for name, (value, _) in cause.parameters.items()}
+        rows.append(
+            [
+                effect_words(cause.effect),
+                effect_of(cause.effect).says(values),
+                parameter_words(cause.effect, cause.parameters),
+                _interval(cause.shrink, cause.interval),
+            ]
+        )
+    if rows:
+        page.heading('What was found')
+        page.table(['effect', 'what it does', 'parameters ± 1 σ', 'closes (95 %)'], rows)
+
+
+def causes_section(page: Page, diagnosis: Diagnosis) -> None:
+    """Every candidate with its evidence."""
+    page.heading('Evidence for each candidate')
+    page.text(
+        'The probability is calibrated: of ten effects with 0.9, nine are there. '
+        '"Cannot be told from" names rivals that these data do not separate.'
+    )
+    page.table(
+        ['effect', 'probability', 'result', 'parameters ± 1 σ', 'closes (95 %)',
+         'cannot be told from'],
+        [
+            [
+                cause.effect,
+                f'{cause.probability:.3f}',
+                status_words(cause.status),
+                parameter_words(cause.effect, cause.parameters),
+                _interval(cause.shrink, cause.interval) if _accepted(cause) else '',
+                ', '.join(effect_words(name) for name in cause.alternatives),
+            ]
+            for cause in diagnosis.causes[:MOST_CANDIDATES]
+        ],
+        'names as twin files and `report.json` spell them',
+    )  # fmt: skip
+
+
+def contained_section(page: Page, diagnosis: Diagnosis) -> None:
+    """What effects that hold special cases are made of."""
+    for cause in diagnosis.causes:
+        if not cause.contains:
+            continue
+        page.subheading(f'What {effect_words(cause.effect)} contains, added one by one')
+        page.table(
+            ['part', 'shrinks the rest by (95 %)', 'seen', 'parameters ± 1 σ'],
+            [
+                [
+                    effect_words(rung.effect),
+                    _interval(rung.shrink, rung.interval),
+                    'yes' if rung.supported else 'no',
+                    parameter_words(rung.effect, rung.parameters)
+                    or parameter_words(cause.effect, rung.parameters),
+                ]
+                for rung in cause.contains
+            ],
+        )
