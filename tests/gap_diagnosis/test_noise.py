@@ -11,6 +11,9 @@ import pytest
 from gap_diagnosis.diagnose import Diagnosis, diagnose
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.data import load_record
+from gap_diagnosis.report.document import as_dict
+from gap_diagnosis.residuals.regression import Regression
+from gap_diagnosis.residuals.servo import Servo
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import TwinFile
@@ -81,3 +84,65 @@ def test_a_latency_between_ticks_is_named_alone(planted: Maker) -> None:
     found: Diagnosis = diagnose([session], [], TwinFile.nominal_servo())
     assert found.verdict == ['tracker_latency']
     assert found.parameters['tracker_latency']['latency'][0] == pytest.approx(4.5e-3, abs=5e-6)
+
+
+def with_read_noise(session: Session, white: float, jitter: float, seed: int = 1) -> Session:
+    """The session with noise [m] on its encoders, read at moments that jitter [s]."""
+    states = session.series[topics.JOINT_STATES]
+    generator = np.random.default_rng(seed)
+    values = dict(states.values)
+    for axis in session.axes:
+        q = values[f'position.{axis}']
+        late = jitter * generator.standard_normal(len(q))
+        noisy = q + np.gradient(q, 1e-3) * late + white * generator.standard_normal(len(q))
+        values[f'position.{axis}'] = 1e-6 * np.rint(noisy / 1e-6)
+    changed = Series(states.topic, states.stamps, values)
+    return replace(session, series={**session.series, topics.JOINT_STATES: changed})
+
+
+@pytest.mark.parametrize(('white', 'jitter'), [(0.0, 0.0), (4e-6, 0.0), (0.0, 3e-4), (1e-6, 1e-4)])
+def test_noise_and_jitter_are_measured(planted: Maker, white: float, jitter: float) -> None:
+    session = with_read_noise(planted({}, duration=10.0), white, jitter)
+    record = load_record(session, TwinFile.nominal_servo())
+    assert record.noise is not None
+    found = record.noise.axes[0]
+    assert found.jitter == pytest.approx(jitter, rel=0.1)
+    assert found.beyond_steps == (white > 0.0 or jitter > 0.0)
+    if jitter == 0.0:
+        assert found.position == pytest.approx(np.hypot(white, 1e-6 / np.sqrt(12.0)), rel=0.1)
+    # The twin states 1 µm, and its sessions have it; a noisier encoder hides it.
+    assert record.noise.tracker is not None
+    if white + jitter == 0.0:
+        assert record.noise.tracker == pytest.approx(1e-6, rel=0.25)
+    assert record.noise.tracker < 3e-6
+
+
+@pytest.mark.parametrize(('white', 'jitter'), [(5e-6, 0.0), (0.0, 3e-4)])
+def test_noise_in_the_acceleration_is_no_lighter_mass(
+    planted: Maker, monkeypatch: pytest.MonkeyPatch, white: float, jitter: float
+) -> None:
+    session = with_read_noise(planted({}, duration=10.0), white, jitter)
+    twin = TwinFile.nominal_servo()
+    record = load_record(session, twin)
+
+    def ratio() -> float:
+        fit = Regression(Servo([record], twin, 'x').problem()).linear({'inertia_mismatch.x': ()})
+        return float(fit.coefficients['inertia_mismatch.x'][0])
+
+    assert abs(ratio()) < 3e-3
+    # Without the cut the mass would be far too light.
+    monkeypatch.setattr('gap_diagnosis.residuals.force_rows.CUTS', (np.inf,))
+    assert ratio() < -0.03
+
+
+@pytest.mark.parametrize(('white', 'jitter'), [(5e-6, 0.0), (0.0, 3e-4)])
+def test_a_right_twin_is_not_blamed_for_noise(planted: Maker, white: float, jitter: float) -> None:
+    session = with_read_noise(planted({}, axes=('x', 'y'), duration=12.0), white, jitter)
+    found = diagnose([session], [], TwinFile.nominal_servo())
+    assert found.verdict == []
+    noise = as_dict(found)['noise']
+    measured = found.records[0].noise
+    assert measured is not None
+    assert noise['encoder.x'] == {'std': measured.axes[0].position, 'unit': 'm'}
+    assert noise['jitter.x']['std'] == pytest.approx(jitter, rel=0.1)
+    assert found.noise_floor > 1.5e-6

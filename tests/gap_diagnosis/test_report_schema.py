@@ -88,7 +88,7 @@ def test_the_fields_of_the_report(planted: Maker, tmp_path: Path, effects: dict)
         assert sum(c['probability'] for c in causes) == pytest.approx(1.0)
     assert 0.0 <= found['unexplained']['share'] <= 1.0
     assert isinstance(found['unexplained']['structured'], bool)
-    assert keys(found) <= set(re.findall(r'"(\w+)":', PAGE)) | {'contains', 'part', 'supported'}
+    assert keys(found) <= set(re.findall(r'"([\w.]+)":', PAGE)) | {'contains', 'part', 'supported'}
 
 
 def _gap(gap: dict[str, Any]) -> None:

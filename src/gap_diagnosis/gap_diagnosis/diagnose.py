@@ -39,12 +39,13 @@ from gap_diagnosis.selection.parts import (
     fit_servo,
     rest_scatter,
     with_mean_points,
+    with_noise,
     with_steps,
 )
 from stage_core.errors import StageError
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.session import Session
-from stage_core.twin_file import TrackerSpec, TwinFile
+from stage_core.twin_file import TwinFile
 from stage_twin.effects import link_of
 from stage_twin.packing import pack
 
@@ -135,14 +136,15 @@ def diagnose(
     parts: list[Part] = []
     counted = stepper or 'encoder_quantisation' in without
     quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
-    seen = with_mean_points(with_steps(counted_twin, quantisation), records)
+    stepped = with_steps(counted_twin, quantisation)
+    seen = with_mean_points(with_noise(stepped, records), records)
     # Read from the record itself; no residual has to be explained for them.
     direct = {**quantisation, **_allowed(controller_findings(records, twin), without)}
     for axis in axes:
         if stepper or not any(r.moving[records[0].column(axis)] for r in records):
             continue
         progress(f'command -> encoder of axis {axis}: reading the equation of motion backwards')
-        problem = Servo(records, seen, axis).problem()
+        problem = Servo(records, stepped, axis).problem()
         parts.append(fit_servo(axis, problem, records, twin, direct, seed, without))
         parts[-1].row_axis = np.full(len(parts[-1].problem.target), records[0].column(axis))
     if all(r.tracker is not None for r in records):
@@ -173,7 +175,7 @@ def diagnose(
     return _conclude(
         records,
         twin,
-        seen.tracker,
+        seen,
         twin_name,
         parts,
         parameters,
@@ -193,7 +195,7 @@ def _allowed(
 def _conclude(
     records: list[Record],
     twin: TwinFile,
-    tracker: TrackerSpec | None,
+    seen: TwinFile,
     twin_name: str,
     parts: list[Part],
     parameters: dict[str, dict[str, tuple[float, float]]],
@@ -215,11 +217,10 @@ def _conclude(
     verdict = accepted + ([UNKNOWN] if structured else [])
     progress('where the gap lies')
     found = _conditions(scored, records, twin, parts, seed)
-    shares, worst = axis_shares(records[0].axes, channels, replace(twin, tracker=tracker))
+    shares, worst = axis_shares(records[0].axes, channels, seen)
     link = link_of(accepted[0]) if accepted else worst
     others = judge.rejected_causes(parts, accepted, structured, before, after)
-    counted = replace(with_counted_steps(twin), tracker=tracker)
-    floor = judge.noise_floor(counted, channels, effects)
+    floor = judge.noise_floor(seen, channels, effects)
     return Diagnosis(
         sessions=[r.name for r in records],
         twin_name=twin_name,

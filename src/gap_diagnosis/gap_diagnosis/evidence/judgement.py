@@ -216,7 +216,8 @@ def channel_floor(twin: TwinFile, channel: str, resolution: float | None = None)
     """Noise floor of a channel: the encoder's step / √12, or the tracker's noise [m]."""
     if channel.startswith('tracker'):
         return twin.tracker.noise if twin.tracker is not None else 1.0e-6
-    step = resolution or float(getattr(twin.axes[channel[-1]], 'encoder_resolution', 1e-6))
+    stated = float(getattr(twin.axes[channel[-1]], 'encoder_resolution', 1e-6))
+    step = max(resolution or 0.0, stated)
     return step / math.sqrt(12.0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -20,6 +21,7 @@ from gap_diagnosis.input.checks import (
     finite,
 )
 from gap_diagnosis.input.grid import Grid, control_period
+from gap_diagnosis.input.noise import AxisNoise, Noise, axis_noise, tracker_noise, white_part
 from gap_diagnosis.input.ticks import Clock
 from stage_core import topics
 from stage_core.clocks import to_seconds
@@ -70,6 +72,7 @@ class Record:
     #: Ticks (n,) whose set-point carried a velocity: what it asks for is a known input.
     setpoint_velocity: Mask | None = None
     gaps: tuple[tuple[float, float], ...] = ()  # stretches of `time` [s] without any ticks
+    noise: Noise | None = None  # measured; None where the ticks are no samples of a motion
 
     @property
     def duration(self) -> float:
@@ -206,11 +209,38 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         gaps=grid.gaps,
         setpoint_velocity=_declared(session, axes, grid),
     )
+    record = replace(record, noise=Noise(_axes_noise(record, resolution)))
     check_excitation(record)
     check_forces(record)
     if twin.kind == 'servo':
         check_controller(record, twin)
-    return _with_tracker(record, session)
+    return _with_tracker_noise(_with_tracker(record, session))
+
+
+def _axes_noise(record: Record, resolution: Array) -> tuple[AxisNoise, ...]:
+    whole = record.whole(record.time)
+    return tuple(
+        axis_noise(
+            record.encoder[:, i],
+            record.period,
+            float(resolution[i]),
+            whole,
+            white_part(record.force[:, i], whole),
+        )
+        for i in range(len(record.axes))
+    )
+
+
+def _with_tracker_noise(record: Record) -> Record:
+    if record.tracker_time is None or record.tracker is None or record.noise is None:
+        return record
+    time, step = record.tracker_time, record.period
+    moves = record.encoder_at(time + step) - record.encoder_at(time - step)
+    own = math.sqrt(float(np.mean([n.position**2 for n in record.noise.axes])))
+    noise = tracker_noise(
+        record.tracker - record.encoder_at(time), np.linalg.norm(moves, axis=1) / (2 * step), own
+    )
+    return replace(record, noise=replace(record.noise, tracker=noise))
 
 
 def _declared(session: Session, axes: tuple[str, ...], grid: Grid) -> Mask | None:

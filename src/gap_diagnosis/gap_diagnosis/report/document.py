@@ -53,8 +53,24 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         'causes': [_cause(c) for c in diagnosis.causes[:MOST_CANDIDATES]],
         'verdict': diagnosis.verdict,
         'unexplained': {'share': diagnosis.unexplained, 'structured': diagnosis.structured},
+        'noise': _noise(diagnosis),
         'warnings': diagnosis.warnings,
     }
+
+
+def _noise(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Measured noise of the first session: of position and effort of each axis, of the tracker."""
+    record = diagnosis.records[0]
+    if record.noise is None:
+        return {}
+    out: dict[str, Any] = {}
+    for axis, own in zip(record.axes, record.noise.axes, strict=True):
+        out[f'encoder.{axis}'] = {'std': own.position, 'unit': 'm'}
+        out[f'effort.{axis}'] = {'std': own.effort, 'unit': 'N'}
+        out[f'jitter.{axis}'] = {'std': own.jitter, 'unit': 's'}
+    if record.noise.tracker is not None:
+        out['tracker'] = {'std': record.noise.tracker, 'unit': 'm'}
+    return out
 
 
 def _cause(cause: Cause) -> dict[str, Any]:

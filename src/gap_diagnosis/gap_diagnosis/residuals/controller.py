@@ -17,6 +17,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from gap_diagnosis.input.data import Record, held_out_windows, inside
+from gap_diagnosis.residuals.operators import band_limited
 from stage_core.twin_file import ServoAxis, TwinFile
 
 Array = NDArray[np.float64]
@@ -36,6 +37,12 @@ GAINS = (
     'integral_gain',
     'velocity_filter',
 )
+#: Hz, above which a record with noise beyond its encoder's steps is not asked: the controller may
+#: have read another noise than the record holds, which two differences raise with f².
+QUIET, EDGE = 25.0, 0.2  # Hz, and s at the ends that are left out
+#: Times what such noise makes, below which no other law is looked for: its measured figure is the
+#: mean of a noise that may go with the speed.
+BEYOND_NOISE = 2.0
 #: Share by which a gain must differ to be named.
 LEAST_SHARE = 0.02
 
@@ -92,6 +99,8 @@ def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Parameters:
     fitted = [r for r in records if not r.held_out_session]
     judged = [r for r in records if r.held_out_session] or records
     nominal = left(judged, i, axis)
+    if nominal < BEYOND_NOISE * max(_of_noise(r, i, axis) for r in judged):
+        return {}
     law = fit_law(fitted, i, axis)
     if nominal <= 0.0 or left(judged, i, law.gains) > (1.0 - CLEARLY_BETTER) * nominal:
         return {}
@@ -112,8 +121,24 @@ def left(records: list[Record], i: int, axis: ServoAxis) -> float:
     for record in records:
         expected = force_increments(record, i, axis, velocity_law(record, i, axis))
         mask = inside(record.time, held_out_windows(record))[1:] & _free(record, i, axis)
-        squares.append((np.diff(record.force[:, i]) - expected)[mask] ** 2)
+        wrong = _quiet(record, i, np.diff(record.force[:, i]) - expected)
+        squares.append(wrong[mask] ** 2)
     return math.sqrt(float(np.mean(np.concatenate(squares))))
+
+
+def _of_noise(record: Record, i: int, axis: ServoAxis) -> float:
+    """RMS of the force increments [N] that noise of the record makes, if nobody else read it."""
+    noise = None if record.noise is None else record.noise.axes[i]
+    if noise is None or not noise.beyond_steps:
+        return 0.0
+    still = np.zeros_like(record.encoder)
+    pulse = still.copy()
+    pulse[len(pulse) // 2, i] = noise.std(np.diff(record.encoder[:, i]) / record.period)
+    alone = replace(
+        record, encoder=pulse, reference=still, reference_velocity=still, setpoint_velocity=None
+    )
+    made = force_increments(alone, i, axis, velocity_law(alone, i, axis))
+    return float(np.linalg.norm(_quiet(record, i, made)))
 
 
 def velocity_law(record: Record, i: int, axis: ServoAxis) -> Array:
@@ -128,6 +153,17 @@ def force_increments(record: Record, i: int, axis: ServoAxis, command: Array) ->
     """F_k - F_(k-1) (n - 1,) [N] of the velocity loop; the start of its integral drops out."""
     error = command - _filtered(record, i, axis.velocity_filter)
     return axis.velocity_gain * np.diff(error) + axis.integral_gain * record.period * error[:-1]
+
+
+def _quiet(record: Record, i: int, rows: Array) -> Array:
+    """Rows (n,) or (n, k) of the linear law, without the frequencies at which noise rules."""
+    if record.noise is None or not record.noise.axes[i].beyond_steps:
+        return rows
+    out = band_limited(rows, record.period, QUIET)
+    # The filter starts on noise there.
+    edge = int(round(EDGE / record.period))
+    out[:edge] = out[-edge:] = 0.0
+    return out
 
 
 def _filtered(record: Record, i: int, corner: float) -> Array:
@@ -187,8 +223,8 @@ def _position_loop(
         use &= ~record.declared & np.isfinite(recorded)
         rate = np.nan_to_num(record.reference_velocity[:, i])
         error = record.reference[:, i] - record.encoder[:, i]
-        rows.append(np.column_stack([error, rate])[use])
-        target.append(recorded[use])
+        rows.append(_quiet(record, i, np.column_stack([error, rate]))[use])
+        target.append(_quiet(record, i, np.nan_to_num(recorded))[use])
     matrix, wanted = np.concatenate(rows), np.concatenate(target)
     if len(wanted) < 100:
         return axis, {}
@@ -209,8 +245,9 @@ def _velocity_loop(
         command = np.where(np.isfinite(recorded), recorded, velocity_law(record, i, axis))
         error = command - _filtered(record, i, corner)
         use = _fit_ticks(record, i, axis)
-        rows.append(np.column_stack([np.diff(error), record.period * error[:-1]])[use])
-        target.append(np.diff(record.force[:, i])[use])
+        both = np.column_stack([np.diff(error), record.period * error[:-1]])
+        rows.append(_quiet(record, i, both)[use])
+        target.append(_quiet(record, i, np.diff(record.force[:, i]))[use])
     return _least_squares(np.concatenate(rows), np.concatenate(target))
 
 

@@ -21,6 +21,8 @@ from stage_core.twin_file import TwinFile
 Array = NDArray[np.float64]
 
 CORNER = 30.0  # Hz; above it the quantisation of the acceleration is white after the low-pass
+#: Hz, of the sharp low-pass beyond it, and the share of noise in the acceleration that is borne.
+CUTS, ATTENUATION = (math.inf, 60.0, 45.0, 30.0, 20.0, 14.0, 10.0, 7.0), 1e-3
 LONGEST = 120.0  # s of a session that are used; longer ones are thinned in whole blocks
 SLIDING = 3.0  # encoder steps within 20 ms, below which the axis counts as resting
 
@@ -34,13 +36,57 @@ class ForceRows:
         self.nominal = twin.axes[axis]
         self.mass, self.viscous = nominal_mass(self.nominal)
         self.lead = float(getattr(self.nominal, 'lead', 0.010))
-        self.resolution = float(getattr(self.nominal, 'encoder_resolution', 1e-6))
+        self.stated = float(getattr(self.nominal, 'encoder_resolution', 1e-6))
         self.delay = float(getattr(self.nominal, 'delay', 0.0))
         self.measured_force = twin.kind == 'measured_force'
-        self.corner = CORNER
+        self.noise = [r.noise.axes[r.column(axis)] for r in records if r.noise is not None]
+        self.cut = math.inf
         self._signals = [self._prepare(r) for r in records]
         self._predictions = [Prediction(r, twin) for r in records] if twin.effects else []
         self.keep = [self._sliding(r, s) for r, s in zip(records, self._signals, strict=True)]
+        self.cut = self._quiet_cut()
+
+    @property
+    def rest_step(self) -> float:
+        """Step [m] of an ideal encoder with the noise of this one at rest."""
+        return max((self.stated, *(n.step for n in self.noise)))
+
+    def encoder_noise(self) -> float:
+        """Standard deviation [m] of the encoder at the sliding rows."""
+        stated = self.stated / math.sqrt(12.0)
+        if len(self.noise) < len(self.records):
+            return stated
+        parts = zip(self.noise, self._of('v_smooth'), self.keep, strict=True)
+        measured = [n.std(v[k]) for n, v, k in parts if np.any(k)]
+        return max(stated, float(np.sqrt(np.mean(np.square(measured or [0.0])))))
+
+    def _quiet_cut(self) -> float:
+        """Frequency [Hz] above which the rows hold more of the encoder's noise than they may.
+
+        Noise in the acceleration is noise in a regressor: it shrinks a mass by its share of the
+        regressor's variance (errors in variables), so that this share is what is bounded.
+        """
+        for cut in CUTS:
+            self.cut = cut
+            moved = float(np.mean(self.columns(self._of('a')) ** 2))
+            noise = (self.encoder_noise() * self.response(1.0, 0.0)) ** 2
+            if noise < ATTENUATION * max(moved - noise, 0.0):
+                break
+        return self.cut
+
+    def response(self, mass: float, viscous: float) -> float:
+        """Standard deviation of a row of mass · a + viscous · v for noise of 1 m."""
+        period = self.records[0].period
+        pulse = np.zeros(4001)
+        pulse[2000] = 1.0
+        force = mass * second_difference(pulse, period)
+        force += viscous * central_difference(pulse, period)
+        return float(np.linalg.norm(self.passed(force, period)))
+
+    def passed(self, signal: Array, period: float) -> Array:
+        """A signal (n,) as a row sees it: low-passed without phase."""
+        out = smooth(signal, period, CORNER)
+        return out if math.isinf(self.cut) else band_limited(out, period, self.cut)
 
     def _prepare(self, record: Record) -> dict[str, Array]:
         i = record.column(self.axis)
@@ -63,7 +109,7 @@ class ForceRows:
         window = max(2, int(round(0.02 / record.period)))
         travel = np.abs(signals['p'][window:] - signals['p'][:-window])
         moving = np.zeros(len(signals['p']), dtype=bool)
-        moving[window // 2 : window // 2 + len(travel)] = travel > SLIDING * self.resolution
+        moving[window // 2 : window // 2 + len(travel)] = travel > SLIDING * self.rest_step
         edge = int(round(0.1 / record.period))
         moving[:edge] = False
         moving[-edge:] = False
@@ -79,7 +125,7 @@ class ForceRows:
         columns = []
         for signal in signals:
             rows = [
-                smooth(one, record.period, self.corner)[keep]
+                self.passed(one, record.period)[keep]
                 for one, record, keep in zip(signal, self.records, self.keep, strict=True)
             ]
             columns.append(np.concatenate(rows))

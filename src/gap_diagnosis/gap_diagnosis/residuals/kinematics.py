@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record, held_out_windows, inside, motion_step
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
+from gap_diagnosis.residuals.operators import smooth
 from gap_diagnosis.residuals.regression import Problem
 from stage_core.twin_file import TwinFile
 from stage_twin import effects
@@ -22,6 +23,7 @@ from stage_twin import effects
 Array = NDArray[np.float64]
 
 BLOCK = 1.0  # s, length of the blocks that are resampled
+PATH = 30.0  # Hz, low-pass of a noisy encoder's path; it has no overshoot at reversals
 TEMPERATURE_SPAN = 0.3  # K, below it heat and scale cannot be told apart
 
 
@@ -152,8 +154,13 @@ class Kinematics:
         return 0.5 * (low + high), max(0.5 * (high - low), 1e-3)
 
     def encoder(self) -> list[Array]:
-        """Encoder of the axis at every tick [m]."""
-        return [r.encoder[:, self._column] for r in self.records]
+        """Path of the axis at every tick [m], without noise that play would take for turns."""
+        i, out = self._column, []
+        for record in self.records:
+            noisy = record.noise is not None and record.noise.axes[i].beyond_steps
+            q = record.encoder[:, i]
+            out.append(smooth(q, record.period, PATH) if noisy else q)
+        return out
 
     def at_points(self, signal: list[Array]) -> list[Array]:
         """A signal of every tick, at the points."""

@@ -67,9 +67,9 @@ def shifted(signal: Array, ticks: int) -> Array:
 
 
 def band_limited(signal: Array, period: float, corner: float = 90.0) -> Array:
-    """Zero-phase Butterworth low-pass (n,), flat to about 0.8 of the corner [Hz].
+    """Zero-phase Butterworth low-pass (n,) or (n, k), flat to about 0.8 of the corner [Hz].
 
     Keeps the encoder's noise out of a regressor that the target shares it with.
     """
     sections = butter(4, min(2.0 * corner * period, 0.9), output='sos')
-    return np.asarray(sosfiltfilt(sections, signal))
+    return np.asarray(sosfiltfilt(sections, signal, axis=0))

@@ -9,19 +9,12 @@ controller needs no model here, and no effect is judged by an open-loop simulati
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import held_out_windows, inside
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.nominal import re_estimated
-from gap_diagnosis.residuals.operators import (
-    central_difference,
-    second_difference,
-    smooth,
-)
 from gap_diagnosis.residuals.regression import Problem
 from stage_twin import effects
 
@@ -83,11 +76,5 @@ class Servo(ForceRows):
         return self._nominal(()) - self._nominal(names)
 
     def floor(self) -> float:
-        """Standard deviation of the residual that the encoder's quantisation makes [N]."""
-        period = self.records[0].period
-        pulse = np.zeros(4001)
-        pulse[2000] = 1.0
-        response = self.mass * second_difference(pulse, period)
-        response += self.viscous * central_difference(pulse, period)
-        gain = float(np.linalg.norm(smooth(response, period, self.corner)))
-        return gain * self.resolution / math.sqrt(12.0)
+        """Standard deviation of the residual that the encoder's noise makes [N]."""
+        return self.response(self.mass, self.viscous) * self.encoder_noise()

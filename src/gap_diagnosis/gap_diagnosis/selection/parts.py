@@ -38,6 +38,9 @@ KNOWN_REST_RULES = replace(REST_RULES, of_noise=0.2, level=0.995)
 #: of friction are approximations; a clock's latency and drift are exact.
 UNEXHAUSTED = {'servo': 0.15, 'sensor': 0.04}
 
+#: Measured noise of a tracker over the stated one, from which on it is taken.
+CLEARLY_NOISIER = 1.15
+
 #: Rows that fit and rows that are held out: of samples in motion, and of rests of a stepper.
 LEAST_ROWS, LEAST_RESTS = (200, 50), (8, 4)
 
@@ -64,6 +67,32 @@ def with_steps(
         axis = name[-1]
         axes[axis] = replace(axes[axis], encoder_resolution=values['resolution'][0])  # type: ignore[arg-type]
     return replace(twin, axes=axes)
+
+
+def with_noise(twin: TwinFile, records: list[Record]) -> TwinFile:
+    """The twin with the noise that the records really have, where it is above what it states.
+
+    An encoder's noise is stated as the step of an ideal one that makes as much.
+    """
+    axes = dict(twin.axes)
+    for i, axis in enumerate(records[0].axes):
+        noise = encoder_noise(records, i)
+        if noise * math.sqrt(12.0) > getattr(axes[axis], 'encoder_resolution', math.inf):
+            axes[axis] = replace(axes[axis], encoder_resolution=noise * math.sqrt(12.0))  # type: ignore[arg-type]
+    tracker = twin.tracker
+    seen = [r.noise.tracker for r in records if r.noise and r.noise.tracker is not None]
+    if seen and tracker is not None:
+        noise = float(np.sqrt(np.mean(np.square(seen))))
+        # The measured figure of a record has a scatter of its own.
+        if noise > CLEARLY_NOISIER * tracker.noise:
+            tracker = replace(tracker, noise=noise)
+    return replace(twin, axes=axes, tracker=tracker)
+
+
+def encoder_noise(records: list[Record], i: int) -> float:
+    """Measured noise [m] of the encoder of an axis over all ticks; 0 where it is not known."""
+    known = [r.noise.axes[i].std(np.diff(r.encoder[:, i]) / r.period) for r in records if r.noise]
+    return float(np.sqrt(np.mean(np.square(known)))) if known else 0.0
 
 
 def with_mean_points(twin: TwinFile, records: list[Record]) -> TwinFile:
@@ -284,7 +313,8 @@ def _contradicted(
                 return math.inf
         return float(np.mean(np.concatenate(squares)))
 
-    step = float(getattr(twin.axes[axis], 'encoder_resolution', 1e-6)) ** 2
+    noisy = with_noise(twin, records).axes[axis]
+    step = float(getattr(noisy, 'encoder_resolution', 1e-6)) ** 2
     everything = gap(effects)
     rest = {n: gap({k: v for k, v in effects.items() if k != n}) for n in accepted}
     best = min(accepted, key=lambda n: rest[n])

@@ -1,0 +1,156 @@
+"""The noise of a record, measured: of the position, of the moment it is read, of the tracker.
+
+A motion has next to nothing at the highest frequencies of its samples, noise has as much there as
+anywhere. The sixth difference keeps the upper third of the band and makes a millionth of a motion
+of 28 Hz sampled at 1 kHz: its mean square over the sum of its squared weights is the variance of
+white noise. Noise that grows with the squared speed is that of the moment of reading: a sample
+taken δ late is v δ off.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+ORDER = 6  # of the difference
+BLOCK, SHORT = 50, 10  # samples of a block, and of the moves in it that tell the speed
+FAST = 2.0  # encoder steps a tick, from which on counting makes white noise
+LEAST_BLOCKS = 20
+#: Measured variance over that of an ideal encoder's steps, from which on it counts as noise: the
+#: steps alone make up to 1.7 of it in blocks of one speed.
+CLEARLY = 2.0
+SURE = 5.0  # standard deviations of a jitter above zero
+QUIET = 0.3  # share of a session's slowest points that tell a tracker's noise
+WILD = 5.0  # times the expected power, from which on a block is a knock and no noise
+TRACKER_BLOCK = 10  # points
+
+
+@dataclass(frozen=True)
+class AxisNoise:
+    """Noise of one axis: of its position [m], of the moment of reading [s], of its effort [N]."""
+
+    position: float
+    jitter: float
+    effort: float
+    quantum: float  # stated step [m]
+
+    def std(self, velocity: Array | float) -> float:
+        """Standard deviation [m] of a position over some velocities [m/s]."""
+        return math.hypot(
+            self.position, self.jitter * float(np.sqrt(np.mean(np.square(velocity))))
+        )
+
+    @property
+    def beyond_steps(self) -> bool:
+        """Whether there is more noise than counting in steps makes."""
+        return self.jitter > 0.0 or self.step > 1.001 * self.quantum
+
+    @property
+    def step(self) -> float:
+        """Step [m] of an ideal encoder with as much noise at rest."""
+        return self.position * math.sqrt(12.0)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of a session: of each axis, and of the tracker [m] (None without one)."""
+
+    axes: tuple[AxisNoise, ...]
+    tracker: float | None = None
+
+
+def axis_noise(
+    position: Array, period: float, quantum: float, whole: Mask, effort: float = 0.0
+) -> AxisNoise:
+    """Noise of a position (n,) [m] on the ticks of a control period [s].
+
+    Parameters
+    ----------
+    quantum : stated step of the encoder [m]; its own noise is the least there is
+    whole : (n,) ticks that are far from lost ones
+    """
+    least = quantum / math.sqrt(12.0)
+    power, square, moved = _blocks(position, period, whole)
+    fast = moved > FAST * quantum / period
+    chosen = fast if np.count_nonzero(fast) >= LEAST_BLOCKS else np.ones(len(power), dtype=bool)
+    if np.count_nonzero(chosen) < LEAST_BLOCKS:
+        return AxisNoise(least, 0.0, effort, quantum)
+    white, jitter, sure = _speed_fit(power[chosen], square[chosen])
+    if not sure or jitter * float(np.mean(square[chosen])) < least**2:
+        white, jitter = float(np.median(power[chosen])), 0.0
+    if white < CLEARLY * least**2:
+        white = least**2
+    return AxisNoise(math.sqrt(white), math.sqrt(jitter), effort, quantum)
+
+
+def _blocks(position: Array, period: float, whole: Mask) -> tuple[Array, Array, Array]:
+    """Of each block: variance of white noise [m²], mean square and root of it of the speed."""
+    rough = _rough(position)
+    count = len(rough) // BLOCK
+    inner = slice(ORDER // 2, ORDER // 2 + count * BLOCK)
+    use = whole[inner].reshape(count, BLOCK).all(axis=1)
+    # Over some ticks: noise of a difference falls with the length of it.
+    moves = np.diff(position[inner].reshape(count, -1, SHORT)[:, :, [0, -1]], axis=2)[:, :, 0]
+    square = np.mean((moves / ((SHORT - 1) * period)) ** 2, axis=1)
+    power = np.mean(rough[: count * BLOCK].reshape(count, BLOCK) ** 2, axis=1)
+    return power[use], square[use], np.sqrt(square[use])
+
+
+def _rough(signal: Array) -> Array:
+    """Sixth difference (n - 6, …) of a signal (n, …), scaled to keep the variance of noise."""
+    return np.asarray(np.diff(signal, ORDER, axis=0) / math.sqrt(math.comb(2 * ORDER, ORDER)))
+
+
+def white_part(signal: Array, whole: Mask) -> float:
+    """Standard deviation of what is white in a signal (n,), in most of its blocks."""
+    rough = _rough(signal)
+    count = len(rough) // BLOCK
+    inner = slice(ORDER // 2, ORDER // 2 + count * BLOCK)
+    use = whole[inner].reshape(count, BLOCK).all(axis=1)
+    if not use.any():
+        return 0.0
+    return math.sqrt(
+        float(np.median(np.mean(rough[: count * BLOCK].reshape(count, BLOCK) ** 2, axis=1)[use]))
+    )
+
+
+def tracker_noise(difference: Array, speed: Array, encoder: float) -> float:
+    """Noise [m] of tracker points from tracker minus encoder (m, a) [m], where both go slowly.
+
+    Parameters
+    ----------
+    speed : (m,) of the machine at the points [m/s]
+    encoder : noise of the encoders, root mean square over the axes [m]; it is taken out
+    """
+    rough = _rough(difference)
+    count = len(rough) // TRACKER_BLOCK
+    if count < LEAST_BLOCKS:
+        return 0.0
+    power = np.mean(rough[: count * TRACKER_BLOCK].reshape(count, -1) ** 2, axis=1)
+    at = speed[ORDER // 2 : ORDER // 2 + count * TRACKER_BLOCK].reshape(count, -1).max(axis=1)
+    slow = power[at <= np.quantile(at, QUIET)]
+    calm = slow[slow <= WILD * float(np.median(slow))]
+    return math.sqrt(max(float(np.mean(calm)) - encoder**2, 0.0))
+
+
+def _speed_fit(power: Array, square: Array) -> tuple[float, float, bool]:
+    """Power = white + jitter · speed², each block weighed by its own expected scatter."""
+    matrix = np.column_stack([np.ones_like(square), square])
+    expected = np.full_like(power, float(np.median(power)) + 1e-300)
+    solution = np.zeros(2)
+    for _ in range(6):
+        kept = power < WILD * expected
+        solution, _ = nnls(matrix[kept] / expected[kept, None], power[kept] / expected[kept])
+        expected = np.maximum(matrix @ solution, 1e-3 * float(np.median(power)) + 1e-300)
+    scaled = matrix / expected[:, None]
+    scatter = np.var(power / expected)
+    covariance = np.linalg.pinv(scaled.T @ scaled) * scatter
+    sure = solution[1] > SURE * math.sqrt(max(float(covariance[1, 1]), 0.0))
+    return float(solution[0]), float(solution[1]), bool(sure)
