@@ -8,7 +8,7 @@ export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell cat src/*/*/*.py src/*/
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: setup kernels session test lint bench clean reference
+.PHONY: setup kernels session test check lint bench clean reference docs-figures
 
 setup:
 	@bash tools/setup.sh
@@ -23,6 +23,14 @@ session: kernels
 test: kernels
 	$(PYTHON_ENV) -m pytest -q --session-timeout=2700 $(PYTEST)
 
+# What can be said in under a minute: format, lint, types of what changed, structure and docs.
+CHANGED := $(shell git diff --name-only --diff-filter=d main -- 'src/*/*/*.py' 2>/dev/null)
+check: setup
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	$(if $(CHANGED),.venv/bin/mypy $(CHANGED))
+	$(PYTHON_ENV) -m pytest -q tests/test_structure.py tests/test_docs.py tests/stage_core
+
 lint: setup
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
@@ -33,6 +41,10 @@ bench: setup
 
 reference: setup
 	$(PYTHON_ENV) -m stage_bringup.reference docs/reference.md
+
+# Figures and pictures of the newest session in bags/, into README and docs.
+docs-figures: setup
+	$(PYTHON_ENV) tools/docs_figures.py
 
 clean:
 	rm -rf .venv .cache .ruff_cache .mypy_cache .hypothesis .pytest_cache ros_ws/build ros_ws/install ros_ws/log

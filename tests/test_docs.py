@@ -13,6 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = [
     ROOT / 'README.md',
     ROOT / 'CHANGELOG.md',
+    ROOT / 'CONTRIBUTING.md',
     *sorted((ROOT / 'docs').rglob('*.md')),
     *sorted((ROOT / 'src').glob('*/README.md')),
 ]
@@ -93,10 +94,17 @@ def test_files_named_exist(page: Path) -> None:
             assert (ROOT / name.rstrip('./')).exists(), name
 
 
-def test_every_page_is_listed_in_the_readme() -> None:
-    listed = set(LINK.findall((ROOT / 'README.md').read_text(encoding='utf-8')))
-    for page in sorted((ROOT / 'docs').rglob('*.md')):
-        assert str(page.relative_to(ROOT)) in listed
+def test_every_page_is_listed_in_the_index() -> None:
+    index = ROOT / 'docs' / 'README.md'
+    listed = set(LINK.findall(index.read_text(encoding='utf-8')))
+    for page in sorted(index.parent.rglob('*.md')):
+        assert page == index or str(page.relative_to(index.parent)) in listed
+    assert 'docs/README.md' in LINK.findall((ROOT / 'README.md').read_text(encoding='utf-8'))
+
+
+def test_the_readme_is_short() -> None:
+    lines = (ROOT / 'README.md').read_text(encoding='utf-8').splitlines()
+    assert len(lines) <= 120
 
 
 @each_page

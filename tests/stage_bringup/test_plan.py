@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stage_bringup.plan import alignment_points, calibration_grid, heldout_points
+from stage_bringup.plan import (
+    alignment_points,
+    calibration_grid,
+    heldout_points,
+    positioning_points,
+)
 from stage_bringup.session import parse
 from stage_bringup.table import heldout_rows, render
 from stage_core.errors import StageError
@@ -66,3 +71,14 @@ def test_a_session_is_never_overwritten(tmp_path: object) -> None:
     (tmp_path / 'session.json').write_text('{}')  # type: ignore[attr-defined]
     with pytest.raises(StageError, match='not empty'):
         parse(['--out', str(tmp_path)])
+
+
+def test_a_positioning_test_approaches_each_target_from_both_sides() -> None:
+    points = positioning_points(0.04, 1)
+    assert points.shape == (60, 2) and not points[:, 0].any()
+    steps = np.diff(points[:, 1])
+    targets = np.unique(np.round(points[:, 1], 9))[1:-1]
+    assert len(targets) == 5 and np.ptp(np.diff(targets)) > 1e-4
+    for target in targets:
+        arrived = np.isclose(points[1:, 1], target)
+        assert (steps[arrived] > 0).sum() == (steps[arrived] < 0).sum() == 5

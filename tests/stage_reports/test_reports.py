@@ -284,6 +284,23 @@ def test_the_uncertainty_of_a_positioning_test_is_that_of_its_means() -> None:
     assert uncertain['B_mean'] == pytest.approx(expected, rel=0.15)
 
 
+def test_a_positioning_test_gets_a_page_of_its_own() -> None:
+    reference = staircase([0.02, 0.05, 0.08, 0.11, 0.14], cycles=5)
+    stamps = START + np.arange(reference.size, dtype=np.int64) * 10_000_000
+    noise = 1e-6 * np.random.default_rng(0).standard_normal(reference.size)
+    zeros = np.zeros(reference.size)
+    point = {'x': 1.001 * reference + noise, 'y': zeros, 'z': zeros}
+    series = {
+        topics.REFERENCE: joint(topics.REFERENCE, stamps, position_x=reference),
+        topics.TRACKER_POINT: Series(topics.TRACKER_POINT, stamps, point),
+    }
+    page = session_page(Session('test', series))
+    # A scale of 1 mm/m over 0.12 m, and 2 s of 0.2 µm of noise at either end.
+    accuracy = float(page.brief.split()[2])
+    assert 120.0 < accuracy < 122.0
+    assert '5 with 5 approaches' in words(page.render())
+
+
 def test_a_report_of_a_recorded_session(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

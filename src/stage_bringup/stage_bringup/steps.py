@@ -126,9 +126,9 @@ def run_steps(options: Options, processes: Processes) -> SessionResult:
         session = Session(options, processes, client)
         _start(session)
         _align(session)
-        _calibrate(session)
         if options.standard_tests:
             _test_positioning(session)
+        _calibrate(session)
         _circle(session)
         _retrain_offline(session)
         if options.diagnose:

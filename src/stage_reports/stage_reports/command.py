@@ -14,6 +14,7 @@ from stage_core.session import Session
 from stage_reports.calibration_page import calibration_page
 from stage_reports.contour_page import contour_page
 from stage_reports.motion_page import motion_page
+from stage_reports.positioning_page import positioning_page, positioning_tests
 from stage_reports.tracking import places, runs
 from stage_reports.trials_page import trials_page
 
@@ -23,7 +24,7 @@ def session_page(
     model: StoredModel | None = None,
     entries: list[tuple[str, str]] | None = None,
 ) -> Page:
-    """The page that fits a session: contour, calibration, or any other motion.
+    """The page that fits a session: contour, positioning test, calibration, any other motion.
 
     Parameters
     ----------
@@ -33,6 +34,9 @@ def session_page(
     found = runs(session)
     if found:
         return contour_page(session, found, entries)
+    tested = positioning_tests(session)
+    if tested is not None:
+        return positioning_page(session, *tested, entries)
     rests = places(session)
     if rests is not None:
         return calibration_page(session, rests, model, entries)

@@ -34,7 +34,7 @@ def positioning_plot(result: Positioning, axis_name: str = '') -> Figure:
     place = position.max() + 0.06 * float(np.ptp(position) or 1.0)
     axes.annotate(
         '', (place, top * MICRO), (place, (top - result.A) * MICRO),
-        arrowprops={'arrowstyle': '<->', 'color': INK},
+        arrowprops={'arrowstyle': '<->', 'color': INK}, annotation_clip=False,
     )  # fmt: skip
     axes.text(place, (top - 0.5 * result.A) * MICRO, f' A {result.A * MICRO:.3g}', va='center')
     figures = ', '.join(f'{n} {getattr(result, n) * MICRO:.3g}' for n in ('A', 'R', 'E', 'B'))

@@ -1,0 +1,114 @@
+"""Writes the figures of a session into README and docs: ``make docs-figures``.
+
+Takes the newest session of bags/ (or the one that is named) and replaces what stands between the
+marks ``<!-- session -->`` and ``<!-- end -->``, and the pictures in docs/images.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+
+from stage_bringup.table import heldout_rows
+from stage_core.wording import effect_words, with_std
+
+ROOT = Path(__file__).resolve().parents[1]
+PLANTED = {
+    'coulomb_friction.x': '6 N, presliding 2 µm',
+    'backlash.x': 'width 8 µm',
+    'cyclic_pitch_error.y': 'amplitude 3 µm, phase 0.7 rad',
+    'nonorthogonality': 'angle 80 µrad',
+}
+
+
+def replace(page: Path, text: str) -> None:
+    """Put text between the marks of a page."""
+    old = page.read_text(encoding='utf-8')
+    new, count = re.subn(
+        r'<!-- session -->.*?<!-- end -->',
+        lambda _: f'<!-- session -->\n{text}\n<!-- end -->',
+        old,
+        flags=re.DOTALL,
+    )
+    if count != 1:
+        raise SystemExit(f'{page} has {count} places for a session: it needs one')
+    page.write_text(new, encoding='utf-8')
+
+
+def printed(folder: Path) -> str:
+    """The table that the session printed, as a code block."""
+    heldout = json.loads((folder / 'session.json').read_text())['heldout']
+    rows = heldout_rows(*(np.array(heldout[f'errors_{w}']) for w in ('before', 'after')))
+    # MAE and σ are in the pages: the README shows what fits a line.
+    lines = [f'{"error [µm]":<20}' + ''.join(f'{name:>13}' for name in
+             ('RMS before', 'max before', 'RMS after', 'max after'))]  # fmt: skip
+    for row in rows:
+        values = (row.before.rms, row.before.maximum, row.after.rms, row.after.maximum)
+        lines.append(f'{row.name:<20}' + ''.join(f'{1e6 * v:>13.2f}' for v in values))
+    report = json.loads((folder / 'diagnosis' / 'report.json').read_text())
+    gap = report['gap']
+    names = ', '.join(report['verdict'])
+    shrink = f'{1e6 * gap["before"]:.2f} to {1e6 * gap["after"]:.2f} µm RMS'
+    lines += ['', *_wrapped(f'diagnosis: {names}: the held-out gap shrinks from {shrink}')]
+    return '\n'.join(f'    {line}'.rstrip() for line in lines)
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, 92, subsequent_indent='  ')
+
+
+def example(folder: Path) -> str:
+    """What was planted in the emulated machine and what was found."""
+    report = json.loads((folder / 'diagnosis' / 'report.json').read_text())
+    lines = ['| effect | planted | found |', '|---|---|---|']
+    for cause in report['causes']:
+        if cause['effect'] in report['verdict']:
+            found = ', '.join(
+                f'{name.replace("_", " ")} {with_std(p["value"], p["std"], p["unit"])}'
+                for name, p in cause['parameters'].items()
+            )
+            planted = PLANTED.get(cause['effect'], 'not planted')
+            lines.append(f'| {effect_words(cause["effect"])} | {planted} | {found} |')
+    return '\n'.join(lines)
+
+
+def screenshot(page: Path, picture: Path, size: str) -> None:
+    """Draw a page in a headless Chromium, where there is one."""
+    browser = shutil.which('chromium') or shutil.which('google-chrome')
+    if browser is None:
+        print(f'no Chromium: {picture.name} stays as it is')
+        return
+    options = ['--headless', '--no-sandbox', '--hide-scrollbars', f'--window-size={size}']
+    subprocess.run(
+        [browser, *options, f'--screenshot={picture}', page.as_uri()],
+        check=True, timeout=120, capture_output=True,
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Write everything that comes from one session."""
+    sessions = sorted(p.parent for p in (ROOT / 'bags').glob('*/session.json'))
+    named = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else None
+    if named is None and not sessions:
+        raise SystemExit('bags/ holds no session: run make session first')
+    folder = named or sessions[-1]
+    date = time.strftime('%Y-%m-%d', time.localtime((folder / 'session.json').stat().st_mtime))
+    source = f'\n\nWritten by `make docs-figures` from a session of {date}.'
+    replace(ROOT / 'README.md', printed(folder) + source)
+    replace(ROOT / 'docs' / 'diagnosis_reading.md', example(folder) + source)
+    images = ROOT / 'docs' / 'images'
+    shutil.copyfile(folder / 'picture_01.png', images / 'session.png')
+    screenshot(folder / 'diagnosis' / 'report.html', images / 'diagnosis.png', '1200,1250')
+    print(f'figures of {folder.name} are in README.md and docs/')
+
+
+if __name__ == '__main__':
+    main()
