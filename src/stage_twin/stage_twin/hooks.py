@@ -106,7 +106,8 @@ def _compose(hook: str, signals: tuple[str, ...], body: str, start: str, end: st
         lines.append('        ' + body.format(f'{own}({call})'))
     lines.append(f'    return {end}')
     exec(compile('\n'.join(lines), f'<effects: {hook}>', 'exec'), namespace)
-    return njit(namespace[hook])
+    # No division raises: a function that cannot fail is taken into its caller.
+    return njit(namespace[hook], error_model='numpy')
 
 
 def _sum(hook: str, *signals: str) -> Any:

@@ -65,6 +65,11 @@ def advance_axis(
         Of the other axis, at the tick's start and over the tick before [m/s, m/s²].
     """
     stiffness = schedule[at.BRISTLES]
+    # Asked here, as a call costs more than all else of a tick without effects.
+    driven = row[at.DRIVE_COLUMN] != 0.0
+    forced = row[at.FORCE_COLUMN] != 0.0
+    followed = row[at.FOLLOW_COLUMN] != 0.0
+    heated = row[at.HEAT_COLUMN] != 0.0
     for piece in range(at.PIECES):
         count = int(schedule[at.FIRST_PIECE + 2 * piece])
         step = schedule[at.FIRST_PIECE + 2 * piece + 1]
@@ -74,19 +79,23 @@ def advance_axis(
             velocity = state[at.VELOCITY]
             deflection = state[at.DEFLECTION]
             rate = state[at.DEFLECTION_RATE]
-            acting = hooks.drive(row, state, commanded, position, velocity, step, time)
+            acting = commanded
+            if driven:
+                acting = hooks.drive(row, state, acting, position, velocity, step, time)
             acting += external
-            force = acting + hooks.force(
-                row,
-                state,
-                position + 0.5 * step * velocity,
-                velocity,
-                acting,
-                step,
-                time,
-                other_velocity,
-                other_acceleration,
-            )
+            force = acting
+            if forced:
+                force += hooks.force(
+                    row,
+                    state,
+                    position + 0.5 * step * velocity,
+                    velocity,
+                    acting,
+                    step,
+                    time,
+                    other_velocity,
+                    other_acceleration,
+                )
             move = transitions[piece, 1 if velocity >= 0.0 else 0]
             if stiffness > 0.0:
                 free = (
@@ -133,8 +142,9 @@ def advance_axis(
                 + move[3, 4] * force
             )
             output = state[at.POSITION] + row[at.TABLE_SHARE] * state[at.DEFLECTION]
-            state[at.PLAYED] = hooks.follow(row, state, output)
-            state[at.RISE] = hooks.heat(row, state, velocity, step)
+            state[at.PLAYED] = hooks.follow(row, state, output) if followed else output
+            if heated:
+                state[at.RISE] = hooks.heat(row, state, velocity, step)
             time += step
 
 

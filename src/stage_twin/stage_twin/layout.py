@@ -88,7 +88,10 @@ COMMON_SLOTS = _number(False, 0, COMMON_HOOKS)
 AXIS_WIDTH = len(AXIS_FIELDS) + len(AXIS_SLOTS)
 COMMON_WIDTH = len(COMMON_SLOTS)
 FINE_COLUMN = AXIS_SLOTS['', FINE]
+DRIVE_COLUMN = AXIS_SLOTS['', 'drive']
 FORCE_COLUMN = AXIS_SLOTS['', 'force']
+FOLLOW_COLUMN = AXIS_SLOTS['', 'follow']
+HEAT_COLUMN = AXIS_SLOTS['', 'heat']
 
 # State of one axis of the plant; then come the effects' own states. `PLAYED` is the position
 # behind the play, the last two are the velocity at the tick's start and the tick's acceleration.
