@@ -1,13 +1,15 @@
 """The contour controller against the servo twin in another process, over DDS.
 
-    python benchmarks/realtime_contour.py [--lockstep] [--runs 10] [--priority] [--asleep]
+    python benchmarks/realtime_contour.py [--lockstep] [--runs 10] [--composed] [--priority]
 
 Real time: 1 kHz, the processors kept awake; prints the figures, the timing that the node reports
 on /diagnostics, what the other two nodes count, and what the machine itself left out: gaps in
 which a processor ran nothing, and on a virtual machine the processor time that its host kept.
 --priority: with real-time priority, where the system permits it. --asleep: the processors may
 sleep. Exit status 1 where a run failed.
-Lockstep: two fresh graphs; prints both results, which must be equal.
+--composed: driver and controller in one process (`ros2 run stage_bringup control`).
+Lockstep: two fresh graphs of three processes and one of two; prints the results, which must be
+equal.
 """
 
 from __future__ import annotations
@@ -49,7 +51,12 @@ def processor() -> tuple[int, int]:
     return fields[7], sum(fields)
 
 
-def run(lockstep: bool, priority: bool = False) -> str:
+def named(node: str, arguments: list[str]) -> list[str]:
+    """The parameters of one node, for a process of several."""
+    return [f'{node}:{text}' if ':=' in text else text for text in arguments]
+
+
+def run(lockstep: bool, priority: bool = False, composed: bool = False) -> str:
     """Start twin, driver and controller; run once; return the message."""
     reserve_domain()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -83,6 +90,10 @@ def run(lockstep: bool, priority: bool = False) -> str:
             *controller,
         ],
     ]
+    if composed:
+        # The driver's parameters and the controller's, each with the name of its node.
+        both = [*named('stage_driver', commands[1][1:]), *named('contour_ctrl', commands[2][1:])]
+        commands[1:] = [['stage_bringup.control', *both]]
     processes = [
         subprocess.Popen(
             [sys.executable, '-m', module, '--ros-args', '--log-level', 'fatal', *arguments],
@@ -100,7 +111,7 @@ def run(lockstep: bool, priority: bool = False) -> str:
                 timing.update(values, status=status.message)
             for name, counted in COUNTED.items():
                 if status.name == name:
-                    waits[name] = ', '.join(f'{key} {values[key]}' for key in counted)
+                    waits[name] = ', '.join(f'{key} {values.get(key, "-")}' for key in counted)
 
     try:
         with GraphClient('realtime_contour', use_sim_time=lockstep) as client:
@@ -146,6 +157,9 @@ def main() -> int:
     parser.add_argument('--runs', type=int, default=1, help='real time: how often')
     parser.add_argument('--priority', action='store_true', help='with real-time priority')
     parser.add_argument('--asleep', action='store_true', help='the processors may sleep')
+    parser.add_argument(
+        '--composed', action='store_true', help='driver and controller in one process'
+    )
     given = parser.parse_args()
     if given.lockstep:
         return compare()
@@ -155,7 +169,7 @@ def main() -> int:
             print(f'the processors are kept awake: {stack.enter_context(KeepAwake()).how}')
         for _ in range(given.runs):
             try:
-                print(run(False, given.priority), flush=True)
+                print(run(False, given.priority, given.composed), flush=True)
             except StageError as error:
                 print(f'error: {error}', flush=True)
                 failed += 1
@@ -165,13 +179,14 @@ def main() -> int:
 
 
 def compare() -> int:
-    """Run twice in lockstep; 1 where the two differ."""
-    first = run(True)
-    print(first)
-    second = run(True)
-    print(second)
-    print('equal' if first == second else 'DIFFERENT')
-    return int(first != second)
+    """Run in lockstep, twice with three processes and once with two; 1 where results differ."""
+    results = []
+    for composed in (False, False, True):
+        results.append(run(True, composed=composed))
+        print(results[-1], flush=True)
+    equal = len(set(results)) == 1
+    print('equal' if equal else 'DIFFERENT')
+    return int(not equal)
 
 
 if __name__ == '__main__':

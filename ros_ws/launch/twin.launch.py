@@ -1,4 +1,7 @@
-"""The graph on the embedded twin: ``ros2 launch ros_ws/launch/twin.launch.py clock:=realtime``."""
+"""The graph on the embedded twin: ``ros2 launch ros_ws/launch/twin.launch.py clock:=realtime``.
+
+``composed:=true`` runs driver and contour controller in one process.
+"""
 
 from pathlib import Path
 
@@ -17,6 +20,16 @@ def generate_launch_description() -> LaunchDescription:
     simulated = PythonExpression(["'", clock, "' == 'lockstep'"])
     source_clock = PythonExpression(["'ros' if '", clock, "' == 'lockstep' else 'own'"])
 
+    composed = LaunchConfiguration('composed')
+
+    def wanted(executable: str) -> IfCondition:
+        asked = LaunchConfiguration(executable, default='true')
+        if executable not in ('stage_driver', 'contour_ctrl'):
+            return IfCondition(asked)
+        return IfCondition(
+            PythonExpression(["'", asked, "' == 'true' and '", composed, "' != 'true'"])
+        )
+
     def node(package: str, executable: str, config: str, **parameters: object) -> Node:
         return Node(
             package=package,
@@ -24,13 +37,14 @@ def generate_launch_description() -> LaunchDescription:
             name=executable,
             output='screen',
             parameters=[str(CONFIG / config), parameters],
-            condition=IfCondition(LaunchConfiguration(executable, default='true')),
+            condition=wanted(executable),
         )
 
     nominal = str(CONFIG / 'twin_nominal.yaml')
     return LaunchDescription(
         [
             DeclareLaunchArgument('clock', default_value='realtime'),
+            DeclareLaunchArgument('composed', default_value='false'),
             DeclareLaunchArgument('reality', default_value=str(CONFIG / 'twin_reality.yaml')),
             node(
                 'stage_twin',
@@ -62,6 +76,19 @@ def generate_launch_description() -> LaunchDescription:
             ),
             node('calibrator', 'calibrator', 'calibrator.yaml', use_sim_time=simulated),
             node('contour_ctrl', 'contour_ctrl', 'contour_ctrl.yaml', use_sim_time=simulated),
+            # Without a name of its own: it would be that of both nodes.
+            Node(
+                package='stage_bringup',
+                executable='control',
+                output='screen',
+                parameters=[
+                    str(CONFIG / 'stage_driver_servo.yaml'),
+                    str(CONFIG / 'contour_ctrl.yaml'),
+                    {'use_sim_time': simulated},
+                ],
+                ros_arguments=['-p', f'stage_driver:twin:={nominal}'],
+                condition=IfCondition(composed),
+            ),
             node(
                 'gap_diagnosis',
                 'gap_diagnosis',

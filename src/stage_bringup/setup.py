@@ -24,6 +24,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'control = stage_bringup.control:main',
             'keep_awake = stage_bringup.keep_awake:main',
             'session = stage_bringup.session:main',
             'up = stage_bringup.up:main',

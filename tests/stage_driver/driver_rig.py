@@ -112,6 +112,9 @@ class Recorder:
         #: Called with every state, in the driver's thread.
         self.delay = lambda: None
 
+    def on_measured(self, stamp, positions):
+        """For a controller in the driver's process."""
+
     def on_state(self, stamp, positions, velocities):
         self.delay()
         with self.changed:

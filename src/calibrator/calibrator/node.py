@@ -31,6 +31,7 @@ from stage_core.frames import RigidTransform
 from stage_core.parameters import Parameter
 from stage_core.quantities import AXES
 from stage_core.untrusted import json_object
+from stage_node.batch_node import Batches
 from stage_node.deferred_service import create_deferred_service
 from stage_node.node import (
     ERROR,
@@ -39,6 +40,7 @@ from stage_node.node import (
     SETPOINT_QOS,
     STATE_QOS,
     WARN,
+    JointStateReader,
     StageNode,
     joint_state,
     run,
@@ -91,7 +93,9 @@ class Calibrator(StageNode):
         self._models = self.create_publisher(String, topics.MODEL, LATCHED_QOS)
         subscribe = self.create_subscription
         subscribe(JointState, topics.TARGET, self._on_target, SETPOINT_QOS)
-        subscribe(JointState, topics.REFERENCE, self._on_reference, STATE_QOS)
+        self._reader = JointStateReader()
+        self._batches = Batches(self)
+        self._batches.create_subscription(JointState, topics.REFERENCE, self._on_reference)
         subscribe(PointStamped, topics.TRACKER_POINT, self._on_point, STATE_QOS)
         subscribe(TransformStamped, topics.ALIGNMENT, self._on_alignment, LATCHED_QOS)
         subscribe(Temperature, topics.TEMPERATURE, self._on_temperature, STATE_QOS)
@@ -146,11 +150,14 @@ class Calibrator(StageNode):
         self._refusal = reason
         self.get_logger().error(reason)
 
-    def _on_reference(self, message: JointState) -> None:
-        axes = tuple(message.name)
+    def _on_reference(self, data: bytes, _: dict[str, int]) -> None:
+        message = self._reader.read(data)
+        if message is None:
+            return
+        axes = tuple(message.names)
         named_once = len(set(axes)) == len(axes) and set(axes) <= set(AXES)
         if axes and named_once and len(message.position) == len(axes):
-            self._buffer.add_reference(stamp_of(message.header), axes, message.position)
+            self._buffer.add_reference(message.stamp, axes, message.position)
 
     def _on_point(self, message: PointStamped) -> None:
         p = message.point
@@ -215,6 +222,7 @@ class Calibrator(StageNode):
         version = 1 + max([0, *(_version_of(path) for path in folder.glob('model_*.json'))])
         bag, live = self.value('bag'), ''
         if not bag:
+            self._batches.take()
             live = str(Path(self._scratch.name) / 'live.npz')
             save_session(self._buffer.session(), Path(live))
         return Job(
@@ -243,6 +251,7 @@ class Calibrator(StageNode):
         self._file = str(path.absolute())
 
     def _adapt(self) -> None:
+        self._batches.take()
         stored = self._correction.stored
         if not self.value('adapt') or stored is None or self._buffer.empty:
             return

@@ -135,6 +135,19 @@ class ContourRun:
         """Whether the run waits for the effect of the set-point of this stamp [ns]."""
         return self.phase is Phase.APPROACH and stamp == self._sent
 
+    def prompt(self, stamp: int) -> bool:
+        """Whether a message of this stamp [ns] is answered in microseconds.
+
+        What learns after an iteration, or plans a feed hold, takes longer than a tick.
+        """
+        if self.phase is Phase.STREAM and self._reason:
+            return False
+        following = self.phase in (Phase.STREAM, Phase.STOPPING)
+        return not following or self._index(stamp) < len(self._active)
+
+    def _index(self, stamp: int) -> int:
+        return int(round((stamp - self._origin) / self._period_ns))
+
     def begin(self, stamp: int) -> SetPoint:
         """Return the move to the start point."""
         self._ready = False
@@ -237,7 +250,7 @@ class ContourRun:
     def _follow(self, stamp: int, qx: float, qy: float) -> SetPoint | None:
         if self._reason and self.phase is Phase.STREAM:
             self._brake(stamp)
-        k = int(round((stamp - self._origin) / self._period_ns))
+        k = self._index(stamp)
         if k <= self.tick:
             return None
         gap = k - self.tick - 1
@@ -275,7 +288,7 @@ class ContourRun:
 
     def _brake(self, stamp: int) -> None:
         """Replace the plan by its feed hold; the states of the control law go on."""
-        k = min(int(round((stamp - self._origin) / self._period_ns)), len(self.controller) - 1)
+        k = min(self._index(stamp), len(self.controller) - 1)
         reference, learned = self.controller.reference.braked(
             k, self.settings.stop_time, self.controller.learned
         )

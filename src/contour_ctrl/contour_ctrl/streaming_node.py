@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Sequence
 from concurrent.futures import Future
@@ -14,13 +15,14 @@ from rclpy.clock import Clock, ClockType
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
+from contour_ctrl.joined import Joined
 from contour_ctrl.sequence import ContourRun, SetPoint, compile_kernels
 from contour_ctrl.tick import CONTOUR, EX
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter
 from stage_core.quantities import AXES
-from stage_node.joint_state_wire import JointStateLayout
+from stage_node.joint_state_wire import JointSample, JointStateLayout
 from stage_node.node import (
     OK,
     SETPOINT_QOS,
@@ -63,14 +65,17 @@ class StreamingNode(StageNode):
         self._position_only = JointStateLayout(topics.STAGE_FRAME, AXES, (2, 0, 0))
         self._error = Vector3Stamped()
         self._error.header.frame_id = topics.STAGE_FRAME
+        #: Of the run: executor, and where the driver is in this process its thread.
+        self._lock = threading.RLock()
+        self._joined: Joined | None = None
         self._setpoints = self.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
         self._errors = self.create_publisher(Vector3Stamped, topics.CONTOUR_ERROR, STATE_QOS)
-        self.create_subscription(
+        self._states = self.create_subscription(
             JointState, topics.JOINT_STATES, self._on_state, STATE_QOS, raw=True
         )
         # Virtual time stands still in lockstep: the guard runs on the machine's own clock.
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._guard = self.create_timer(0.05, self._watch, clock=clock)
+        self._timer = self.create_timer(0.05, self._watch, clock=clock)
         self.diagnostics.task('timing', self._timing_status)
 
     @property
@@ -87,22 +92,33 @@ class StreamingNode(StageNode):
         """Whether a run is under way."""
         return self.course is not None
 
+    def join(self, driver: Any) -> None:
+        """Work with a `StageDriver` of this process: without the topics between the two."""
+        self.destroy_subscription(self._states)
+        self._joined = Joined(driver, driver.axes, self._lock, self._prompt, self._on_sample)
+        driver.join(self._joined)
+
+    def _prompt(self, stamp: int) -> bool:
+        return self.course is None or self.course.prompt(stamp)
+
     def begin(self, course: ContourRun, answer: Future[str] | None = None) -> Future[str]:
         """Start a run; the future, `answer` or a new one, holds its message or its StageError."""
-        self.course = course
-        self._answer = Future() if answer is None else answer
-        self._arrived = time.monotonic()
-        self._first_seen = False
-        self._missed_before = 0
-        self._begun = False
+        given: Future[str] = Future() if answer is None else answer
+        with self._lock:
+            self.course, self._answer = course, given
+            self._arrived = time.monotonic()
+            self._first_seen = False
+            self._missed_before = 0
+            self._begun = False
         self._watch()
-        return self._answer
+        return given
 
     def stop_run(self, reason: str) -> None:
         """Stop the run smoothly."""
-        if self.course is not None:
-            self._publish(self.course.abort(reason))
-            self._conclude()
+        with self._lock:
+            if self.course is not None:
+                self._publish(self.course.abort(reason))
+                self._conclude()
 
     def run_ended(self, course: ContourRun) -> None:
         """Hook: called once when a run is over, before it is answered."""
@@ -118,17 +134,25 @@ class StreamingNode(StageNode):
         for status in deserialize_message(data, DiagnosticArray).status:
             values = {pair.key: pair.value for pair in status.values}
             stamp, reason = values.get('refused_stamp', ''), values.get('last_refusal', '')
-            if stamp and self.course.awaits(int(stamp)):
+            with self._lock:
+                refused = stamp and self.course is not None and self.course.awaits(int(stamp))
+            if refused:
                 self._fault(reason.replace('~/', f'/{DRIVER}/'))
                 return
 
     def _on_state(self, data: bytes) -> None:
+        if self.course is None or not self._begun:
+            return
+        message = self._reader.read(data)
+        if message is not None:
+            with self._lock:
+                self._on_sample(message)
+
+    def _on_sample(self, message: JointSample) -> None:
+        """Answer a measurement; with the lock."""
         now = time.monotonic()
         course = self.course
         if course is None or not self._begun:
-            return
-        message = self._reader.read(data)
-        if message is None:
             return
         if self._indices is None:
             self._indices = _axis_places(message.names)
@@ -164,14 +188,22 @@ class StreamingNode(StageNode):
             data = self._position_only.encode(point.stamp, point.position)
         else:
             data = self._both.encode(point.stamp, point.position, point.velocity)
-        self._setpoints.publish(data)
+        if self._joined is None:
+            self._setpoints.publish(data)
+            return
+        sample = JointSample(point.stamp, AXES, point.position, point.velocity or ())
+        self._joined.take(sample, data)
+        self._joined.publish(self._setpoints, data)
 
     def _publish_error(self, course: ContourRun, stamp: int) -> None:
         row = course.newest_record()
         set_stamp(self._error.header, stamp)
         vector = self._error.vector
         vector.x, vector.y, vector.z = float(row[EX]), float(row[EX + 1]), float(row[CONTOUR])
-        self._errors.publish(self._error)
+        if self._joined is None:
+            self._errors.publish(self._error)
+        else:
+            self._joined.publish(self._errors, self._error)
 
     def _watch(self) -> None:
         """Guard: silence starts a contour in lockstep, and ends a run where it is a loss."""
@@ -179,6 +211,15 @@ class StreamingNode(StageNode):
         if course is None:
             return
         silence = time.monotonic() - self._arrived
+        limit = self.silence_limit() if self._first_seen else FIRST_MESSAGE_TIMEOUT
+        # A run that goes on is left alone: whoever answers its ticks must not find it locked.
+        if not self._begun or course.waits_for_quiet or silence > limit:
+            with self._lock:
+                self._guard_run(course, silence, limit)
+
+    def _guard_run(self, course: ContourRun, silence: float, limit: float) -> None:
+        if self.course is not course:
+            return
         if not self._begun:
             # A set-point that nobody has subscribed to yet would be lost.
             if self._setpoints.get_subscription_count() > 0:
@@ -187,19 +228,17 @@ class StreamingNode(StageNode):
                 self._publish(course.begin(self.get_clock().now().nanoseconds))
             elif silence > FIRST_MESSAGE_TIMEOUT:
                 self._fault(f'nobody listens to {topics.SETPOINT}: is stage_driver running?')
-            return
-        if course.waits_for_quiet:
+        elif course.waits_for_quiet:
             if silence > QUIET_TIME:
                 self._publish(course.world_is_quiet())
-            return
-        limit = self.silence_limit() if self._first_seen else FIRST_MESSAGE_TIMEOUT
-        if silence > limit:
+        elif silence > limit:
             self._fault(course.silence(silence))
 
     def _fault(self, reason: str) -> None:
-        if self.course is not None:
-            self._publish(self.course.fault(self.get_clock().now().nanoseconds, reason))
-            self._conclude()
+        with self._lock:
+            if self.course is not None:
+                self._publish(self.course.fault(self.get_clock().now().nanoseconds, reason))
+                self._conclude()
 
     def _conclude(self) -> None:
         course, answer = self.course, self._answer

@@ -21,7 +21,17 @@ from stage_core.frames import RigidTransform
 from stage_core.parameters import Parameter
 from stage_core.priority import to_background
 from stage_core.twin_file import TwinFile
-from stage_node.node import LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run, stamp_of
+from stage_node.batch_node import Batches
+from stage_node.node import (
+    LATCHED_QOS,
+    OK,
+    STATE_QOS,
+    WARN,
+    JointStateReader,
+    StageNode,
+    run,
+    stamp_of,
+)
 
 PARAMETERS = (
     Parameter('bag', '', 'session bag that ~/diagnose reads'),
@@ -79,12 +89,13 @@ class GapDiagnosisNode(StageNode):
         return LiveMonitor(twin, self.value('window'), self.value('learn'), self.value('band'))
 
     def _start_live(self) -> None:
+        self._batches = Batches(self)
         for topic, fields in (
             (topics.REFERENCE, ('position', 'velocity')),
             (topics.COMMAND, ('velocity', 'effort')),
             (topics.JOINT_STATES, ('position',)),
         ):
-            self.create_subscription(JointState, topic, self._collector(topic, fields), STATE_QOS)
+            self._batches.create_subscription(JointState, topic, self._collector(topic, fields))
         self.create_subscription(PointStamped, topics.TRACKER_POINT, self._on_point, STATE_QOS)
         self.create_subscription(
             TransformStamped, topics.ALIGNMENT, self._on_alignment, LATCHED_QOS
@@ -95,11 +106,15 @@ class GapDiagnosisNode(StageNode):
     def _collector(self, topic: str, fields: tuple[str, ...]) -> Any:
         monitor = self.monitor
         assert monitor is not None
+        reader = JointStateReader()
 
-        def take(message: JointState) -> None:
+        def take(data: bytes, _: dict[str, int]) -> None:
+            message = reader.read(data)
+            if message is None:
+                return
             values = tuple(v for name in fields for v in getattr(message, name))
-            if len(values) == len(fields) * len(message.name):
-                monitor.add(topic, stamp_of(message.header), tuple(message.name), values)
+            if len(values) == len(fields) * len(message.names):
+                monitor.add(topic, message.stamp, tuple(message.names), values)
 
         return take
 

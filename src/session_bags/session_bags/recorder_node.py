@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import re
 import sys
@@ -21,6 +20,7 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter, Value
 from stage_core.twin_file import TwinFile
+from stage_node.batch_node import Batches
 from stage_node.node import ERROR, LATCHED_QOS, OK, WARN, StageNode, run
 
 _NAME = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]*')
@@ -58,7 +58,9 @@ class SessionRecorder(StageNode):
         self._latched: dict[str, bytes] = {}
         self._opening: dict[str, bytes] = {}
         self._pending = set(self.value('topics'))
-        self._topic_subscriptions: dict[str, Any] = {}
+        self._topics: set[str] = set()
+        self._taken: list[tuple[int, str, str, bytes, bool, dict[str, int]]] = []
+        self._batches = Batches(self, self._write_batch)
         self._subscribe()
         self.create_service(Trigger, '~/start', self._on_start)
         self.create_service(Trigger, '~/stop', self._on_stop)
@@ -86,37 +88,41 @@ class SessionRecorder(StageNode):
         if self._pending - topics.TOPIC_TYPES.keys():
             found = dict(self.get_topic_names_and_types())
         if _ALL in self._pending:
-            self._pending |= found.keys() - self._topic_subscriptions.keys() - {topics.CLOCK}
+            self._pending |= found.keys() - self._topics - {topics.CLOCK}
         for topic in sorted(self._pending):
             type_name = topics.TOPIC_TYPES.get(topic) or next(iter(found.get(topic, ())), None)
             if type_name is None:
                 continue
             self._pending.discard(topic)
             self._drops[topic] = DropCounter()
-            self._topic_subscriptions[topic] = self.create_subscription(
+            self._topics.add(topic)
+            self._batches.create_subscription(
                 message_class(type_name),
                 topic,
-                self._callback(topic, type_name),
+                self._taker(topic, type_name),
                 LATCHED_QOS if topic in topics.LATCHED else RECORDER_QOS,
-                raw=True,
             )
 
-    def _callback(self, topic: str, type_name: str) -> Any:
+    def _taker(self, topic: str, type_name: str) -> Any:
         header = has_header(type_name)
-        latched = topic in topics.LATCHED
 
-        def arrived(*given: Any) -> None:
-            data, info = given if len(given) == 2 else given[0]
-            if latched:
+        def take(data: bytes, info: dict[str, int]) -> None:
+            if topic in topics.LATCHED:
                 self._latched[topic] = data
+            if self._writer is not None:
+                self._taken.append(
+                    (info['received_timestamp'], topic, type_name, data, header, info)
+                )
+
+        return take
+
+    def _write_batch(self) -> None:
+        """Write what was taken in the order of its arrival."""
+        taken, self._taken = self._taken, []
+        for _, topic, type_name, data, header, info in sorted(taken, key=lambda row: row[0]):
             if self._writer is not None:
                 self._drops[topic].add(info['publication_sequence_number'])
                 self._write(topic, type_name, data, header, info)
-
-        # rclpy counts the arguments to see that the callback wants the message's information;
-        # its EventsExecutor (7.1) then hands both over as one tuple.
-        arrived.__signature__ = inspect.signature(lambda data, info: None)  # type: ignore[attr-defined]
-        return arrived
 
     def _write(
         self, topic: str, type_name: str, data: bytes, header: bool, info: dict[str, int]
@@ -179,6 +185,8 @@ class SessionRecorder(StageNode):
 
     def _start(self) -> Path:
         """Open a new bag and begin it with the latched messages; its path."""
+        # What came before belongs to no bag.
+        self._batches.take()
         self._writer = self._open()
         self._failure = ''
         for topic in self._drops:
@@ -210,7 +218,9 @@ class SessionRecorder(StageNode):
 
     def _close(self) -> str:
         """Finish the bag; one line on what it holds."""
-        assert self._writer is not None
+        self._batches.take()
+        if self._writer is None:
+            raise StageError(self._failure)
         self._write_opening(self.get_clock().now().nanoseconds)
         writer, self._writer = self._writer, None
         drops = {topic: c.known_drops for topic, c in self._drops.items() if c.received}

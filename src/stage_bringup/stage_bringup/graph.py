@@ -10,6 +10,9 @@ from pathlib import Path
 from stage_bringup.processes import NodeCommand
 from stage_core.errors import StageError
 
+#: What `control` holds in one process.
+CONTROL = ('stage_driver', 'contour_ctrl')
+
 
 @dataclass(frozen=True)
 class Options:
@@ -28,6 +31,7 @@ class Options:
     reality: Path | None = None
     nominal: Path | None = None
     live: bool = True
+    composed: bool = False
 
 
 def config_folder() -> Path:
@@ -96,7 +100,7 @@ def commands(options: Options) -> list[NodeCommand]:
     # The position loop forgets a move's lag within 0.35 s; the rest of the dwell is measured.
     driver: dict[str, object] = {'backend': backend, 'twin': nominal, 'settle_time': 0.6}
     driver |= {'port': pty} if stepper else {'drive_port': drive_port}
-    return [
+    found = [
         NodeCommand(
             'stage_twin',
             'stage_twin.node',
@@ -111,13 +115,13 @@ def commands(options: Options) -> list[NodeCommand]:
                 'tracker_port': tracker_port,
                 'pty_link': pty,
             },
-            config / 'stage_twin.yaml',
+            (config / 'stage_twin.yaml',),
         ),
         NodeCommand(
             'stage_driver',
             'stage_driver.node',
             {**driver, **clock},
-            config / f'stage_driver_{backend}.yaml',
+            (config / f'stage_driver_{backend}.yaml',),
         ),
         NodeCommand(
             'tracker_bridge',
@@ -128,19 +132,19 @@ def commands(options: Options) -> list[NodeCommand]:
                 'source_clock': 'ros' if lockstep else 'own',
                 **clock,
             },
-            config / 'tracker_bridge.yaml',
+            (config / 'tracker_bridge.yaml',),
         ),
         NodeCommand(
             'session_recorder',
             'session_bags.recorder_node',
             {'directory': options.out, 'twin': nominal, **clock},
-            config / 'session_recorder.yaml',
+            (config / 'session_recorder.yaml',),
         ),
         NodeCommand(
             'calibrator',
             'calibrator.node',
             {'method': options.method, 'model_folder': options.out / 'models', **clock},
-            config / 'calibrator.yaml',
+            (config / 'calibrator.yaml',),
         ),
         NodeCommand(
             'contour_ctrl',
@@ -151,12 +155,27 @@ def commands(options: Options) -> list[NodeCommand]:
                 'session_folder': options.out / 'learned',
                 **clock,
             },
-            config / ('contour_ctrl_zaber.yaml' if stepper else 'contour_ctrl.yaml'),
+            (config / ('contour_ctrl_zaber.yaml' if stepper else 'contour_ctrl.yaml'),),
         ),
         NodeCommand(
             'gap_diagnosis',
             'gap_diagnosis.node',
             {'twin': nominal, 'out': options.out / 'diagnosis', 'live': options.live, **clock},
-            config / 'gap_diagnosis.yaml',
+            (config / 'gap_diagnosis.yaml',),
         ),
     ]
+    return composed(found) if options.composed else found
+
+
+def composed(found: list[NodeCommand]) -> list[NodeCommand]:
+    """The same nodes with driver and contour controller in one process, see `control`."""
+    both = [command for command in found if command.name in CONTROL]
+    together = NodeCommand(
+        'control',
+        'stage_bringup.control',
+        {f'{c.name}:{name}': value for c in both for name, value in c.parameters.items()},
+        tuple(path for c in both for path in c.parameter_files),
+    )
+    place = found.index(both[0])
+    others = [command for command in found if command not in both]
+    return [*others[:place], together, *others[place:]]

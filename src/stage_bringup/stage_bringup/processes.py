@@ -29,18 +29,18 @@ def _die_with_parent() -> None:
 
 @dataclass(frozen=True)
 class NodeCommand:
-    """One node: its name, the module with its ``main``, its parameters."""
+    """One process: its name, the module with its ``main``, its nodes' parameters and files."""
 
     name: str
     module: str
     parameters: Mapping[str, object]
-    parameter_file: Path | None = None
+    parameter_files: tuple[Path, ...] = ()
 
     def arguments(self) -> list[str]:
         """Command line of the process."""
         line = [sys.executable, '-c', _SETUP.format(module=self.module), '--ros-args']
-        if self.parameter_file is not None:
-            line += ['--params-file', str(self.parameter_file)]
+        for path in self.parameter_files:
+            line += ['--params-file', str(path)]
         for name, value in self.parameters.items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             line += ['-p', f'{name}:={text}']

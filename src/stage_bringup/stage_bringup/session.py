@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from stage_bringup.graph import Options, commands, config_folder
+from stage_bringup.graph import CONTROL, Options, commands, config_folder
 from stage_bringup.keep_awake import KeepAwake
 from stage_bringup.processes import Processes
 from stage_bringup.progress import Progress
@@ -57,6 +57,9 @@ def parse(arguments: Sequence[str] | None) -> Options:
     parser.add_argument('--no-diagnosis', action='store_true', help='skip the gap diagnosis')
     parser.add_argument('--reality', type=Path, help='twin file of the machine that is emulated')
     parser.add_argument('--nominal', type=Path, help='twin file of the nominal machine')
+    parser.add_argument(
+        '--composed', action='store_true', help='driver and contour controller in one process'
+    )
     given = parser.parse_args(arguments)
     if given.grid < 3 or given.heldout < 3 or given.iterations < 1:
         raise StageError('a session needs --grid >= 3, --heldout >= 3 and --iterations >= 1')
@@ -79,6 +82,7 @@ def parse(arguments: Sequence[str] | None) -> Options:
         # The world in lockstep waits for its slowest node, and live mode reads every topic of
         # every tick: the session is diagnosed from its bag.
         live=given.clock != 'lockstep',
+        composed=given.composed,
     )
 
 
@@ -88,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parse(arguments)
     config_folder()
     nodes = commands(options)
-    refuse_second_graph([node.name for node in nodes])
+    refuse_second_graph([*CONTROL, *(node.name for node in nodes)])
     options.out.mkdir(parents=True, exist_ok=True)
     # Ctrl-C and SIGTERM take the same way out: the graph is ended before this process is.
     signal.signal(signal.SIGTERM, interrupt)

@@ -16,6 +16,12 @@ INFO, WARNING, FAILURE = 0, 1, 2
 class Listener(Protocol):
     """Receives samples and events in the backend's thread; stamps in ns, SI units."""
 
+    def on_measured(self, stamp: int, positions: Sequence[float]) -> None:
+        """Take measured positions [m] before the force of their tick is computed.
+
+        A set-point that is submitted in here belongs to this tick.
+        """
+
     def on_state(
         self, stamp: int, positions: Sequence[float], velocities: Sequence[float]
     ) -> None:
@@ -36,6 +42,16 @@ class Listener(Protocol):
 
     def on_event(self, level: int, text: str) -> None:
         """Take something worth a log line."""
+
+
+class Controller(Protocol):
+    """A controller in the driver's own process; called in the backend's thread, must not wait."""
+
+    def measured(self, stamp: int, positions: Sequence[float]) -> None:
+        """Take positions [m] in the order of the axes; answer by `StageDriver.take`."""
+
+    def told(self) -> None:
+        """Publish what was kept back: the force of the tick is on its way."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import SetBool, Trigger
 
 from stage_core import topics
-from stage_driver.backend import FAILURE, WARNING, Backend
+from stage_driver.backend import FAILURE, WARNING, Backend, Controller
 from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config, zaber_config
 from stage_driver.servo import ServoBackend
 from stage_driver.states import State
@@ -20,7 +20,7 @@ from stage_driver.zaber import ZaberBackend
 from stage_driver.zaber_lockstep import LockstepZaberBackend
 from stage_driver.zaber_words import describe_flag
 from stage_node.deferred_service import create_deferred_service
-from stage_node.joint_state_wire import JointStateLayout
+from stage_node.joint_state_wire import JointSample, JointStateLayout
 from stage_node.node import (
     ERROR,
     OK,
@@ -37,6 +37,8 @@ from stage_node.node import (
 #: The servo thread must get the interpreter within a fraction of a tick [s], also while set-points
 #: flood the executor's thread; with Python's own 5 ms the velocity loop is unstable then.
 SWITCH_INTERVAL = 2e-4
+#: Own set-points that may still come back: more than the executor can ever lag behind.
+OWN_KEPT = 4096
 #: The same refusal at the stream's rate is one line of the log in this time [s].
 LOG_PERIOD = 5.0
 #: Refused set-points make /diagnostics speak at most this often [s].
@@ -48,7 +50,7 @@ class StageDriver(StageNode):
 
     def __init__(self) -> None:
         super().__init__('stage_driver', PARAMETERS)
-        axes = axes_of(self.value)
+        axes = self.axes = axes_of(self.value)
         count = len(axes)
         # Three topics at 1 kHz leave no time for a message object each.
         self._moving = JointStateLayout(topics.STAGE_FRAME, axes, (count, count, 0))
@@ -66,6 +68,10 @@ class StageDriver(StageNode):
         self._logged: dict[str, float] = {}
         self._refused_at = self._told_refusal = -1e9
         self._rivals = 0
+        self._controller: Controller | None = None
+        #: Set-points of the controller in this process, which come back by the topic.
+        self._own: dict[bytes, None] = {}
+        self._own_lock = threading.Lock()
         self._backend: Backend = self._make_backend()
         self.create_subscription(
             JointState, topics.SETPOINT, self._on_setpoint, SETPOINT_QOS, raw=True
@@ -99,12 +105,30 @@ class StageDriver(StageNode):
             return ZaberBackend(config, self)
         return ServoBackend(servo_config(self.value), self)
 
+    # -- a controller in this process ---------------------------------------------------------
+
+    def join(self, controller: Controller) -> None:
+        """Hand every measurement to a controller of this process from now on."""
+        self._controller = controller
+
+    def take(self, sample: JointSample, data: bytes) -> None:
+        """Take a set-point of the controller; `data` is what it publishes of it."""
+        with self._own_lock:
+            self._own[data] = None
+            if len(self._own) > OWN_KEPT:
+                del self._own[next(iter(self._own))]
+        self._backend.submit(*sample[:4])
+
     # -- requests -----------------------------------------------------------------------------
 
     def _on_setpoint(self, data: bytes) -> None:
+        if self._own:
+            with self._own_lock:
+                if data in self._own:
+                    return
         message = self._reader.read(data)
         if message is not None:
-            self._backend.submit(*message)
+            self._backend.submit(*message[:4])
 
     def _on_stop(self, _: Any, response: Any) -> Any:
         response.message = self._backend.stop()
@@ -113,11 +137,18 @@ class StageDriver(StageNode):
 
     # -- the backend's listener, called in its thread -----------------------------------------
 
+    def on_measured(self, stamp: int, positions: Sequence[float]) -> None:
+        """Let the controller of this process answer."""
+        if self._controller is not None:
+            self._controller.measured(stamp, positions)
+
     def on_state(
         self, stamp: int, positions: Sequence[float], velocities: Sequence[float]
     ) -> None:
         """Publish /stage/joint_states."""
         self._measured_out.publish(self._moving.encode(stamp, positions, velocities))
+        if self._controller is not None:
+            self._controller.told()
 
     def on_control(
         self,

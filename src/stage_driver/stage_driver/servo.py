@@ -33,12 +33,14 @@ CLOSE_TIMEOUT = 2.0
 class ServoBackend(InboxBackend):
     """Owns the loop's thread; everything else talks to it through the inbox."""
 
-    def __init__(self, config: ServoConfig, listener: Listener) -> None:
+    def __init__(
+        self, config: ServoConfig, listener: Listener, link: DriveSocket | None = None
+    ) -> None:
         super().__init__(config.axes, listener)
         self.config = config
         self._axes = ServoAxes(config)
         self.motion = self._axes.motion
-        self._link = DriveSocket(config.host, config.port)
+        self._link = link or DriveSocket(config.host, config.port)
         self._drive = f'{config.host}:{config.port}'
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name='servo_loop', daemon=True)
@@ -156,6 +158,7 @@ class ServoBackend(InboxBackend):
         if not repeated:
             self._axes.measure(datagram.values, passed)
             self._untold = datagram
+            self._listener.on_measured(self._stamp, self._axes.encoder.tolist())
         if self._link.lockstep:
             # Its set-point is awaited; in real time the force goes first, which the plant awaits.
             self._tell_state()
@@ -295,6 +298,8 @@ class ServoBackend(InboxBackend):
         if not self.motion.streaming:
             return
         self._stream_age += 1
+        # One tick is the way through another process.
+        self._counts['late_setpoints'] += self._stream_age > 2
         if self._stream_age * self._axes.period > self.config.setpoint_timeout:
             self._watchdog(f'no set-point for {self.config.setpoint_timeout} s')
 

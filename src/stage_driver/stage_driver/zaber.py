@@ -137,12 +137,16 @@ class ZaberBackend(InboxBackend):
             return
         self._watch_flags(stage, poll)
         self._progress(poll)
+        # A controller in this process answers the poll before it is passed on.
+        self._drain()
         self._follow_stream(stage, poll)
         self._publish(stage, poll)
 
     def _poll(self, stage: ZaberStage) -> Poll | None:
         poll = stage.poll()
         self._counts['missed_polls'] += poll is None
+        if poll is not None:
+            self._listener.on_measured(poll.stamp, stage.metres(poll.steps))
         return poll
 
     def _watch_flags(self, stage: ZaberStage, poll: Poll) -> None:

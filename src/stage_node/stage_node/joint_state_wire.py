@@ -18,12 +18,13 @@ _STAMP = struct.Struct('<iI')
 
 
 class JointSample(NamedTuple):
-    """What a JointState says: stamp [ns], axes, and per axis position and velocity, or nothing."""
+    """What a JointState says: stamp [ns], axes, and position, velocity, effort or nothing."""
 
     stamp: int
     names: Sequence[str]
     position: Sequence[float]
     velocity: Sequence[float]
+    effort: Sequence[float] = ()
 
 
 class JointStateLayout:
@@ -96,6 +97,7 @@ class JointStateLayout:
             self.names,
             parts[4:second],
             parts[second + 1 : third],
+            parts[third + 1 :],
         )
 
 

@@ -290,7 +290,7 @@ class JointStateReader:
             counts = len(position), len(velocity), len(message.effort)
             known = JointStateLayout(message.header.frame_id, names, counts)
             self._layouts[len(data)] = known if known.decode(data) is not None else None
-        return JointSample(stamp_of(message.header), names, position, velocity)
+        return JointSample(stamp_of(message.header), names, position, velocity, message.effort)
 
 
 def local_graph() -> None:
@@ -350,11 +350,15 @@ def first_time(node: Node, timeout: float = 30.0) -> int:
         executor.remove_node(node)
 
 
-def run(factory: Callable[[], StageNode], arguments: Sequence[str] | None = None) -> int:
-    """Run one node until SIGINT or SIGTERM; the exit status of the process.
+def run(
+    factory: Callable[[], StageNode | Sequence[StageNode]],
+    arguments: Sequence[str] | None = None,
+) -> int:
+    """Run a node, or several in one process, until SIGINT or SIGTERM; the process' exit status.
 
-    A :class:`StageError` while the node starts is one line on stderr and exit status 2; so is what
-    ROS itself refuses, as a node without its keys where SROS 2 is enforced.
+    A :class:`StageError` while the nodes start is one line on stderr and exit status 2; so is what
+    ROS itself refuses, as a node without its keys where SROS 2 is enforced. Several nodes are shut
+    down in the order in which `factory` returns them.
     """
     local_graph()
     ended = threading.Event()
@@ -365,11 +369,12 @@ def run(factory: Callable[[], StageNode], arguments: Sequence[str] | None = None
         return _refused(error)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    node: StageNode | None = None
+    nodes: Sequence[StageNode] = ()
     executor: Executor | None = None
     try:
         try:
-            node = factory()
+            made = factory()
+            nodes = [made] if isinstance(made, StageNode) else made
         except (
             StageError,
             rclpy.exceptions.InvalidParameterTypeException,
@@ -377,20 +382,25 @@ def run(factory: Callable[[], StageNode], arguments: Sequence[str] | None = None
         ) as error:
             return _refused(error)
         executor = make_executor()
-        executor.add_node(node)
-        # What lives as long as the node is not looked through again: that takes many ticks.
+        for node in nodes:
+            executor.add_node(node)
+        # What lives as long as the nodes is not looked through again: that takes many ticks.
         gc.collect()
         gc.freeze()
-        node.scheduling = to_real_time(node.thread_priority())
+        scheduling = to_real_time(max(node.thread_priority() for node in nodes))
+        for node in nodes:
+            node.scheduling = scheduling
         spin(executor, ended)
         return 0
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0
     finally:
-        if node is not None:
+        for node in nodes:
             node.shutdown()
+        if nodes:
             # The last messages (a stop, a fault) must leave before the participant does.
             time.sleep(0.05)
+        for node in nodes:
             if executor is not None:
                 executor.remove_node(node)
             node.destroy_node()

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ownership import Ownership, address
+from stage_node.batch_node import Batches
 from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run, set_stamp
 from tracker_bridge.bridge import CLOCK_LOST, Bridge, Limits
 from tracker_bridge.joint_cdr import stamp_and_position
@@ -72,9 +73,8 @@ class TrackerBridge(StageNode):
         self._source = self._make_source()
         self._points = self.create_publisher(PointStamped, topics.TRACKER_POINT, STATE_QOS)
         self._transforms = self.create_publisher(TransformStamped, topics.ALIGNMENT, LATCHED_QOS)
-        self._joint_states = self.create_subscription(
-            JointState, topics.JOINT_STATES, self._on_joint_states, STATE_QOS, raw=True
-        )
+        self._batches = Batches(self)
+        self._batches.create_subscription(JointState, topics.JOINT_STATES, self._on_joint_states)
         self.create_service(Trigger, '~/align', self._on_align)
         self.create_service(Trigger, '~/reset', self._on_reset)
         steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
@@ -117,7 +117,7 @@ class TrackerBridge(StageNode):
             message.point.x, message.point.y, message.point.z = x, y, z
             self._points.publish(message)
 
-    def _on_joint_states(self, data: bytes) -> None:
+    def _on_joint_states(self, data: bytes, _: dict[str, int]) -> None:
         try:
             stamp, position = stamp_and_position(data)
         except ValueError:
@@ -168,11 +168,7 @@ class TrackerBridge(StageNode):
         simulated = bool(self.get_parameter('use_sim_time').value)
         deadline = time.monotonic() + ALIGN_TIMEOUT
         while time.monotonic() < deadline:
-            with self._joint_states.handle:
-                while (
-                    taken := self._joint_states.handle.take_message(JointState, True)
-                ) is not None:
-                    self._on_joint_states(taken[0])
+            self._batches.take()
             with self._lock:
                 newest = (self._bridge.last_stamp or 0, self._pairs.last_stage or 0)
                 quiet = time.monotonic() - self._arrived > QUIET_TIME
