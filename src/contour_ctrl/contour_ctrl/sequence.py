@@ -132,7 +132,13 @@ class ContourRun:
         return self.settings.lockstep and self.phase is Phase.APPROACH and self._ready
 
     def awaits(self, stamp: int) -> bool:
-        """Whether the run waits for the effect of the set-point of this stamp [ns]."""
+        """Whether the run cannot go on without the set-point of this stamp [ns].
+
+        A move to the start that was refused is not executed; a driver that refuses one set-point
+        of a stream has ended the stream.
+        """
+        if self.phase is Phase.STREAM:
+            return self._origin <= stamp <= self._sent
         return self.phase is Phase.APPROACH and stamp == self._sent
 
     def prompt(self, stamp: int) -> bool:

@@ -128,7 +128,7 @@ class StreamingNode(StageNode):
         return 0.5
 
     def node_spoke(self, node: str, data: bytes) -> None:
-        """End a run at once whose move to the start the driver has refused."""
+        """End a run at once of which the driver has refused a set-point."""
         if self.course is None or node != DRIVER:
             return
         for status in deserialize_message(data, DiagnosticArray).status:

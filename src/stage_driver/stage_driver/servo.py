@@ -116,11 +116,9 @@ class ServoBackend(InboxBackend):
             return
         self._drain()
         self._begin_awaited_homing()
-        silent = self._link.silence()
-        if self._link.connected and not self._link.lockstep:
-            if silent > self.config.link_timeout:
-                self._lost(silent)
-        elif self._link.connected and silent > self.config.lockstep_timeout:
+        silent, config = self._link.silence(), self.config
+        longest = config.lockstep_timeout if self._link.lockstep else config.link_timeout
+        if self._link.connected and silent > longest:
             self._lost(silent)
 
     def _lost(self, silent: float) -> None:
