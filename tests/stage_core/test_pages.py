@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import base64
 import re
+import shutil
+import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
+import matplotlib.image
 import pytest
 
 from stage_core import theme
@@ -14,6 +17,8 @@ from stage_core.errors import StageError
 from stage_core.pages import Page
 from stage_core.wording import effect_words, measure, span, with_interval, with_std
 from stage_reports import figures
+
+CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'google-chrome', 'chrome'))), None)
 
 
 def test_the_page_is_self_contained_and_escaped(tmp_path: Path) -> None:
@@ -41,8 +46,30 @@ def test_a_picture_has_the_colours_of_both_themes() -> None:
     drawing = text[text.index('</style>') :]
     assert 'var(--blue)' in drawing and 'var(--ink)' in drawing
     assert not set(re.findall(r'#[0-9a-f]{6}\b', drawing)) & {c for c, _ in theme.COLOURS.values()}
-    assert 'prefers-color-scheme:dark' in text
+    assert '@media screen and (prefers-color-scheme:dark)' in text
     assert theme.svg(figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm')) == text
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
+@pytest.mark.parametrize('dark', [False, True])
+def test_page_and_picture_follow_the_same_theme(tmp_path: Path, dark: bool) -> None:
+    page = Page('theme').figure(figures.histogram({'a': [0.0, 1.0, 2.0]}), 'a picture')
+    shot = tmp_path / 'shot.png'
+    subprocess.run(
+        [
+            str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu', '--hide-scrollbars',
+            f'--blink-settings=preferredColorScheme={0 if dark else 1}', '--window-size=700,600',
+            f'--user-data-dir={tmp_path / "profile"}', f'--screenshot={shot}',
+            page.save(tmp_path / 'page.html').as_uri(),
+        ],
+        check=True, timeout=120, capture_output=True,
+    )  # fmt: skip
+    luminance = matplotlib.image.imread(shot)[:, :, :3].mean(axis=2)
+    corner, ink = luminance[:5, :5].mean(), luminance[90:400]
+    # The picture's letters stand out from the page, whichever theme it has.
+    assert (corner < 0.2) if dark else (corner > 0.9)
+    contrast = ink.max() - corner if dark else corner - ink.min()
+    assert contrast > 0.6
 
 
 def test_neighbouring_pictures_share_a_row() -> None:

@@ -69,8 +69,7 @@ def css() -> str:
     light = f'{theme.variables(0)}--page:#fff;--card:#f3f6f8'
     dark = f'{theme.variables(1)}--page:#14181c;--card:#1f262d'
     return (
-        f':root{{{light}}}@media (prefers-color-scheme:dark) and (not print){{:root{{{dark}}}}}'
-        + _CSS
+        f':root{{{light}}}@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}' + _CSS
     )
 
 
@@ -245,6 +244,8 @@ def _navigation(entries: Sequence[Entry]) -> str:
 
 
 def _text(text: str) -> str:
+    # A number and its unit stay in one line.
+    text = re.sub(r'(?<=\d) (?=(?:µm|mm|µrad|rad|N|°C|%|s)\b|%)', '\u00a0', text)
     return re.sub(r'`([^`]+)`', r'<code>\1</code>', html.escape(text, quote=False))
 
 

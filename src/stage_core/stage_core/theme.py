@@ -70,7 +70,7 @@ def svg(figure: Any) -> str:
         text = text.replace(light, f'var(--{name})')
     style = (
         f'<style>:root{{{variables(0)}fill:var(--ink)}}'
-        f'@media (prefers-color-scheme:dark){{:root{{{variables(1)}}}}}</style>'
+        f'@media screen and (prefers-color-scheme:dark){{:root{{{variables(1)}}}}}</style>'
     )
     head = text.index('>') + 1
     return text[:head] + style + text[head:]
