@@ -19,7 +19,7 @@ from gap_diagnosis.closed_loop.channels import (
 )
 from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.describe import describe
+from gap_diagnosis.evidence.describe import describe, plain_values, surer
 from gap_diagnosis.evidence.localise import Condition, conditions, features
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.data import Record, held_out_windows, load_record
@@ -154,7 +154,10 @@ def diagnose(
         if not set(without) & {'tracker_misalignment', 'tracker_latency'}:
             moved = coarse.find(records)
             records = [replace(coarse.moved_back(r, moved), coarse=moved) for r in records]
-        kinematics = Kinematics(records, seen)
+        servo = [describe(p.selection, p.selector.regression) for p in parts]
+        kinematics = Kinematics(
+            records, seen, plain_values({k: v for f in servo for k, v in f.items()})
+        )
         rules, least = (REST_RULES, LEAST_RESTS) if stepper else (KINEMATIC_RULES, LEAST_ROWS)
         known = stepper and rest_scatter(twin, records) is not None
         part = fit_part('tracker', kinematics.problem(), rules, seed, without, least, known)
@@ -168,9 +171,10 @@ def diagnose(
             progress(f'closed loop of axis {axis}: refining {", ".join(found)}')
             own = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
             found = polish(records, twin, axis, found, own)
-        parameters.update(found)
+        for name, values in found.items():
+            parameters[name] = surer(parameters.get(name, {}), values)
     progress('closed-loop replay of the nominal and of the corrected twin')
-    effects = {n: {k: v for k, (v, _) in p.items()} for n, p in parameters.items()}
+    effects = plain_values(parameters)
     channels = gap_channels(records, twin, effects, parts)
     return _conclude(
         records,
@@ -204,7 +208,7 @@ def _conclude(
     progress: Progress,
 ) -> Diagnosis:
     scored = [r for r in records if r.held_out_session] or records
-    effects = {n: {k: v for k, (v, _) in p.items()} for n, p in parameters.items()}
+    effects = plain_values(parameters)
     before, after = position_rms(channels, 'before'), position_rms(channels, 'after')
     progress('leaving out one cause at a time')
     causes = [
@@ -259,14 +263,15 @@ def _cause(
 ) -> judge.Cause:
     """Gap without this one cause, gap with all of them, and the interval of the difference."""
     rest = {n: v for n, v in effects.items() if n != name}
-    part = next((p for p in parts if name in p.selection.accepted), None)
+    showing = [p for p in parts if name in p.selection.accepted]
+    part = showing[0] if showing else None
     squares_without: list[Array] = []
     squares_with: list[Array] = []
     for channel in channels.values():
         if channel.unit != 'm':
             continue
         squares_with.append(np.concatenate([a**2 for a in channel.after]))
-    lesser = without_cause(name, rest, scored, twin, part, channels)
+    lesser = without_cause(name, rest, scored, twin, showing, channels)
     for channel in channels.values():
         if channel.unit == 'm':
             squares_without.append(np.concatenate([a**2 for a in lesser[channel.name]]))
@@ -295,7 +300,7 @@ def _cause(
         interval=(float(low), float(high)),
         status='accepted',
         alternatives=list(found.alternatives) if found is not None else [],
-        strength=judge.strength(part, name),
+        strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
         contains=contained(part, name, seed),
     )
 

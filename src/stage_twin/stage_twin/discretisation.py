@@ -91,11 +91,12 @@ def _transition(row: np.ndarray, direction: int, step: float, out: np.ndarray) -
     system[1, 2] = stiffness / motor
     system[1, 3] = damping / motor
     system[1, 4] = 1.0 / motor
-    if carried > 0.0:
-        # Deflection = carried mass - motor; its acceleration is the difference of both.
+    if row[at.NATURAL] > 0.0:
+        # Deflection = carried mass - motor; its acceleration is the difference of both. A load
+        # without mass to speak of swings and leaves the motor alone.
         system[2, 3] = 1.0
         system[3, 1] = viscous / motor
-        system[3, 2] = -stiffness / carried - stiffness / motor
-        system[3, 3] = -damping / carried - damping / motor
+        system[3, 2] = -(row[at.NATURAL] ** 2) - stiffness / motor
+        system[3, 3] = -2.0 * row[at.DAMPING] * row[at.NATURAL] - damping / motor
         system[3, 4] = -1.0 / motor
     out[:, :] = _exponential(system * step)[: at.MOTION, :]

@@ -104,27 +104,19 @@ def without_cause(
     rest: dict[str, dict[str, float]],
     scored: list[Record],
     twin: TwinFile,
-    part: Part | None,
+    parts: list[Part],
     channels: dict[str, Channel],
 ) -> dict[str, list[Array]]:
-    """Gap of every channel with one cause taken out of the corrected twin, not refitted."""
+    """Gap of every channel with one cause taken out of the corrected twin, not refitted.
+
+    `parts` are those that show the cause: an axis, the tracker, both, or none where it was read
+    from the record itself.
+    """
     out = {c.name: list(c.after) for c in channels.values()}
-    if part is not None and part.name == 'tracker':
-        fit = part.selection.fit
-        contribution = part.problem.terms[name].share(fit.thetas[name], fit.coefficients[name])
-        contribution = contribution + part.problem.before.get(name, 0.0)
-        at = 0
-        for channel in ('tracker.x', 'tracker.y'):
-            if channel not in channels:
-                continue
-            axis_rows = part.problem.held_out & (
-                part.row_axis == list(scored[0].axes).index(channel[-1])
-            )
-            values = contribution[axis_rows]
-            at = 0
-            for j, after in enumerate(out[channel]):
-                out[channel][j] = after + values[at : at + len(after)]
-                at += len(after)
+    for part in parts:
+        if part.name == 'tracker':
+            _give_back(name, part, scored[0].axes, out)
+    if [part.name for part in parts] == ['tracker']:
         return out
     for j, record in enumerate(scored):
         gaps = replay(record, twin, rest)
@@ -132,6 +124,22 @@ def without_cause(
         for channel, gap in gaps.items():
             out[channel][j] = gap[mask]
     return out
+
+
+def _give_back(name: str, part: Part, axes: tuple[str, ...], gaps: dict[str, list[Array]]) -> None:
+    """Put what a cause explains of the tracker back into its channels."""
+    fit = part.selection.fit
+    contribution = part.problem.terms[name].share(fit.thetas[name], fit.coefficients[name])
+    contribution = contribution + part.problem.before.get(name, 0.0)
+    for i, axis in enumerate(axes):
+        channel = f'tracker.{axis}'
+        if channel not in gaps:
+            continue
+        values = contribution[part.problem.held_out & (part.row_axis == i)]
+        at = 0
+        for j, after in enumerate(gaps[channel]):
+            gaps[channel][j] = after + values[at : at + len(after)]
+            at += len(after)
 
 
 def axis_shares(

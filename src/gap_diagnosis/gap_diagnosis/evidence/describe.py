@@ -35,6 +35,27 @@ def describe(
     return out
 
 
+def surer(
+    one: dict[str, tuple[float, float]], other: dict[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Parameters of an effect that two parts show, each from the part that is surer of it.
+
+    A deviation of zero is that of a parameter that the part does not see.
+    """
+    out = {**other, **one}
+    for name in one.keys() & other.keys():
+        seen = [p for p in (one[name], other[name]) if p[1] > 0.0] or [one[name]]
+        out[name] = min(seen, key=lambda p: p[1])
+    return out
+
+
+def plain_values(
+    parameters: dict[str, dict[str, tuple[float, float]]],
+) -> dict[str, dict[str, float]]:
+    """Parameters without their standard deviations."""
+    return {n: {k: v for k, (v, _) in p.items()} for n, p in parameters.items()}
+
+
 def _change(
     parameters: object, theta: Theta, c: np.ndarray, i: int, step: float, nonlinear: bool
 ) -> list[tuple[str, float]]:

@@ -133,10 +133,12 @@ def _line(residual: Array) -> float:
     return float(power[max(0, top - 2) : top + 3].sum())
 
 
-def strength(part: Part | None, name: str) -> float:
+#: Strength of what was read from the record itself.
+READ = 1e3
+
+
+def strength(part: Part, name: str) -> float:
     """Gain of an accepted effect over the least gain that counts."""
-    if part is None:
-        return 1e3
     evidence = part.selection.evidence[name]
     return evidence.gain / part.selector.least(name)
 

@@ -8,14 +8,16 @@ adds columns to it. The parametrisation is that of `stage_twin.effects`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from gap_diagnosis.input.data import Record, held_out_windows, inside, motion_step
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
-from gap_diagnosis.residuals.operators import smooth
+from gap_diagnosis.residuals.operators import band_limited, smooth
 from gap_diagnosis.residuals.regression import Problem
 from stage_core.twin_file import TwinFile
 from stage_twin import effects
@@ -30,7 +32,11 @@ TEMPERATURE_SPAN = 0.3  # K, below it heat and scale cannot be told apart
 class Kinematics:
     """Problem and terms of the tracker channels of one or several sessions, rows concatenated."""
 
-    def __init__(self, records: list[Record], twin: TwinFile) -> None:
+    def __init__(
+        self, records: list[Record], twin: TwinFile, servo: Mapping[str, Mapping[str, float]]
+    ) -> None:
+        """`servo`: effects that the servo link was found to have."""
+        self.servo = servo
         self.records = [r for r in records if r.tracker is not None]
         self.twin = twin
         self.axes = self.records[0].axes
@@ -65,7 +71,9 @@ class Kinematics:
                 block.append(labels)
                 time.append(record.tracker_time)
                 number.append(np.full(len(mask), session))
-        terms, rows = effects.terms(self._candidates()), np.concatenate(target)
+        terms = effects.terms(self._candidates('kinematic', 'sensor'))
+        terms.update(effects.table_terms(self._candidates('servo')))
+        rows = np.concatenate(target)
         if self.twin.effects:
             own = [Prediction(r, self.twin) for r in self.records]
 
@@ -92,7 +100,7 @@ class Kinematics:
             not any_held_session,
             seams=np.cumsum([0, *(len(t) for t in target[:-1])]),
             before=self._before(),
-            signatures=effects.signatures(self._candidates()),
+            signatures=effects.signatures(self._candidates('kinematic', 'sensor')),
         )
 
     def _before(self) -> dict[str, Array]:
@@ -119,13 +127,13 @@ class Kinematics:
             [np.repeat(np.arange(len(self.axes)), len(points)) for points in self._points]
         )
 
-    def _candidates(self) -> dict[str, Kinematics]:
+    def _candidates(self, *links: str) -> dict[str, Kinematics]:
         """Names of the effects of these links, each with the rows that its axis is asked for."""
         out = {}
-        for effect in effects.EFFECTS.values():
-            if effect.link != 'servo' and not effect.per_axis:
+        for effect in [e for e in effects.EFFECTS.values() if e.link in links]:
+            if not effect.per_axis:
                 out[effect.name] = self
-            elif effect.link != 'servo':
+            else:
                 for i, axis in enumerate(self.axes):
                     if any(r.moving[i] for r in self.records):
                         out[f'{effect.name}.{axis}'] = self._of(axis)
@@ -153,6 +161,15 @@ class Kinematics:
         low, high = min(float(q.min()) for q in paths), max(float(q.max()) for q in paths)
         return 0.5 * (low + high), max(0.5 * (high - low), 1e-3)
 
+    @property
+    def period(self) -> float:
+        """Control period [s]."""
+        return self.twin.control_period
+
+    def found(self, effect: str) -> Mapping[str, float]:
+        """Parameters that the servo link gave to an effect of the axis; empty without it."""
+        return self.servo.get(f'{effect}.{self.axis}', {})
+
     def encoder(self) -> list[Array]:
         """Path of the axis at every tick [m], without noise that play would take for turns."""
         i, out = self._column, []
@@ -162,10 +179,21 @@ class Kinematics:
             out.append(smooth(q, record.period, PATH) if noisy else q)
         return out
 
+    def calm_encoder(self) -> list[Array]:
+        """Encoder of the axis at every tick without what is above 90 Hz [m]."""
+        return [band_limited(r.encoder[:, self._column], self.period) for r in self.records]
+
     def at_points(self, signal: list[Array]) -> list[Array]:
-        """A signal of every tick, at the points."""
+        """A signal of every tick at the points, by straight lines."""
         return [
             np.interp(_required(r.tracker_time), r.time, one)
+            for r, one in zip(self.records, signal, strict=True)
+        ]
+
+    def smooth_at_points(self, signal: list[Array]) -> list[Array]:
+        """The same by a cubic spline, for a signal without corners."""
+        return [
+            np.asarray(CubicSpline(r.time, one)(_required(r.tracker_time)))
             for r, one in zip(self.records, signal, strict=True)
         ]
 
@@ -181,8 +209,8 @@ class Kinematics:
         """Encoder of the other one of two axes at the points [m]."""
         return [p[:, 1 - self._column] for p in self._points]
 
-    def temperature_rise(self) -> list[Array] | None:
-        """Screw temperature above the reference at the points [K].
+    def temperature_rise(self, lag: float = 0.0) -> list[Array] | None:
+        """Screw temperature above the reference at the points [K], the sensor late by `lag` [s].
 
         None where a session has none, or none that scale and heat could be told apart by.
         """
@@ -193,7 +221,10 @@ class Kinematics:
         for own in known:
             if max(np.ptp(own), abs(float(own.mean()) - reference)) <= TEMPERATURE_SPAN:
                 return None
-        return [rise - reference for rise in self.at_points(known)]
+        return [
+            np.interp(_required(r.tracker_time) + lag, r.time, own) - reference
+            for r, own in zip(self.records, known, strict=True)
+        ]
 
     def shifted(self, latency: float = 0.0, drift: float = 0.0) -> Array:
         """Rows (n, 1) [m]: where the table was if the stamps are late or drift, less without."""

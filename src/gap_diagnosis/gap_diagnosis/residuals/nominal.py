@@ -92,7 +92,17 @@ def _over(name: str, term: Term, base: Array) -> Term:
                 found[known.name] = float(np.clip(found[known.name], known.minimum, known.maximum))
         return found
 
-    return replace(term, base=base, admissible=admissible, parameters=parameters)
+    def richer() -> Term:
+        assert term.richer is not None
+        return _over(name, term.richer(), base)
+
+    return replace(
+        term,
+        base=base,
+        admissible=admissible,
+        parameters=parameters,
+        richer=None if term.richer is None else richer,
+    )
 
 
 class Prediction:

@@ -103,7 +103,7 @@ class Regression:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self._cache: dict[tuple[str, Theta], Array] = {}
+        self._cache: dict[tuple[object, Theta], Array] = {}
         folds = (problem.time / FOLD).astype(np.int64) % FOLDS
         # Row numbers of each fold, and of its rows that fit.
         self._folds = [
@@ -114,12 +114,12 @@ class Regression:
 
     def columns(self, name: str, theta: Theta) -> Array:
         """Columns (n, k) of a term; the last few hundred are kept."""
-        key = (name, tuple(round(t, 15) for t in theta))
+        make = self.problem.terms[name].columns  # another one where the term became richer
+        key = (make, tuple(round(t, 15) for t in theta))
         if key not in self._cache:
             if len(self._cache) > 400:
                 self._cache.clear()
-            columns = self.problem.terms[name].columns(theta)
-            self._cache[key] = self.problem.whiten(columns)
+            self._cache[key] = self.problem.whiten(make(theta))
         return self._cache[key]
 
     def _base(self, name: str) -> Array | float:
@@ -209,7 +209,9 @@ class Regression:
                 own = slice(start, start + len(which))
                 start += len(which)
                 if problem.terms[name].phase:
-                    new[own] *= np.linalg.norm(old[own]) / max(np.linalg.norm(new[own]), 1e-300)
+                    pairs = new[own].reshape(-1, 2)  # a view: sine and cosine of each period
+                    size = np.linalg.norm(old[own].reshape(-1, 2), axis=1)
+                    pairs *= (size / np.maximum(np.linalg.norm(pairs, axis=1), 1e-300))[:, None]
                 changed = coefficients[name].copy()
                 changed[which] = new[own]
                 found[number][name] = changed
@@ -276,11 +278,12 @@ class Regression:
             return self.linear(unpack(z), judged=False).residual[rows]
 
         scale = float(np.std(residual(start))) or 1.0
+        steps = np.array([terms[n].steps[i] if terms[n].steps else np.nan for n, i in free])
         result = least_squares(
             lambda z: residual(z) / scale,
             start,
             bounds=(0.0, 1.0),
-            diff_step=2e-3,
+            diff_step=np.where(np.isnan(steps), 2e-3, steps / span / start),
             max_nfev=rounds,
             xtol=1e-4,
             ftol=1e-5,
@@ -300,7 +303,7 @@ class Regression:
             coefficients = fit.coefficients[name]
             for i in range(len(theta)):
                 term = problem.terms[name]
-                step = 1e-3 * (term.upper[i] - term.lower[i])
+                step = term.steps[i] if term.steps else 1e-3 * (term.upper[i] - term.lower[i])
                 moved = list(theta)
                 moved[i] += step if theta[i] + step < term.upper[i] else -step
                 difference = self.columns(name, tuple(moved))[rows] - columns

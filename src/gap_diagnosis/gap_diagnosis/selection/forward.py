@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.regression import Fit, Problem, Regression
 from gap_diagnosis.selection.gains import block_gains, block_rms_gains, bootstrap_interval
+from gap_diagnosis.selection.grow import grow
 from stage_twin.effects import EFFECTS, effect_of
 
 Array = NDArray[np.float64]
@@ -125,6 +126,8 @@ class Selector:
                 rejected.update({n: e for n, (e, _) in trials.items()})
                 break
             accepted, base = self._simplify(accepted, base)
+            base = grow(self, base, accepted[-1:])
+        base = grow(self, base, accepted)
         accepted, base = self._merge(accepted, base)
         accepted, base, evidence = self.prune(accepted, base)
         if self.rules.prefer_plain:

@@ -8,6 +8,7 @@ from stage_twin.effects.registry import (
     link_of,
     separating,
     signatures,
+    table_terms,
     terms,
 )
 
@@ -20,5 +21,6 @@ __all__ = [
     'link_of',
     'separating',
     'signatures',
+    'table_terms',
     'terms',
 ]

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
+from numpy.polynomial.legendre import legval
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import CENTRE, HALF_RANGE
-from stage_twin.effects.term import Term, constant
+from stage_twin.effects.term import Array, Term, constant
+
+#: Highest order of the yaw.
+ORDERS = 6
+_HIGHER = tuple(
+    Parameter(f'p{k}', 'rad', -5e-3, 5e-3, 0.0, f'factor of P{k}(s) in the yaw')
+    for k in range(3, ORDERS + 1)
+)
+NAMES = ('linear', 'quadratic', *(parameter.name for parameter in _HIGHER))
 
 EFFECT = Effect(
     name='angular_error',
@@ -15,6 +26,7 @@ EFFECT = Effect(
     parameters=(
         Parameter('linear', 'rad', -5e-3, 5e-3, 40e-6, 'yaw at the end of the travel'),
         Parameter('quadratic', 'rad', -5e-3, 5e-3, 0.0, 'factor of P2(s) in the yaw'),
+        *_HIGHER,
         Parameter(
             'arm',
             'm',
@@ -27,10 +39,10 @@ EFFECT = Effect(
         CENTRE,
         HALF_RANGE,
     ),
-    model='Yaw of the carriage, linear * s + quadratic * P2(s), s = (p - centre) / half_range, '
-    'moves the point along its axis by yaw times the arm plus the other coordinate: for x '
-    '-yaw * (y + arm), for y +yaw * (x + arm). Bryan, "The Abbe principle revisited", Precision '
-    'Engineering 1 (1979); paper 1, section 2.',
+    model='Yaw of the carriage, linear * s + quadratic * P2(s) + p3 * P3(s) and so on, s = '
+    '(p - centre) / half_range, moves the point along its axis by yaw times the arm plus the '
+    'other coordinate: for x -yaw * (y + arm), for y +yaw * (x + arm). Bryan, "The Abbe '
+    'principle revisited", Precision Engineering 1 (1979); paper 1, section 2.',
     sentence='the carriage yaws by {linear} from the middle of the travel to its end',
     excited_by='the same line along the axis at two far coordinates of the other axis',
     separated_from={
@@ -47,13 +59,19 @@ def turn(
     side: float,
     linear: float,
     quadratic: float,
+    p: Array,
     arm: float,
     centre: float,
     half_range: float,
 ) -> float:
-    """Displacement of the point along the axis [m]."""
-    s = (position - centre) / half_range
-    yaw = linear * s + quadratic * 0.5 * (3.0 * s * s - 1.0)
+    """Displacement of the point along the axis [m]; beyond the range as at its end."""
+    s = min(max((position - centre) / half_range, -1.0), 1.0)
+    before, last = s, 0.5 * (3.0 * s * s - 1.0)
+    yaw = linear * s + quadratic * last
+    for k in range(p.shape[0]):
+        # Bonnet's recursion from the orders before.
+        before, last = last, ((2.0 * k + 5.0) * s * last - (k + 2.0) * before) / (k + 3.0)
+        yaw += p[k] * last
     return side * yaw * (other + arm)
 
 
@@ -61,20 +79,42 @@ def term(rows: TrackerRows) -> Term | None:
     """The place over the travel, times the other coordinate and alone."""
     if len(rows.axes) != 2:
         return None
+    return Term(
+        constant(
+            rows.along([np.column_stack([y * s[:, 0], s[:, 0]]) for s, y in _shapes(rows, 1)])
+        ),
+        lambda theta, c: _parameters(rows, c[:1], float(c[1] / c[0])),
+        admissible=lambda theta, c: abs(c[0]) < 5e-3 and abs(c[1]) < abs(c[0]),
+        richer=None if rows.rests else partial(_curved, rows, 2),
+    )
+
+
+def _curved(rows: TrackerRows, highest: int) -> Term:
+    """Orders of the yaw up to `highest`; θ is the arm."""
+    shapes = _shapes(rows, highest)
+    return Term(
+        lambda theta: rows.along([(y + theta[0])[:, None] * s for s, y in shapes]),
+        lambda theta, c: _parameters(rows, c, theta[0]),
+        grid=tuple((arm,) for arm in (-0.6, -0.3, -0.1, 0.0, 0.1, 0.3, 0.6)),
+        lower=(-1.0,),
+        upper=(1.0,),
+        admissible=lambda theta, c: float(np.max(np.abs(c))) < 5e-3 and abs(theta[0]) < 0.99,
+        richer=partial(_curved, rows, highest + 1) if highest < ORDERS else None,
+    )
+
+
+def _shapes(rows: TrackerRows, highest: int) -> list[tuple[Array, Array]]:
+    """Per session the orders of the yaw (m, k), signed as the axis has it; the other place."""
     centre, half = rows.travel
     sign = -1.0 if rows.axis == rows.axes[0] else 1.0
-    parts = []
-    for position, across in zip(rows.position(), rows.position_across(), strict=True):
-        s = (position - centre) / half
-        parts.append(sign * np.column_stack([s * across, s]))
-    return Term(
-        constant(rows.along(parts)),
-        lambda theta, c: {
-            'linear': float(c[0]),
-            'quadratic': 0.0,
-            'arm': float(c[1] / c[0]),
-            'centre': centre,
-            'half_range': half,
-        },
-        admissible=lambda theta, c: abs(c[0]) < 5e-3 and abs(c[1]) < abs(c[0]),
-    )
+    orders = np.eye(highest + 1)[1:].T
+    return [
+        (sign * legval((position - centre) / half, orders).T, across)
+        for position, across in zip(rows.position(), rows.position_across(), strict=True)
+    ]
+
+
+def _parameters(rows: TrackerRows, orders: Array, arm: float) -> dict[str, float]:
+    centre, half = rows.travel
+    found = dict(zip(NAMES, orders.tolist(), strict=False))
+    return {**found, 'arm': arm, 'centre': centre, 'half_range': half}

@@ -3,40 +3,103 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from stage_twin.effects import periodic
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import PERIOD, PHASE, screw_angle
-from stage_twin.effects.term import Term, constant
+from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
     name='cyclic_pitch_error',
     link='kinematic',
-    parameters=(Parameter('amplitude', 'm', 0.0, 200e-6, 3e-6, 'amplitude'), PERIOD, PHASE),
-    model='amplitude * sin(2 pi p / period + phase) along the axis: wobble and eccentricity of '
-    'the screw. ISO 230-2:2014, intra-pitch deviation; Slocum, "Precision machine design" (1992).',
+    parameters=(
+        Parameter('amplitude', 'm', 0.0, 200e-6, 3e-6, 'amplitude'),
+        PERIOD,
+        PHASE,
+        *periodic.harmonic_parameters('m', 200e-6),
+    ),
+    model='amplitude * sin(2 pi p / period + phase) along the axis, and harmonics: wobble and '
+    'eccentricity of the screw. ISO 230-2:2014, intra-pitch deviation; Slocum, "Precision machine '
+    'design" (1992).',
     sentence='the table swings by {amplitude} with each turn of the screw',
     excited_by='positions within several turns of the screw',
 )
 
 
-def along(motor: float, amplitude: float, period: float, phase: float, lead: float) -> float:
+def along(
+    motor: float,
+    amplitude: float,
+    period: float,
+    phase: float,
+    amplitude_2: float,
+    phase_2: float,
+    amplitude_3: float,
+    phase_3: float,
+    lead: float,
+) -> float:
     """Displacement of the table along the axis [m]."""
-    return amplitude * math.sin(screw_angle(motor, period, lead) + phase)
+    angle = screw_angle(motor, period, lead)
+    total = amplitude * math.sin(angle + phase)
+    if amplitude_2 != 0.0:
+        total += amplitude_2 * math.sin(2.0 * angle + phase_2)
+    if amplitude_3 != 0.0:
+        total += amplitude_3 * math.sin(3.0 * angle + phase_3)
+    return total
 
 
 def term(rows: TrackerRows) -> Term:
-    """Sine and cosine over the lead."""
-    angles = [2.0 * np.pi * p / rows.lead for p in rows.position()]
-    return Term(
-        constant(rows.along([np.column_stack([np.sin(a), np.cos(a)]) for a in angles])),
-        lambda theta, c: {
-            'amplitude': float(np.hypot(c[0], c[1])),
-            'phase': float(np.arctan2(c[1], c[0])),
-        },
-        admissible=lambda theta, c: float(np.hypot(c[0], c[1])) < 200e-6,
-        nuisances=(0, 1),
-        phase=True,
+    """Sine and cosine; θ is the spatial frequency [1/m], that of the screw where rests are few."""
+    path = np.concatenate(rows.position())
+    low, high = periodic.bounds(path)
+    if rows.rests or low > 2.0 / rows.lead:
+        return Term(
+            lambda theta: _columns(rows, 1, (1.0 / rows.lead,)),
+            lambda theta, c: periodic.found(1.0 / rows.lead, c),
+            admissible=_small,
+            nuisances=(0, 1),
+            phase=True,
+        )
+    own = rows.along([np.ones(len(p)) for p in rows.position()])[:, 0] > 0.0
+    peaks = periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead))
+    whole = Term(
+        partial(_columns, rows, 1),
+        lambda theta, c: periodic.found(theta[0], c),
+        grid=((low,),),
+        propose=lambda residual: peaks(residual[own]),
+        lower=(low,),
+        upper=(high,),
+        # At its lower bound it is no period: less than one of it was travelled.
+        admissible=lambda theta, c: _small(theta, c) and theta[0] > 1.02 * low,
+        steps=(PHASE_STEP * low,),
     )
+    return _with_harmonics(rows, whole, 1)
+
+
+#: Step of a spatial frequency in periods over the travel.
+PHASE_STEP = 0.01
+
+
+def _with_harmonics(rows: TrackerRows, plain: Term, harmonics: int) -> Term:
+    return replace(
+        plain,
+        columns=partial(_columns, rows, harmonics),
+        nuisances=tuple(range(2 * harmonics)),
+        phase=True,
+        richer=partial(_with_harmonics, rows, plain, harmonics + 1)
+        if harmonics < periodic.HARMONICS
+        else None,
+    )
+
+
+def _columns(rows: TrackerRows, harmonics: int, theta: Theta) -> Array:
+    waves = [periodic.waves(p, theta[0])[: 2 * harmonics] for p in rows.position()]
+    return rows.along([np.column_stack(one) for one in waves])
+
+
+def _small(theta: Theta, c: Array) -> bool:
+    return float(np.max(np.abs(c))) < 200e-6

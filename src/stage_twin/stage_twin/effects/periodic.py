@@ -73,7 +73,7 @@ def waves(position: Array, frequency: float) -> list[Array]:
 def found(frequency: float, coefficients: Array) -> dict[str, float]:
     """Parameters of an effect from its spatial frequency and the coefficients of `waves`."""
     out = {'period': 1.0 / frequency}
-    for k in range(HARMONICS):
+    for k in range(len(coefficients) // 2):
         sine, cosine = coefficients[2 * k : 2 * k + 2]
         suffix = f'_{k + 1}' if k else ''
         out[f'amplitude{suffix}'] = float(np.hypot(sine, cosine))

@@ -80,7 +80,17 @@ def terms(candidates: Mapping[str, Any]) -> dict[str, Term]:
         :class:`~stage_twin.effects.rows.ForceRows` in the servo link,
         :class:`~stage_twin.effects.rows.TrackerRows` in the others.
     """
-    made = {n: m.term(candidates[n]) for n, m in _modules(candidates) if hasattr(m, 'term')}
+    return _made(candidates, 'term')
+
+
+def table_terms(candidates: Mapping[str, Any]) -> dict[str, Term]:
+    """What the tracker sees of effects of the servo link: `candidates` as for :func:`terms`."""
+    return _made(candidates, 'table_term')
+
+
+def _made(candidates: Mapping[str, Any], which: str) -> dict[str, Term]:
+    modules = [(n, m) for n, m in _modules(candidates) if hasattr(m, which)]
+    made = {name: getattr(module, which)(candidates[name]) for name, module in modules}
     return {name: term for name, term in made.items() if term is not None}
 
 

@@ -7,6 +7,7 @@ columns of the regression of them. Implemented by `gap_diagnosis.residuals`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Protocol
 
 from stage_twin.effects.term import Array
@@ -89,11 +90,24 @@ class TrackerRows(Protocol):
     def travel(self) -> tuple[float, float]:
         """Middle of the axis' travel and half its length [m]."""
 
+    @property
+    def period(self) -> float:
+        """Control period [s]."""
+
+    def found(self, effect: str) -> Mapping[str, float]:
+        """Parameters that the servo link gave to an effect of the axis; empty without it."""
+
     def encoder(self) -> Signal:
         """Encoder of the axis at every tick [m]."""
 
+    def calm_encoder(self) -> Signal:
+        """Encoder of the axis at every tick without what is above 90 Hz [m]."""
+
     def at_points(self, signal: Signal) -> Signal:
-        """A signal of every tick, at the points."""
+        """A signal of every tick at the points, by straight lines."""
+
+    def smooth_at_points(self, signal: Signal) -> Signal:
+        """The same by a cubic spline, for a signal without corners."""
 
     def points(self) -> Signal:
         """Encoder of all axes (m, n_axes) [m]."""
@@ -104,8 +118,11 @@ class TrackerRows(Protocol):
     def position_across(self) -> Signal:
         """Encoder of the other one of two axes [m]."""
 
-    def temperature_rise(self) -> Signal | None:
-        """Screw temperature above the reference [K]; None where it is unknown or constant."""
+    def temperature_rise(self, lag: float = 0.0) -> Signal | None:
+        """Screw temperature above the reference [K], of a sensor that is late by `lag` [s].
+
+        None where it is unknown or constant.
+        """
 
     def shifted(self, latency: float = 0.0, drift: float = 0.0) -> Array:
         """Rows (n, 1) [m]: where the table was if the stamps are late or drift, less without."""

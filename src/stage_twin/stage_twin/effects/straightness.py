@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
+from numpy.polynomial.legendre import legval
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import CENTRE, HALF_RANGE
-from stage_twin.effects.term import Term, constant
+from stage_twin.effects.term import Array, Term, Theta
+
+#: Highest order of the curve.
+ORDERS = 10
+_HIGHER = tuple(
+    Parameter(f'p{k}', 'm', -1e-3, 1e-3, 0.0, f'factor of P{k}(s)') for k in range(4, ORDERS + 1)
+)
+NAMES = ('quadratic', 'cubic', *(parameter.name for parameter in _HIGHER))
 
 EFFECT = Effect(
     name='straightness',
@@ -15,12 +25,16 @@ EFFECT = Effect(
     parameters=(
         Parameter('quadratic', 'm', -1e-3, 1e-3, 4e-6, 'bow: factor of P2(s)'),
         Parameter('cubic', 'm', -1e-3, 1e-3, 0.0, 'S shape: factor of P3(s)'),
+        *_HIGHER,
+        Parameter('slope', 'm', -1e-3, 1e-3, 0.0, 'factor of s: reference line'),
+        Parameter('offset', 'm', -1e-3, 1e-3, 0.0, 'offset of the reference line'),
         CENTRE,
         HALF_RANGE,
     ),
-    model='Displaces the other axis by quadratic * P2(s) + cubic * P3(s), s = (p - centre) / '
-    'half_range; Legendre polynomials are orthogonal to a line, so that the least-squares '
-    'reference line is removed. ISO 230-1:2012; ISO/TR 16907:2015.',
+    model='Displaces the other axis by quadratic * P2(s) + cubic * P3(s) + p4 * P4(s) and so on, '
+    's = (p - centre) / half_range. Legendre polynomials have no least-squares line over the '
+    'range; slope * s + offset makes it the line over other points. ISO 230-1:2012; ISO/TR '
+    '16907:2015.',
     sentence='the guide is bent: it displaces the other axis by up to {quadratic} (bow) and '
     '{cubic} (S shape)',
     excited_by='the whole travel at a fixed place of the other axis',
@@ -28,31 +42,71 @@ EFFECT = Effect(
 
 
 def across(
-    position: float, quadratic: float, cubic: float, centre: float, half_range: float
+    position: float,
+    quadratic: float,
+    cubic: float,
+    p: Array,
+    slope: float,
+    offset: float,
+    centre: float,
+    half_range: float,
 ) -> float:
-    """Displacement of the other axis [m]."""
-    s = (position - centre) / half_range
+    """Displacement of the other axis [m]; beyond the range it is that of its end."""
+    s = min(max((position - centre) / half_range, -1.0), 1.0)
     second = 0.5 * (3.0 * s * s - 1.0)
     third = 0.5 * (5.0 * s * s - 3.0) * s
-    return quadratic * second + cubic * third
+    total = offset + slope * s + quadratic * second + cubic * third
+    before, last = second, third
+    for k in range(p.shape[0]):
+        # Bonnet's recursion from the orders before.
+        before, last = last, ((2.0 * k + 7.0) * s * last - (k + 3.0) * before) / (k + 4.0)
+        total += p[k] * last
+    return total
 
 
 def term(rows: TrackerRows) -> Term | None:
-    """Legendre polynomials of second and third order over the travel, across the axis."""
-    if len(rows.axes) != 2:
-        return None
+    """Legendre polynomials from the second order on over the travel, across the axis."""
+    return _term(rows, 3) if len(rows.axes) == 2 else None
+
+
+def _term(rows: TrackerRows, highest: int) -> Term:
+    """Orders 2 to `highest`; θ is where between two reference lines the removed one lies.
+
+    0 is the line over the whole travel, which no polynomial has, 1 that over the points as they
+    were measured. Which one the guide's maker meant, no data say: it belongs to the session.
+    """
     centre, half = rows.travel
-    parts = []
-    for position in rows.position():
-        s = (position - centre) / half
-        parts.append(np.column_stack([1.5 * s**2 - 0.5, 2.5 * s**3 - 1.5 * s]))
-    return Term(
-        constant(rows.across(parts)),
-        lambda theta, c: {
-            'quadratic': float(c[0]),
-            'cubic': float(c[1]),
+    places = [(position - centre) / half for position in rows.position()]
+    orders = np.eye(highest + 1)[2:]
+    curves = [legval(s, orders.T).T for s in places]
+    line = np.polyfit(np.concatenate(places), np.concatenate(curves), 1)  # (2, k): slope, offset
+    between = not rows.rests
+
+    def columns(theta: Theta) -> Array:
+        share = theta[0] if theta else 0.0
+        return rows.across(
+            [
+                c - share * (np.outer(s, line[0]) + line[1])
+                for s, c in zip(places, curves, strict=True)
+            ]
+        )
+
+    def parameters(theta: Theta, c: Array) -> dict[str, float]:
+        share = theta[0] if theta else 0.0
+        return {
+            **dict(zip(NAMES, c.tolist(), strict=False)),
+            'slope': -share * float(line[0] @ c),
+            'offset': -share * float(line[1] @ c),
             'centre': centre,
             'half_range': half,
-        },
+        }
+
+    return Term(
+        columns,
+        parameters,
+        grid=((0.0,), (1.0,)) if between else ((),),
+        lower=(-0.3,) if between else (),
+        upper=(1.3,) if between else (),
         admissible=lambda theta, c: float(np.max(np.abs(c))) < 1e-3,
+        richer=partial(_term, rows, highest + 1) if highest < ORDERS and between else None,
     )

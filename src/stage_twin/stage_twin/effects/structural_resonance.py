@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from stage_twin.effects.definition import Effect, Parameter
-from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.rows import ForceRows, TrackerRows
 from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
@@ -30,11 +30,9 @@ EFFECT = Effect(
             'table_share',
             '',
             0.0,
-            1.0,
+            2.0,
             0.0,
             "share of the spring's deflection that the table makes; 0: the table is the motor",
-            fitted=False,
-            neutral=None,
         ),
     ),
     model='Two masses: a share of the moving mass hangs on a spring and a damper behind the motor'
@@ -69,6 +67,11 @@ def carried_mass(acceleration: Array, period: float, frequency: float, damping: 
     return np.asarray(lfilter(b, a, acceleration))
 
 
+#: Frequencies [Hz] and damping ratios from which a search starts, and their bounds.
+_GRID = tuple((f, z) for f in (12.0, 18.0, 25.0, 35.0, 50.0, 70.0) for z in (0.02, 0.1))
+_LOWER, _UPPER = (8.0, 0.0), (90.0, 0.3)
+
+
 def term(rows: ForceRows) -> Term:
     """Force on the mass behind the spring; θ is its frequency and damping."""
 
@@ -85,10 +88,42 @@ def term(rows: ForceRows) -> Term:
             'damping': theta[1],
             'mass_ratio': float(c[0]),
         },
-        grid=tuple((f, z) for f in (12.0, 18.0, 25.0, 35.0, 50.0, 70.0) for z in (0.02, 0.1)),
-        lower=(8.0, 0.0),
-        upper=(90.0, 0.3),
-        admissible=lambda theta, c: bool(
-            0.0 < c[0] < 0.9 and 8.5 < theta[0] < 88.0 and theta[1] < 0.25
-        ),
+        grid=_GRID,
+        lower=_LOWER,
+        upper=_UPPER,
+        admissible=lambda theta, c: 0.0 < c[0] < 0.9 and _inside(theta),
     )
+
+
+def table_term(rows: TrackerRows) -> Term | None:
+    """How far the table swings on the spring; θ as the servo link found it, where it did.
+
+    The deflection is to the position as the acceleration of the mass behind the spring, less that
+    of the motor, is to the motor's.
+    """
+    if rows.rests:
+        return None
+    paths = rows.calm_encoder()
+    known = rows.found('structural_resonance')
+
+    def columns(theta: Theta) -> Array:
+        moved = [carried_mass(q - q[0], rows.period, *theta) for q in paths]
+        return rows.along(rows.smooth_at_points(moved))
+
+    return Term(
+        columns,
+        lambda theta, c: {
+            'frequency': theta[0],
+            'damping': theta[1],
+            'mass_ratio': 0.0,
+            'table_share': float(c[0]),
+        },
+        grid=((known['frequency'], known['damping']),) if known else _GRID,
+        lower=_LOWER,
+        upper=_UPPER,
+        admissible=lambda theta, c: 0.0 < c[0] < 2.0 and _inside(theta),
+    )
+
+
+def _inside(theta: Theta) -> bool:
+    return 8.5 < theta[0] < 88.0 and theta[1] < 0.25

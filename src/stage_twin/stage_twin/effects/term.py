@@ -29,7 +29,11 @@ class Term:
         seem to explain as much as the noise
     base : share (n,) of the effect that the nominal twin has already, left out of the target
     nuisances : indices of the columns whose coefficients belong to a session
-    phase : whether the nuisance is the phase of a sine and a cosine, not their amplitude
+    phase : whether the nuisances are the phases of pairs of sine and cosine, not their amplitudes
+    steps : per θ a change that moves the columns by a little; empty where a thousandth of the
+        range does
+    richer : the same effect in the next richer shape, which goes on from the same θ, or from its
+        own grid where it has more of them; taken where the data bear it
     """
 
     columns: Callable[[Theta], Array]
@@ -44,6 +48,8 @@ class Term:
     base: Array | None = None
     nuisances: tuple[int, ...] = ()
     phase: bool = False
+    steps: Theta = ()
+    richer: Callable[[], Term] | None = None
 
     def share(self, theta: Theta, coefficients: Array) -> Array:
         """What the effect explains of the target (n,): all of it, less what the twin has."""

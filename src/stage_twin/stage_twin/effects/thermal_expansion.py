@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.term import Array, Term, constant
+from stage_twin.effects.term import Array, Term, Theta
+
+#: Sensor behind the screw [s]: starts of the search and its bound.
+LAGS = tuple((lag,) for lag in (-10.0, -3.0, -1.0, 1.0, 3.0, 10.0, 20.0))
+LONGEST_LAG = 30.0
 
 EFFECT = Effect(
     name='thermal_expansion',
@@ -84,16 +89,33 @@ def along(played: float, rise: float, coefficient: float, fixed_point: float) ->
 
 def term(rows: TrackerRows) -> Term | None:
     """The rise of the temperature times the position, and alone."""
-    rises = rows.temperature_rise()
-    if rises is None:
+    if rows.temperature_rise() is None:
         return None
-    parts = [
-        np.column_stack([rise * position, -rise])
-        for rise, position in zip(rises, rows.position(), strict=True)
-    ]
+    return _term(rows, ((),))
+
+
+def _term(rows: TrackerRows, lags: tuple[Theta, ...]) -> Term:
+    """θ is how late the sensor is behind the screw, or ahead of it, where that is searched [s]."""
+
+    def columns(theta: Theta) -> Array:
+        rises = rows.temperature_rise(*theta)
+        assert rises is not None
+        return rows.along(
+            [
+                np.column_stack([rise * position, -rise])
+                for rise, position in zip(rises, rows.position(), strict=True)
+            ]
+        )
+
+    searched = lags != ((),)
     return Term(
-        constant(rows.along(parts)),
+        columns,
         lambda theta, c: {'coefficient': float(c[0]), 'fixed_point': float(c[1] / c[0])},
+        grid=lags,
+        lower=(-LONGEST_LAG,) if searched else (),
+        upper=(LONGEST_LAG,) if searched else (),
         # Screws grow with heat; a shrinking one is a drift of another kind.
         admissible=lambda theta, c: 0.0 < c[0] < 50e-6 and abs(c[1]) < 2.0 * abs(c[0]),
+        steps=(0.3,) if searched else (),
+        richer=None if searched or rows.rests else partial(_term, rows, LAGS),
     )

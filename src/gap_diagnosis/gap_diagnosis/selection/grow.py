@@ -1,0 +1,45 @@
+"""Richer shapes of accepted effects: harmonics of a period, orders of a curve, lags."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gap_diagnosis.residuals.regression import Fit
+from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
+
+if TYPE_CHECKING:
+    from gap_diagnosis.selection.forward import Selector
+
+#: Shapes of an effect that may gain nothing before one does.
+LOOK_AHEAD = 2
+#: Least gain of a richer shape as a share of the noise's mean square: below it, it would not be
+#: seen in the gap.
+OF_NOISE_GROWN = 2e-3
+
+
+def grow(selector: Selector, fit: Fit, names: list[str]) -> Fit:
+    """Effects in as rich a shape as held-out data bear: harmonics, orders of a curve.
+
+    A shape that alone gains nothing may do so with the next one: an even order, an odd one.
+    """
+    terms = selector.problem.terms
+    for name in names:
+        plain, theta, skipped = terms[name], fit.thetas[name], 0
+        while skipped < LOOK_AHEAD and (richer := terms[name].richer) is not None:
+            terms[name] = richer()
+            if len(terms[name].lower) > len(theta):
+                others = {n: t for n, t in fit.thetas.items() if n != name}
+                theta = selector.regression.warm_start(selector.regression.linear(others), name)
+            trial = selector.regression.refine({**fit.thetas, name: theta}, [name], rounds=8)
+            theta, skipped = trial.thetas[name], skipped + 1
+            if _worth_it(selector, fit, trial) and selector.admissible(trial, name):
+                fit, plain, skipped = trial, terms[name], 0
+        terms[name] = plain
+    return fit
+
+
+def _worth_it(selector: Selector, plain: Fit, rich: Fit) -> bool:
+    """Whether a richer shape shows on rows that no fit has seen."""
+    gains = block_gains(selector.problem, plain, rich)
+    low, _ = bootstrap_interval(gains, selector.seed, level=selector.rules.level)
+    return low > 0.0 and float(gains.mean()) > OF_NOISE_GROWN * selector.noise

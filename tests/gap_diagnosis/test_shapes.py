@@ -1,0 +1,56 @@
+"""Kinematic effects in the shapes in which machines have them, and not at their defaults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from gap_diagnosis.diagnose import diagnose
+from stage_core.session import Session
+from stage_core.twin_file import TrackerSpec, TwinFile
+
+Maker = Callable[..., Session]
+TWIN = replace(TwinFile.nominal_servo(), tracker=TrackerSpec(100.0, 1e-6))
+ALONE = replace(TWIN, axes={'x': TWIN.axes['x']})
+
+
+def test_a_pitch_error_of_another_period_with_a_second_harmonic(planted: Maker) -> None:
+    truth = {
+        'amplitude': 5e-6,
+        'period': 7e-3,
+        'phase': 0.4,
+        'amplitude_2': 1.5e-6,
+        'phase_2': 1.0,
+    }
+    found = diagnose([planted({'cyclic_pitch_error.x': truth})], [], ALONE)
+    assert found.verdict == ['cyclic_pitch_error.x']
+    for name, value in truth.items():
+        estimate, deviation = found.parameters['cyclic_pitch_error.x'][name]
+        assert abs(estimate - value) < 4.0 * deviation
+        assert deviation < 0.1 * value
+
+
+def test_a_guide_bent_like_no_polynomial_of_third_order(planted: Maker) -> None:
+    # Over the travel of the session: the reference line is the one over it.
+    place = {'centre': -0.0032, 'half_range': 0.0267}
+    bend = {'quadratic': 4e-6, 'cubic': 1e-6, 'p4': -3e-6, 'p5': 2e-6}
+    session = planted({'straightness.x': {**bend, **place}}, axes=('x', 'y'))
+    found = diagnose([session], [], TWIN)
+    assert found.verdict == ['straightness.x']
+    assert found.after < 1.1 * found.noise_floor
+    for name, value in bend.items():
+        estimate, deviation = found.parameters['straightness.x'][name]
+        assert abs(estimate - value) < 4.0 * deviation
+        assert deviation < 0.1 * abs(value)
+
+
+def test_the_load_that_the_tracker_sees_swing(planted: Maker) -> None:
+    swing = {'frequency': 12.0, 'damping': 0.03, 'mass_ratio': 0.3, 'table_share': 1.0}
+    found = diagnose([planted({'structural_resonance.x': swing})], [], ALONE)
+    assert found.verdict == ['structural_resonance.x']
+    assert found.after < 1.2 * found.noise_floor
+    for name, value in swing.items():
+        estimate, _ = found.parameters['structural_resonance.x'][name]
+        assert estimate == pytest.approx(value, rel=0.1)
