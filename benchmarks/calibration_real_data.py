@@ -27,7 +27,7 @@ METHODS = (
     'lolimot'
 )
 #: Three restarts each, of seeds of their own.
-SEEDS = range(0, 30, 3)
+SEEDS = range(0, 12, 3)
 
 
 def data_folder() -> Path:
@@ -49,12 +49,15 @@ def xy_circle(folder: Path) -> None:
     day1 = [circle(p) for p in sorted(folder.glob('day1_*.npz'))]
     day2 = [circle(p) for p in sorted(folder.glob('day2_*.npz'))]
     reference, encoder, direction = (np.concatenate(part) for part in zip(*day1, strict=True))
+    session = np.repeat(np.arange(len(day1)), [len(record[0]) for record in day1])
     baseline = PhaseTable().fit(reference, encoder)
     predictors = {'phase table': [lambda r, _: baseline.predict(r)]}
     for method in METHODS.split():
         choices = [{'seed': seed} for seed in SEEDS] if method == 'perceptron' else [{}]
         predictors[method] = [
-            make_model(method, **options).fit(reference, encoder, direction).predict
+            make_model(method, **options)
+            .fit(reference, encoder, direction, session=session)
+            .predict
             for options in choices
         ]
     print('xy_circle: learnt on day 1, RMS on the two records of day 2 [um]')

@@ -23,6 +23,8 @@ class Correction:
         self.stored: StoredModel | None = None
         self.active = False
         self.largest = 0.0
+        #: Why the last target is corrected by less than a model knows; empty inside its domain.
+        self.beyond = ''
         self._last: Array | None = None
         self._direction: Array | None = None
 
@@ -62,6 +64,7 @@ class Correction:
         if not np.isfinite(wanted).all():
             raise StageError('the wanted table point is not finite: the target is ignored')
         self._follow(wanted)
+        self.beyond = ''
         if not self.active or self.stored is None:
             return wanted
         if reason := self.silence(temperatures or {}):
@@ -69,6 +72,7 @@ class Correction:
         # The means of the training until enough readings were heard for a derivative.
         heat = self.stored.temperature_row(temperatures or {}, rates or {})
         command = self.stored.invert(wanted[None], self._direction, heat)[0]
+        self.beyond = self.stored.beyond(wanted[None], heat)
         correction = float(np.max(np.abs(command - wanted)))
         if correction > self.max_correction:
             raise StageError(

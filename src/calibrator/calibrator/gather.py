@@ -18,8 +18,8 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Session
 
-ARRAYS = ('command', 'measured', 'direction', 'temperatures', 'times', 'rates')
-"""The arrays of `Samples`, of which a short session has no rates."""
+ARRAYS = ('command', 'measured', 'direction', 'temperatures', 'times', 'rates', 'session')
+"""The arrays of `Samples`, of which a short session has no rates and one alone no number."""
 
 
 @dataclass(frozen=True)

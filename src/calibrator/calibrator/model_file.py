@@ -97,6 +97,12 @@ class StoredModel:
         """Commands that reach table points, (n, axes) [m]; see `CalibrationModel.invert`."""
         return self.model.invert(target, direction, temperatures)
 
+    def beyond(self, command: Array, temperatures: Array | None) -> str:
+        """Why the model does not know these points (n, axes) [m]; empty inside its domain."""
+        assert self.model.domain is not None
+        heat = self.model.mean_temperatures[None] if temperatures is None else temperatures
+        return self.model.domain.beyond(command, heat)
+
 
 def save(stored: StoredModel, path: str | Path) -> None:
     """Write a model; a reader sees the old file or the new one, never a part of either.

@@ -341,8 +341,8 @@ class Calibrator(StageNode):
             values['held-out RMS [m]'] = stored.metrics.get('after', {}).get('rms')
         if refusal := self._correction.silence(self._fresh()) or self._refusal:
             return ERROR, refusal, values
-        if self._failure:
-            return WARN, self._failure, values
+        if trouble := self._failure or self._correction.beyond:
+            return WARN, trouble, values
         return OK, stored.model.describe() if stored else 'no model', values
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrator.gain import held_out_gain
+from calibrator.models.adaptable import Adaptable
 from calibrator.models.base import CalibrationModel
 from calibrator.places import distinct_places
 from calibrator.prepare import FEWEST_PLACES
@@ -114,8 +115,13 @@ class OnlineAdapter:
         noise: float = 1e-6,
         forgetting: float = 0.99,
     ) -> None:
+        if not isinstance(model, Adaptable):
+            raise StageError(
+                f'method {model.method} has no linear weights to adapt: use structured, it2fls or '
+                'affine'
+            )
         self.trained = model
-        self.model = copy.deepcopy(model)
+        self.model: Adaptable = copy.deepcopy(model)
         self.kept = copy.deepcopy(model)
         self.proven = False
         self.rollbacks = 0
@@ -127,7 +133,6 @@ class OnlineAdapter:
         self._judged: deque[tuple[float, float]] = deque(maxlen=WINDOW)
         self._errors: deque[float] = deque(maxlen=WINDOW)
         self._proof: deque[tuple[Array, Array, Array]] = deque(maxlen=PROOF)
-        self.model.linear_weights()
 
     @property
     def in_use(self) -> CalibrationModel:
@@ -147,21 +152,20 @@ class OnlineAdapter:
             return
         self._count += 1
         if self._count % JUDGED_EVERY == 0:
-            errors = [
-                float(
-                    np.sqrt(np.mean((measured - m.predict(command, direction, temperatures)) ** 2))
-                )
+            both = [
+                measured - m.predict(command, direction, temperatures, warn=False)
                 for m in (self.model, self.kept)
             ]
+            errors = [float(np.sqrt(np.mean(error**2))) for error in both]
             self._judged.append((errors[0], errors[1]))
             self._errors.append(errors[0])
             self._decide()
             return
-        error = measured - self.model.predict(command, direction, temperatures)
+        error = measured - self.model.predict(command, direction, temperatures, warn=False)
         if np.max(np.abs(error)) > self._gate():
             self.refused += 1
             return
-        unadapted = measured - self.trained.predict(command, direction, temperatures)
+        unadapted = measured - self.trained.predict(command, direction, temperatures, warn=False)
         self._proof.append((command[0], unadapted[0], error[0]))
         self._prove()
         designs = self.model.linear_design(command, direction, temperatures)
@@ -173,6 +177,8 @@ class OnlineAdapter:
             self._estimators[axis].update(design[0], target)
             weights.append(self._estimators[axis].weights)
         self.model.set_linear_weights(weights)
+        assert self.model.domain is not None
+        self.model.domain = self.model.domain.with_error(measured - command)
         self.learned += 1
 
     def _gate(self) -> float:

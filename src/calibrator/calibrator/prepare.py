@@ -62,6 +62,8 @@ class Samples:
     rates
         First [K/s] and second [K/s2] derivative of the temperatures, (n, 2, sensors); None where
         the session has no sensor or is too short for them.
+    session
+        (n,) which of several sessions a sample is of; None where there is one.
     """
 
     command: Array
@@ -74,6 +76,7 @@ class Samples:
     shift: float
     at_rest: bool
     rates: Array | None = None
+    session: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.command)
@@ -88,6 +91,7 @@ class Samples:
             temperatures=self.temperatures[chosen],
             times=self.times[chosen],
             rates=None if self.rates is None else self.rates[chosen],
+            session=None if self.session is None else self.session[chosen],
         )
 
     def only(self, sensors: tuple[str, ...]) -> Samples:
@@ -235,6 +239,7 @@ def concatenate(parts: list[Samples]) -> Samples:
         float(np.mean([p.shift for p in parts])),
         all(p.at_rest for p in parts),
         np.concatenate(rates) if len(rates) == len(parts) else None,
+        np.repeat(np.arange(len(parts)), [len(p) for p in parts]) if len(parts) > 1 else None,
     )
 
 

@@ -85,6 +85,7 @@ def train_start(
         'gain': asdict(result.gain),
         **{name: getattr(result, name) for name in _NUMBERS},
         'sensors': list(result.sensors),
+        'speeds': list(result.speeds),
     }
 
 
@@ -94,7 +95,8 @@ def _training(content: dict[str, Any]) -> Training:
         fields[name] = Metrics(**fields[name])
     fields['gain'] = Gain(**fields['gain'])
     model = METHODS[fields['model']['method']].from_dict(fields.pop('model'))
-    return Training(model=model, **{**fields, 'sensors': tuple(fields['sensors'])})
+    fields.update({name: tuple(fields[name]) for name in ('sensors', 'speeds')})
+    return Training(model=model, **fields)
 
 
 def _save(samples: Samples, folder: Path) -> Path:

@@ -19,6 +19,7 @@ from calibrator.models.structured import Structured
 from calibrator.outliers import wild
 from calibrator.places import judged_places
 from calibrator.prepare import Samples, splits
+from stage_core.quantities import AXES
 from stage_core.session import Session
 
 Array = NDArray[np.float64]
@@ -66,6 +67,7 @@ class Training:
     held_out: int
     wild: int
     sensors: tuple[str, ...]
+    speeds: tuple[float, float] = (0.0, 0.0)
 
     def metrics(self) -> dict[str, Any]:
         """JSON-able record for the model file and the latched topic."""
@@ -77,7 +79,40 @@ class Training:
             'samples': self.samples,
             'held_out': self.held_out,
             'wild': self.wild,
+            'domain': self.domain(),
         }
+
+    def domain(self) -> dict[str, Any]:
+        """Travel [m], temperatures [degC] and speeds [m/s] that the model has seen, by name."""
+        seen = self.model.domain
+        assert seen is not None
+        heat = len(self.sensors)
+        ends = zip(seen.low.tolist(), seen.high.tolist(), strict=True)
+        warmth = zip(seen.coldest[:heat].tolist(), seen.hottest[:heat].tolist(), strict=True)
+        return {
+            'travel': dict(zip(AXES, ends, strict=False)),
+            'temperatures': dict(zip(self.sensors, warmth, strict=True)),
+            'speeds': list(self.speeds),
+        }
+
+    def domain_line(self) -> str:
+        """The domain for a person, with how wide the intervals of predictions are in it."""
+        content = self.domain()
+        parts = [
+            f'{axis} {1e3 * low:.3f} to {1e3 * high:.3f} mm'
+            for axis, (low, high) in content['travel'].items()
+        ]
+        parts += [
+            f'{sensor} {low:.2f} to {high:.2f} °C'
+            for sensor, (low, high) in content['temperatures'].items()
+        ]
+        fastest = content['speeds'][1]
+        parts.append(f'up to {1e3 * fastest:.0f} mm/s' if fastest else 'at rest')
+        half = 1.96e6 * self.model.spread
+        return (
+            f'domain: {", ".join(parts)}; beyond it the model holds its edge; 95 % of predictions '
+            f'within {" and ".join(f"{h:.2f}" for h in half)} µm'
+        )
 
     def line(self) -> str:
         """One line with the held-out error before and after."""
@@ -120,7 +155,9 @@ def train(
     StageError
         If the data do not suffice, or the training was aborted.
     """
-    strange = wild(samples.command, samples.measured - samples.command)
+    strange = np.zeros(len(samples), dtype=bool)
+    if samples.at_rest:  # a moving stage sticks and slips: its peaks are no outliers
+        strange = wild(samples.command, samples.measured - samples.command)
     samples = with_useful_sensors(samples.take(~strange))
     pairs = splits(samples, seed=seed, by=by)
     settings = _with_seed(method, options or {}, seed)
@@ -130,7 +167,8 @@ def train(
     def fit(part: Samples) -> CalibrationModel:
         model = make_model(method, **settings)
         model.progress, model.abort = progress, abort
-        return model.fit(part.command, part.measured, part.direction, part.heat_for(model))
+        heat = part.heat_for(model)
+        return model.fit(part.command, part.measured, part.direction, heat, part.session)
 
     started = time.perf_counter()
     models = [fit(training) for training, _ in pairs]
@@ -151,8 +189,20 @@ def train(
         len(samples),
         len(before),
         int(strange.sum()),
-        samples.sensors,
+        samples.sensors if model.sensors else (),
+        speeds(samples),
     )
+
+
+def speeds(samples: Samples) -> tuple[float, float]:
+    """Least and largest speed [m/s] of the commands; zero at rest."""
+    if samples.at_rest:
+        return 0.0, 0.0
+    steps = np.linalg.norm(np.diff(samples.command, axis=0), axis=1)
+    pause = np.diff(samples.times)
+    # Between two sessions nothing moved.
+    speed = steps[pause > 0.0] / pause[pause > 0.0]
+    return float(speed.min()), float(np.quantile(speed, 0.99))
 
 
 def with_useful_sensors(samples: Samples) -> Samples:
@@ -172,8 +222,9 @@ def evaluate(model: CalibrationModel, samples: Samples) -> Metrics:
 
 def predict(model: CalibrationModel, samples: Samples) -> Array:
     """Table points (n, axes) [m] that a model predicts for samples with its sensors."""
-    heat = samples.heat_for(model) if model.sensors else None
-    return model.predict(samples.command, samples.direction, heat)
+    heat = samples.heat_for(model) if model.sensors else samples.temperatures[:, :0]
+    assert heat is not None
+    return samples.command + model.error(samples.command, samples.direction, heat)
 
 
 def find_bags(paths: Sequence[str]) -> list[Path]:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from calibrator.models.domain import Domain
+from calibrator.models.encoding import from_json, to_json
+from calibrator.models.inputs import Array, checked, require_finite
+from calibrator.models.inverse import invert
+from calibrator.models.selection import Conditions, Learner, choose, conditions, deviation
+from calibrator.places import Labels, distinct_places
 from stage_core.errors import StageError
 
-Array = NDArray[np.float64]
-
-MODEL_SCHEMA = 1
+MODEL_SCHEMA = 2
 """Version of the dictionary that `to_dict` writes; another one is refused."""
 
 
@@ -22,7 +27,9 @@ class CalibrationModel(ABC):
 
     A subclass names its method and its options with their defaults, keeps everything that it
     learns in `state` (numbers and arrays only, so that it can be written as JSON) and implements
-    `_fit` and `_error`. Arguments of all public functions:
+    `_fit` and `_error`. What it leaves to the data it lists in `candidates`; `fit` chooses among
+    them by what it leaves out (`selection`). Beyond its `domain` no model extrapolates. Arguments
+    of all public functions:
 
     command, measured, target : (n, axes) [m]
     direction : (n, axes), sign of each axis' last move: -1, 0 (unknown) or +1
@@ -35,6 +42,8 @@ class CalibrationModel(ABC):
     defaults: ClassVar[dict[str, Any]] = {}
     continuous: ClassVar[bool] = True
     """False for a model with jumps, whose exact inverse need not exist."""
+    thermal: ClassVar[bool] = False
+    """Whether temperatures are inputs of the method."""
 
     def __init__(self, **options: Any) -> None:
         unknown = sorted(set(options) - set(self.defaults))
@@ -45,9 +54,16 @@ class CalibrationModel(ABC):
             )
         self.options: dict[str, Any] = {**self.defaults, **options}
         self.state: dict[str, Any] = {}
+        #: What the data chose, by the name of the option.
+        self.chosen: dict[str, Any] = {}
+        self.domain: Domain | None = None
         self.axes = 0
         self.sensors = 0
         self.mean_temperatures: Array = np.empty(0)
+        #: Labels (n,) of the sessions that the samples at hand are of, where there are several.
+        self.sessions: list[Labels] = []
+        #: Standard deviation (axes,) [m] of predictions inside the domain.
+        self.spread: Array = np.empty(0)
         #: For methods that iterate: called with each iteration and the best error so far.
         self.progress: Callable[[int, float], None] | None = None
         #: For methods that iterate: asked after each iteration; True ends the training.
@@ -63,9 +79,16 @@ class CalibrationModel(ABC):
         """Whether the temperature columns are readings, then first, then second derivatives."""
         return bool(self.options.get('derivatives', False))
 
+    def setting(self, name: str) -> Any:
+        """What the data chose for an option, else what the user did."""
+        return self.chosen.get(name, self.options[name])
+
+    def candidates(self) -> list[dict[str, Any]]:
+        """Settings of the options that are `auto`, the simplest first."""
+        return [{}]
+
     def parameter_count(self, axes: int, sensors: int) -> int:
-        """Number of parameters fitted per output axis; fewer samples are refused."""
-        del axes, sensors
+        """Number of parameters fitted per output axis; fewer distinct places are refused."""
         return 1
 
     def fit(
@@ -74,46 +97,129 @@ class CalibrationModel(ABC):
         measured: ArrayLike,
         direction: ArrayLike | None = None,
         temperatures: ArrayLike | None = None,
+        session: ArrayLike | None = None,
     ) -> CalibrationModel:
-        """Fit the model and return it.
+        """Fit the means of repeats; `session` (n,) tells samples of several sessions apart.
 
         Raises
         ------
         StageError
             For shapes that do not agree, a NaN, an axis that never moves, or fewer distinct
-            positions than the method has parameters.
+            places than the method has parameters.
         """
         self.axes, self.mean_temperatures = 0, np.empty(0)
-        c, d, t = self._checked(command, direction, temperatures)
+        c, d, t = checked(command, direction, temperatures, self.mean_temperatures)
         m = np.asarray(measured, dtype=float)
         if m.shape != c.shape:
             raise StageError(
                 f'command has shape {c.shape} but measured {m.shape}: give one measured point '
                 'per commanded one'
             )
-        _require_finite(m, 'measured points')
-        self._require_information(c, t.shape[1])
-        self.state = {}
-        self.axes, self.sensors = c.shape[1], t.shape[1]
-        self.mean_temperatures = t.mean(axis=0)
+        require_finite(m, 'measured points')
+        number = None if session is None else np.asarray(session, dtype=float)
+        data = conditions(c, m - c, d, t if self.thermal else t[:, :0], number)
+        self.chosen = {}
+        self._require_information(data)
+        candidates = self._feasible(data)
+        left_out = data.error
         try:
-            self._fit(c, m - c, d, t)
+            self.chosen, left_out = choose(candidates, self._learner, data)
+        except StageError:
+            # A setting of the user's stands, though the data do not suffice to judge it.
+            if len(candidates) > 1:
+                raise
+        self.spread = deviation(left_out)
+        return self.learn(data)
+
+    def learn(self, data: Conditions) -> CalibrationModel:
+        """Fit the settings at hand to conditions, without a choice, and return the model.
+
+        Raises
+        ------
+        StageError
+            As `fit`.
+        """
+        if not self.chosen.get('sensors', True):
+            data = data.without_sensors()
+        self.axes = 0
+        self._require_information(data)
+        self.state = {}
+        numbers = np.unique(data.session, return_inverse=True)[1].reshape(-1)
+        self.sessions = [numbers] if numbers.max() > 0 else []
+        self.axes, self.sensors = data.command.shape[1], data.temperatures.shape[1]
+        self.mean_temperatures = data.temperatures.mean(axis=0)
+        self.domain = Domain.of(data.command, data.error, data.temperatures)
+        try:
+            self._fit(data.command, data.error, data.direction, data.temperatures)
         except StageError:
             self.axes = 0
             raise
         return self
+
+    def _feasible(self, data: Conditions) -> list[dict[str, Any]]:
+        """The candidates that the places suffice for, without and with temperatures."""
+        sensors = data.temperatures.shape[1]
+        heats: list[dict[str, Any]] = [{}]
+        if sensors:
+            heats = [{'sensors': False}, {'sensors': True}]
+        places = int(distinct_places(data.command).max()) + 1
+        listed, found = self.candidates(), []
+        for heat in heats:
+            for chosen in listed:
+                self.chosen = chosen
+                used = sensors if heat.get('sensors') else 0
+                needed = self.parameter_count(data.command.shape[1], used)
+                if len(listed) == 1 or needed <= places:
+                    found.append({**chosen, **heat})
+        if not found:
+            self.chosen = listed[0]
+            self._require_information(data)
+        self.chosen = {}
+        return found
+
+    def _learner(self, chosen: dict[str, Any]) -> Learner:
+        def learn(rest: Conditions) -> Callable[[Conditions], Array]:
+            other = type(self)(**self.options)
+            other.chosen, other.progress, other.abort = chosen, self.progress, self.abort
+            other.learn(rest)
+            return lambda held: other.error(
+                held.command, held.direction, held.temperatures[:, : other.sensors]
+            )
+
+        return learn
 
     def predict(
         self,
         command: ArrayLike,
         direction: ArrayLike | None = None,
         temperatures: ArrayLike | None = None,
+        warn: bool = True,
     ) -> Array:
-        """Table point that a command reaches, (n, axes) [m]."""
-        self._require_fitted()
-        c, d, t = self._checked(command, direction, temperatures)
-        self._require_shape(c, t)
-        return c + self._error(c, d, t)
+        """Table point that a command reaches, (n, axes) [m]; a warning names what is beyond.
+
+        Beyond the domain the model does not extrapolate, see `Domain.guard`.
+        """
+        c, d, t = self._of_the_fit(command, direction, temperatures)
+        assert self.domain is not None
+        if warn and (reason := self.domain.beyond(c, t)):
+            warnings.warn(reason, stacklevel=2)
+        return c + self.error(c, d, t)
+
+    def deviation(self, command: ArrayLike) -> Array:
+        """Standard deviation of each prediction, (n, axes) [m].
+
+        Its 95 % interval, 1.96 of it to either side, holds 95 % of what was left out in training.
+        """
+        c, _, _ = self._of_the_fit(command, None, None)
+        assert self.domain is not None
+        return self.domain.deviation(c, self.spread)
+
+    def error(self, command: Array, direction: Array, temperatures: Array) -> Array:
+        """Predicted error, (n, axes) [m], of arrays that were checked."""
+        assert self.domain is not None
+        return self.domain.guard(
+            lambda held, heat: self._error(held, direction, heat), command, temperatures
+        )
 
     def invert(
         self,
@@ -125,9 +231,7 @@ class CalibrationModel(ABC):
     ) -> Array:
         """Command that reaches the wanted table point, (n, axes) [m].
 
-        Fixed point c <- c + (target - predict(c)), which contracts because a stage's error
-        changes by far less than a metre per metre; points that do not settle are finished by
-        Newton's method with a finite-difference Jacobian. Direction and temperatures are held.
+        See `inverse.invert`; direction and temperatures are held.
 
         Raises
         ------
@@ -135,60 +239,18 @@ class CalibrationModel(ABC):
             If the residual of a point stays above `tolerance` [m]. A model with jumps is
             accepted at its best iterate, because an exact inverse need not exist there.
         """
-        self._require_fitted()
-        wanted, d, t = self._checked(target, direction, temperatures)
-        self._require_shape(wanted, t)
-        command = wanted.copy()
-        best = command.copy()
-        best_residual = np.full(len(wanted), np.inf)
-        for iteration in range(max_iterations):
-            gap = wanted - (command + self._error(command, d, t))
-            residual = np.max(np.abs(gap), axis=1)
-            better = residual < best_residual
-            best[better], best_residual[better] = command[better], residual[better]
-            if (best_residual <= tolerance).all():
-                return best
-            if iteration < max_iterations // 2 or not self.continuous:
-                command = command + gap
-            else:
-                command = best + self._newton_step(best, wanted, d, t)
-        if self.continuous:
-            worst = int(np.argmax(best_residual))
+        wanted, d, t = self._of_the_fit(target, direction, temperatures)
+        command, residual = invert(
+            lambda c: self.error(c, d, t), wanted, tolerance, max_iterations, self.continuous
+        )
+        worst = int(np.argmax(residual))
+        if self.continuous and residual[worst] > tolerance:
             raise StageError(
                 f'the {self.method} model cannot be inverted at {wanted[worst].tolist()} m '
-                f'(residual {best_residual[worst]:.3g} m): use it inside the calibrated travel '
+                f'(residual {residual[worst]:.3g} m): use it inside the calibrated travel '
                 'or train with a smoother method'
             )
-        return best
-
-    def linear_weights(self) -> list[Array]:
-        """Weights per output axis that the error depends on linearly.
-
-        Raises
-        ------
-        StageError
-            If the method has none; it cannot be adapted while the stage runs.
-        """
-        raise _not_linear(self.method)
-
-    def set_linear_weights(self, weights: list[Array]) -> None:
-        """Replace the weights of `linear_weights`."""
-        raise _not_linear(self.method)
-
-    def linear_design(
-        self,
-        command: ArrayLike,
-        direction: ArrayLike | None = None,
-        temperatures: ArrayLike | None = None,
-    ) -> list[tuple[Array, Array]]:
-        """Per output axis the design (n, p) and offset (n,): error = design @ weights + offset."""
-        self._require_fitted()
-        c, d, t = self._checked(command, direction, temperatures)
-        self._require_shape(c, t)
-        return self._linear_design(c, d, t)
-
-    def _linear_design(self, command: Array, d: Array, t: Array) -> list[tuple[Array, Array]]:
-        raise _not_linear(self.method)
+        return command
 
     def to_dict(self) -> dict[str, Any]:
         """Everything needed to rebuild the model, JSON types only."""
@@ -200,6 +262,9 @@ class CalibrationModel(ABC):
             'axes': self.axes,
             'sensors': self.sensors,
             'mean_temperatures': self.mean_temperatures.tolist(),
+            'chosen': self.chosen,
+            'deviation': self.spread.tolist(),
+            'domain': to_json(self.domain.to_state() if self.domain else None),
             'state': to_json(self.state),
         }
 
@@ -221,6 +286,9 @@ class CalibrationModel(ABC):
             model = cls(**content['options'])
             model.axes, model.sensors = int(content['axes']), int(content['sensors'])
             model.mean_temperatures = np.asarray(content['mean_temperatures'], dtype=float)
+            model.chosen = dict(content['chosen'])
+            model.spread = np.asarray(content['deviation'], dtype=float)
+            model.domain = Domain.from_state(from_json(content['domain']))
             model.state = from_json(content['state'])
             if model.axes < 1:
                 raise ValueError('no axis')
@@ -244,56 +312,16 @@ class CalibrationModel(ABC):
     def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
         """Predicted error, (n, axes) [m]."""
 
-    def _newton_step(self, command: Array, wanted: Array, d: Array, t: Array) -> Array:
-        step = 1e-7
-        base = command + self._error(command, d, t)
-        jacobian = np.empty((len(command), self.axes, self.axes))
-        for axis in range(self.axes):
-            moved = command.copy()
-            moved[:, axis] += step
-            jacobian[:, :, axis] = (moved + self._error(moved, d, t) - base) / step
-        # A singular Jacobian must not end the loop: other points can still converge.
-        flat = np.abs(np.linalg.det(jacobian)) < 1e-6
-        jacobian[flat] = np.eye(self.axes)
-        return np.asarray(np.linalg.solve(jacobian, (wanted - base)[:, :, None])[:, :, 0], float)
-
-    def _checked(
-        self, command: ArrayLike, direction: ArrayLike | None, temperatures: ArrayLike | None
-    ) -> tuple[Array, Array, Array]:
-        c = np.asarray(command, dtype=float)
-        if c.ndim != 2 or c.shape[1] < 1 or len(c) == 0:
-            raise StageError(f'points must have shape (n, axes), got {c.shape}')
-        _require_finite(c, 'points')
-        d = np.zeros_like(c) if direction is None else np.asarray(direction, dtype=float)
-        if d.shape != c.shape:
-            raise StageError(f'directions have shape {d.shape}, the points {c.shape}')
-        _require_finite(d, 'directions')
-        if temperatures is None:
-            return c, d, np.tile(self.mean_temperatures, (len(c), 1))
-        t = np.asarray(temperatures, dtype=float)
-        if t.ndim != 2 or len(t) != len(c):
-            raise StageError(
-                f'temperatures have shape {t.shape}: give one row per point, (n, sensors)'
-            )
-        for sensor in range(t.shape[1]):
-            bad = int(np.count_nonzero(~np.isfinite(t[:, sensor])))
-            if bad:
-                raise StageError(
-                    f'temperature sensor {sensor} dropped out in {bad} of {len(t)} samples: '
-                    'repair it or train without temperatures'
-                )
-        return c, d, t
-
-    def _require_information(self, command: Array, sensors: int) -> None:
-        spread = np.ptp(command, axis=0)
-        for axis in range(command.shape[1]):
+    def _require_information(self, data: Conditions) -> None:
+        spread = np.ptp(data.command, axis=0)
+        for axis in range(data.command.shape[1]):
             if spread[axis] <= 0.0:
                 raise StageError(
                     f'axis {axis} never moves in the training data: record a session in which '
                     'every axis moves'
                 )
-        needed = self.parameter_count(command.shape[1], sensors)
-        distinct = len(np.unique(command, axis=0))
+        needed = self.parameter_count(data.command.shape[1], data.temperatures.shape[1])
+        distinct = int(distinct_places(data.command).max()) + 1
         if distinct < needed:
             raise StageError(
                 f'method {self.method} fits {needed} parameters per axis but the data hold '
@@ -304,60 +332,19 @@ class CalibrationModel(ABC):
         if not self.fitted:
             raise StageError(f'the {self.method} model has not been fitted: train it first')
 
-    def _require_shape(self, command: Array, temperatures: Array) -> None:
-        if command.shape[1] != self.axes:
+    def _of_the_fit(
+        self, command: ArrayLike, direction: ArrayLike | None, temperatures: ArrayLike | None
+    ) -> tuple[Array, Array, Array]:
+        """Checked arrays of a fitted model."""
+        self._require_fitted()
+        c, d, t = checked(command, direction, temperatures, self.mean_temperatures)
+        if c.shape[1] != self.axes:
             raise StageError(
-                f'the model was trained for {self.axes} axes, the points have {command.shape[1]}'
+                f'the model was trained for {self.axes} axes, the points have {c.shape[1]}'
             )
-        if self.sensors and temperatures.shape[1] != self.sensors:
+        if self.sensors and t.shape[1] != self.sensors:
             raise StageError(
                 f'the model was trained with {self.sensors} temperature columns, got '
-                f'{temperatures.shape[1]}: give the same sensors'
+                f'{t.shape[1]}: give the same sensors'
             )
-
-
-def _not_linear(method: str) -> StageError:
-    return StageError(
-        f'method {method} has no linear weights to adapt: use structured, it2fls or affine'
-    )
-
-
-def scaling_of(values: Array) -> tuple[Array, Array]:
-    """Centre and half range per column, so that (values - centre)/half lies in [-1, 1]."""
-    low, high = values.min(axis=0), values.max(axis=0)
-    half = (high - low) / 2.0
-    return (high + low) / 2.0, np.where(half > 0.0, half, 1.0)
-
-
-def to_json(value: Any) -> Any:
-    """Arrays as tagged nested lists; other JSON values unchanged."""
-    if isinstance(value, np.ndarray):
-        kind = 'int' if value.dtype.kind in 'iub' else 'float'
-        return {'array': value.tolist(), 'shape': list(value.shape), 'kind': kind}
-    if isinstance(value, dict):
-        return {str(key): to_json(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [to_json(item) for item in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value
-
-
-def from_json(value: Any) -> Any:
-    """Inverse of :func:`to_json`."""
-    if isinstance(value, dict):
-        if set(value) == {'array', 'shape', 'kind'}:
-            kind = np.int64 if value['kind'] == 'int' else np.float64
-            return np.asarray(value['array'], dtype=kind).reshape(value['shape'])
-        return {key: from_json(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [from_json(item) for item in value]
-    return value
-
-
-def _require_finite(values: Array, what: str) -> None:
-    bad = int(np.count_nonzero(~np.isfinite(values).all(axis=-1)))
-    if bad:
-        raise StageError(
-            f'{bad} of {len(values)} {what} are not finite: remove them or record again'
-        )
+        return c, d, t if self.sensors else t[:, :0]

@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
+from typing import Any
 
 import numpy as np
 
-from calibrator.models.base import Array, CalibrationModel, scaling_of
+from calibrator.models.base import CalibrationModel
+from calibrator.models.inputs import Array, scaling_of
 
 
 class BlackBox(CalibrationModel):
     """Inputs: scaled commands, and the direction and temperatures where they vary."""
+
+    thermal = True
 
     def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
         self.state['uses_direction'] = bool(np.ptp(direction, axis=0).any())
@@ -49,19 +53,25 @@ class BlackBox(CalibrationModel):
 
 
 class Perceptron(BlackBox):
-    """One hidden layer, 10 neurons by default (the paper's comparison), tanh, trained by L-BFGS.
+    """One hidden layer of tanh neurons (the paper's comparison has 10), trained by L-BFGS.
 
     Well-trained on purpose: against the default optimiser's result any method wins.
     """
 
     method = 'perceptron'
     summary = 'one hidden layer of tanh neurons (scikit-learn)'
-    defaults = {'neurons': 10, 'restarts': 3, 'iterations': 1500, 'seed': 0}
+    defaults = {'neurons': 'auto', 'restarts': 3, 'iterations': 1500, 'seed': 0}
+
+    def candidates(self) -> list[dict[str, Any]]:
+        """Neurons of the hidden layer."""
+        if self.options['neurons'] != 'auto':
+            return [{}]
+        return [{'neurons': neurons} for neurons in (2, 5, 10)]
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Weights of the hidden layer and of one output."""
-        neurons = int(self.options['neurons'])
-        return neurons * (axes + sensors + 2) + 1
+        neurons = self.setting('neurons')
+        return (1 if neurons == 'auto' else int(neurons)) * (axes + sensors + 2) + 1
 
     def _fit_scaled(self, inputs: Array, targets: Array) -> None:
         from sklearn.exceptions import ConvergenceWarning
@@ -70,7 +80,7 @@ class Perceptron(BlackBox):
         best = None
         for restart in range(int(self.options['restarts'])):
             network = MLPRegressor(
-                hidden_layer_sizes=(int(self.options['neurons']),),
+                hidden_layer_sizes=(int(self.setting('neurons')),),
                 activation='tanh',
                 solver='lbfgs',
                 max_iter=int(self.options['iterations']),
@@ -149,8 +159,14 @@ class GradientBoosting(BlackBox):
 
     method = 'gradient_boosting'
     summary = 'gradient boosted trees (scikit-learn)'
-    defaults = {'trees': 150, 'depth': 4, 'rate': 0.1, 'subsample': 0.7, 'seed': 0}
+    defaults = {'trees': 'auto', 'depth': 4, 'rate': 0.1, 'subsample': 0.7, 'seed': 0}
     continuous = False
+
+    def candidates(self) -> list[dict[str, Any]]:
+        """Trees."""
+        if self.options['trees'] != 'auto':
+            return [{}]
+        return [{'trees': trees} for trees in (10, 40, 150)]
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Leaves of one tree."""
@@ -162,7 +178,7 @@ class GradientBoosting(BlackBox):
         outputs = []
         for output in range(targets.shape[1]):
             booster = GradientBoostingRegressor(
-                n_estimators=int(self.options['trees']),
+                n_estimators=int(self.setting('trees')),
                 max_depth=int(self.options['depth']),
                 learning_rate=float(self.options['rate']),
                 subsample=float(self.options['subsample']),

@@ -8,17 +8,25 @@ import numpy as np
 
 from calibrator.consequents import evaluate, fit_consequents, regressors, rule_outputs
 from calibrator.it2_sets import AntecedentSets, vector_bounds
-from calibrator.models.base import Array, CalibrationModel, from_json, scaling_of, to_json
+from calibrator.models.adaptable import Adaptable
+from calibrator.models.base import CalibrationModel
+from calibrator.models.encoding import from_json, to_json
+from calibrator.models.inputs import Array, scaling_of
+from calibrator.models.selection import Conditions
 from calibrator.models.structured import Structured
+from calibrator.places import folds, judged_places
 from calibrator.pso import SwarmOptions, SwarmResult, minimise
 from calibrator.type_reduction import REDUCTIONS, effective_weights
 from stage_core.errors import StageError
 
+SAMPLES_PER_CONSEQUENT = 10
+"""With fewer places than this for each consequent, a rule follows the noise."""
 
-class FuzzySystem(CalibrationModel):
+
+class FuzzySystem(Adaptable):
     """One interval type-2 TSK system per axis; all axes share the antecedents.
 
-    Options: `rules` M (`auto`: five, or fewer so that each holds ten samples per consequent),
+    Options: `rules` M (`auto`: one, two or five, each of which holds ten samples per consequent),
     `particles` and `iterations` of the swarm (the paper's: 1000 and 200),
     `reduction` of `type_reduction.REDUCTIONS`, `patience`, `threads`, `seed`, and `device`:
     `auto` (a graphics processor where the extra `gpu` finds one) or `cpu`. The attributes
@@ -47,9 +55,18 @@ class FuzzySystem(CalibrationModel):
             )
         self.swarm: SwarmResult | None = None
 
+    def candidates(self) -> list[dict[str, Any]]:
+        """Rules."""
+        if self.options['rules'] != 'auto':
+            return [{}]
+        return [{'rules': rules} for rules in (1, 2, 5)]
+
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Consequents of one output; the antecedents are searched, not solved."""
-        return (1 if self.options['rules'] == 'auto' else int(self.options['rules'])) * (axes + 1)
+        if self.options['rules'] != 'auto':
+            return int(self.options['rules']) * (axes + 1)
+        rules = int(self.chosen.get('rules', 1))
+        return rules * (axes + 1) * (1 if rules == 1 else SAMPLES_PER_CONSEQUENT)
 
     def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
         # Only here: importing the compiled loops costs a second that prediction need not pay.
@@ -59,9 +76,11 @@ class FuzzySystem(CalibrationModel):
         mean, deviation = error.mean(axis=0), error.std(axis=0)
         deviation = np.where(deviation > 0.0, deviation, 1.0)
         inputs, targets = (command - centre) / half, (error - mean) / deviation
-        rules, reduction = self.options['rules'], str(self.options['reduction'])
+        rules, reduction = self.setting('rules'), str(self.options['reduction'])
         if rules == 'auto':
-            rules = int(np.clip(len(command) // (10 * (self.axes + 1)), 1, 5))
+            # A part of another method, which makes no choice of its own.
+            few = SAMPLES_PER_CONSEQUENT * (self.axes + 1)
+            rules = int(np.clip(len(command) // few, 1, 5))
         low, high = vector_bounds(rules, self.axes)
         options = SwarmOptions(
             particles=int(self.options['particles']),
@@ -148,6 +167,7 @@ class Hybrid(CalibrationModel):
     """
 
     method = 'hybrid'
+    thermal = True
     summary = 'structured model, then interval type-2 system on the rest'
     defaults = {**FuzzySystem.defaults, **Structured.defaults}
 
@@ -163,34 +183,37 @@ class Hybrid(CalibrationModel):
         )
 
     def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
-        heat = temperatures if self.sensors else None
-        self.structured.fit(command, command + error, direction, heat)
-        rest = command + error - self.structured.predict(command, direction, heat)
+        session = np.zeros(len(command), dtype=np.int64)
+        data = Conditions(command, error, direction, temperatures, session)
+        self.structured.learn(data)
+        rest = error - self.structured.error(command, direction, temperatures)
+        data = Conditions(command, rest, direction, temperatures[:, :0], session)
         self.state['structured'] = self.structured.to_dict()
         self.state['fuzzy'] = {}
         self.fuzzy.progress, self.fuzzy.abort = self.progress, self.abort
-        if self._fuzzy_helps(command, rest):
-            self.fuzzy.fit(command, command + rest)
-            self.state['fuzzy'] = self.fuzzy.to_dict()
+        if self._fuzzy_helps(data):
+            self.state['fuzzy'] = self.fuzzy.learn(data).to_dict()
 
-    def _fuzzy_helps(self, command: Array, rest: Array) -> bool:
-        order = np.random.default_rng(int(self.options['seed'])).permutation(len(command))
-        held, used = order[: len(order) // 4], order[len(order) // 4 :]
-        if len(np.unique(command[used], axis=0)) < self.fuzzy.parameter_count(self.axes, 0):
+    def _fuzzy_helps(self, data: Conditions) -> bool:
+        held = folds(judged_places(data.command), 4, int(self.options['seed']))[0]
+        used, rest = data.take(~held), data.take(held)
+        try:
+            self.fuzzy.learn(used)
+        except StageError:
+            if self.abort is not None and self.abort():
+                raise
             return False
-        self.fuzzy.fit(command[used], command[used] + rest[used])
-        left = command[held] + rest[held] - self.fuzzy.predict(command[held])
-        return bool(np.sum(left**2) < 0.97**2 * np.sum(rest[held] ** 2))
+        left = rest.error - self.fuzzy.error(rest.command, rest.direction, rest.temperatures)
+        return bool(np.sum(left**2) < 0.97**2 * np.sum(rest.error**2))
 
     def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
         if not self.structured.fitted:
             self.structured = _part(Structured, self.state['structured'])
             if self.state['fuzzy']:
                 self.fuzzy = _part(FuzzySystem, self.state['fuzzy'])
-        heat = temperatures if self.sensors else None
-        error = self.structured.predict(command, direction, heat) - command
+        error = self.structured.error(command, direction, temperatures)
         if self.state['fuzzy']:
-            error = error + self.fuzzy.predict(command) - command
+            error = error + self.fuzzy.error(command, direction, temperatures[:, :0])
         return error
 
     def describe(self) -> str:
@@ -202,4 +225,5 @@ class Hybrid(CalibrationModel):
 
 def _part(cls: type[Any], content: dict[str, Any]) -> Any:
     """Rebuild a part, whose state may have been decoded together with the whole."""
-    return cls.from_dict({**content, 'state': to_json(from_json(content['state']))})
+    encoded = {name: to_json(from_json(content[name])) for name in ('state', 'domain')}
+    return cls.from_dict({**content, **encoded})

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from itertools import combinations_with_replacement
 from math import comb
+from typing import Any
 
 import numpy as np
 
-from calibrator.models.base import Array, CalibrationModel, scaling_of
+from calibrator.models.adaptable import Adaptable
+from calibrator.models.base import CalibrationModel
+from calibrator.models.inputs import Array, scaling_of
 from stage_core.errors import StageError
 
 
@@ -23,8 +26,12 @@ class Identity(CalibrationModel):
     def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
         return np.zeros_like(command)
 
+    def error(self, command: Array, direction: Array, temperatures: Array) -> Array:
+        """Zero everywhere: nothing fades to an affine part."""
+        return self._error(command, direction, temperatures)
 
-class Affine(CalibrationModel):
+
+class Affine(Adaptable):
     """measured = Tr · [command; 1], Tr of shape (axes, axes + 1): eq. 24 of paper 1."""
 
     method = 'affine'
@@ -69,28 +76,35 @@ class Polynomial(CalibrationModel):
 
     method = 'polynomial'
     summary = 'polynomial in all axes by least squares'
-    defaults = {'degree': 5}
+    defaults = {'degree': 'auto'}
+
+    def candidates(self) -> list[dict[str, Any]]:
+        """Degrees one to seven."""
+        if self.options['degree'] != 'auto':
+            return [{}]
+        return [{'degree': degree} for degree in range(1, 8)]
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Number of monomials up to the degree."""
-        return comb(axes + int(self.options['degree']), axes)
+        return comb(axes + self._degree(), axes)
+
+    def _degree(self) -> int:
+        degree = self.setting('degree')
+        return 1 if degree == 'auto' else int(degree)
 
     def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
         centre, half = scaling_of(command)
-        design = legendre_products((command - centre) / half, int(self.options['degree']))[0]
+        design = legendre_products((command - centre) / half, self._degree())[0]
         coefficients = np.linalg.lstsq(design, error, rcond=None)[0]
         self.state = {'centre': centre, 'half': half, 'coefficients': coefficients}
 
     def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
         scaled = (command - self.state['centre']) / self.state['half']
-        return (
-            legendre_products(scaled, int(self.options['degree']))[0]
-            @ (self.state['coefficients'])
-        )
+        return legendre_products(scaled, self._degree())[0] @ (self.state['coefficients'])
 
     def describe(self) -> str:
         """The summary with the degree."""
-        return f'{self.method}: {self.summary}, degree {self.options["degree"]}'
+        return f'{self.method}: {self.summary}, degree {self.setting("degree")}'
 
 
 def legendre_products(scaled: Array, degree: int) -> tuple[Array, list[tuple[int, ...]]]:

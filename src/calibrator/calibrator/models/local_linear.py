@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from calibrator.lolimot import LocalLinearTree, grow
-from calibrator.models.base import Array, CalibrationModel, scaling_of
+from calibrator.models.base import CalibrationModel
+from calibrator.models.inputs import Array, scaling_of
 
 
 class LocalLinear(CalibrationModel):
@@ -13,7 +16,13 @@ class LocalLinear(CalibrationModel):
 
     method = 'lolimot'
     summary = 'local linear model tree (paper 5)'
-    defaults = {'models': 30, 'overlap': 0.33, 'split_all': False}
+    defaults = {'models': 'auto', 'overlap': 0.33, 'split_all': False}
+
+    def candidates(self) -> list[dict[str, Any]]:
+        """Most local models; Akaike's criterion may stop before."""
+        if self.options['models'] != 'auto':
+            return [{}]
+        return [{'models': count} for count in (1, 2, 4, 8, 16, 30)]
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """One local model."""
@@ -27,7 +36,7 @@ class LocalLinear(CalibrationModel):
             tree = grow(
                 (command - centre) / half,
                 error[:, axis] / scale[axis],
-                int(self.options['models']),
+                int(self.setting('models')),
                 float(self.options['overlap']),
                 bool(self.options['split_all']),
             )[-1]

@@ -13,19 +13,21 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from calibrator.models.base import Array, CalibrationModel, scaling_of
+from calibrator.models.adaptable import Adaptable
+from calibrator.models.inputs import Array, scaling_of
 from calibrator.models.linear import legendre_products
+from calibrator.places import Labels, distinct_places, judged_places
 from stage_core.errors import StageError
 from stage_core.quantities import AXES
 
 
-class Structured(CalibrationModel):
+class Structured(Adaptable):
     """Linear regression of each axis' error on the causes that a screw stage has.
 
     Regressors of output axis a, with u the command scaled to [-1, 1]:
 
     - products of Legendre polynomials of u up to `degree` (a number, or `auto`: per axis the
-      one with the smallest leave-one-out error, harmonics included or not likewise): offset,
+      one with the smallest error at places left out, harmonics included or not likewise): offset,
       scale and squareness (degree one), straightness and pitch error (higher degrees in one
       axis), angular error (mixed);
     - sin and cos of 2π h u_a / lead_a for each harmonic h in `harmonics`, where `lead` is given
@@ -38,14 +40,16 @@ class Structured(CalibrationModel):
     """
 
     method = 'structured'
+    thermal = True
     summary = 'stage physics by least squares'
     defaults = {'degree': 'auto', 'lead': 'search', 'harmonics': [1, 2], 'ridge': 1e-9}
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Polynomial terms, reversal and thermal terms; harmonics where their number is given."""
-        count = comb(axes + min(self._degrees()), axes) + 1 + 2 * sensors
         if self.options['degree'] == 'auto':
-            return count
+            # Degree zero is tried too, but no place is known by fewer than an affine map.
+            return axes + 1 + 2 * sensors
+        count = comb(axes + min(self._degrees()), axes) + 1 + 2 * sensors
         return count + 2 * len(self.options['harmonics'])
 
     def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
@@ -148,28 +152,33 @@ class Structured(CalibrationModel):
     def _choose_degree(
         self, command: Array, target: Array, direction: Array, temperatures: Array, axis: int
     ) -> None:
-        """Degree, and harmonics or none, with the smallest leave-one-out error."""
+        """Degree, and harmonics or none, with the smallest error at places left out."""
         lead = float(self.state['leads'][axis])
         degrees = self._degrees()
         if len(degrees) == 1:
             self.state['degrees'][axis] = degrees[0]
             return
         best = (np.inf, degrees[0], 0.0)
+        groups = [judged_places(command), *self.sessions]
+        places = int(distinct_places(command).max()) + 1
         for candidate in (0.0, lead) if lead else (0.0,):
             for degree in degrees:
                 self.state['leads'][axis], self.state['degrees'][axis] = candidate, degree
                 design = self._design(command, direction, temperatures, axis)
-                if len(design) <= 1.2 * design.shape[1]:
+                of_place = design.shape[1] - int(self.state['reversal'][axis])
+                if places < 1.2 * of_place or len(design) <= 1.2 * design.shape[1]:
                     continue
-                left = _left_out(design, target, self._ridge())
-                # More terms have to earn their place: leave-one-out alone keeps a few too many.
+                left = np.sqrt(
+                    np.mean([_left_out(design, target, self._ridge(), g) for g in groups])
+                )
+                # More terms have to earn their place: leaving out alone keeps a few too many.
                 if left < 0.97 * best[0]:
                     best = (left, degree, candidate)
         self.state['degrees'][axis], self.state['leads'][axis] = best[1], best[2]
 
     def _degrees(self) -> list[int]:
         degree = self.options['degree']
-        return list(range(1, 8)) if degree == 'auto' else [int(degree)]
+        return list(range(8)) if degree == 'auto' else [int(degree)]
 
     def _ridge(self) -> float:
         return float(self.options['ridge'])
@@ -277,15 +286,24 @@ def _solve(design: Array, target: Array, ridge: float) -> tuple[Array, Array]:
     return solution, inverse_diagonal
 
 
-def _left_out(design: Array, target: Array, ridge: float) -> float:
-    """Root mean square leave-one-out error of the ridge solution, from the hat matrix."""
+def _left_out(design: Array, target: Array, ridge: float, labels: Labels) -> float:
+    """Mean square error of the ridge solution at each label's rows, fitted without them.
+
+    In the basis U of the design's columns the solution without the rows g solves
+    (1 + ridge / s^2 - U_g' U_g) v = U'y - U_g'y_g.
+    """
     length = np.sqrt(np.mean(design**2, axis=0))
     length[length == 0.0] = 1.0
     u, s, _ = np.linalg.svd(design / length, full_matrices=False)
-    kept = s**2 / (s**2 + ridge)
-    residual = target - u @ (kept * (u.T @ target))
-    leverage = np.sum(u**2 * kept, axis=1)
-    return float(np.sqrt(np.mean((residual / np.maximum(1.0 - leverage, 1e-3)) ** 2)))
+    # A place that alone carries a term leaves nothing to know it by: its share is then zero.
+    normal = np.diag(1.0 + 1e-6 + ridge / np.maximum(s**2, 1e-300))
+    right = u.T @ target
+    total = 0.0
+    for rows in np.split(np.argsort(labels, kind='stable'), np.cumsum(np.bincount(labels))[:-1]):
+        own = u[rows]
+        without = np.linalg.solve(normal - own.T @ own, right - own.T @ target[rows])
+        total += float(np.sum((target[rows] - own @ without) ** 2))
+    return total / len(target)
 
 
 def _varies(direction: Array) -> bool:

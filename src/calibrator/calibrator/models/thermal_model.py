@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
+from typing import Any
 
 import numpy as np
 
-from calibrator.models.base import Array, CalibrationModel, scaling_of
+from calibrator.models.base import CalibrationModel
+from calibrator.models.inputs import Array, scaling_of
 from calibrator.stepwise import stepwise
-from calibrator.thermal import monomials, thermal_terms
+from calibrator.thermal import SETS, monomials, thermal_terms
 
 
 class Thermal(CalibrationModel):
@@ -21,7 +22,14 @@ class Thermal(CalibrationModel):
 
     method = 'thermal'
     summary = 'stepwise regression on geometric and thermal terms (paper 2)'
-    defaults = {'enter': 0.05, 'remove': 0.10, 'terms': 'derivatives', 'derivatives': False}
+    defaults = {'enter': 0.05, 'remove': 0.10, 'terms': 'auto', 'derivatives': False}
+    thermal = True
+
+    def candidates(self) -> list[dict[str, Any]]:
+        """Sets of candidate terms, of the paper's section V.B."""
+        if self.options['terms'] != 'auto':
+            return [{}]
+        return [{'terms': terms} for terms in SETS[1 if self.options['derivatives'] else 0 :]]
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """First-order terms: what a selection will hold at least."""
@@ -34,8 +42,6 @@ class Thermal(CalibrationModel):
             'centre': centre,
             'half': half,
             'reference': temperatures[:, :count].mean(axis=0),
-            'low': temperatures[:, :count].min(axis=0) if count else np.empty(0),
-            'high': temperatures[:, :count].max(axis=0) if count else np.empty(0),
         }
         columns = self._columns(command, temperatures)
         fits = [
@@ -52,17 +58,6 @@ class Thermal(CalibrationModel):
         self.state['sigma'] = np.array([fit.sigma for fit in fits])
 
     def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
-        readings = temperatures[:, : self._readings()]
-        span = self.state['high'] - self.state['low']
-        outside = (readings < self.state['low'] - 0.5 * span) | (
-            readings > self.state['high'] + 0.5 * span
-        )
-        if outside.any():
-            warnings.warn(
-                'a temperature is far outside those of the calibration: the thermal model '
-                'extrapolates',
-                stacklevel=4,
-            )
         columns = self._columns(command, temperatures)
         return self.state['intercept'] + columns @ self.state['coefficients'].T
 
@@ -91,4 +86,4 @@ class Thermal(CalibrationModel):
         table = thermal_terms(
             scaled, temperatures[:, :count], first, second, self.state['reference']
         )
-        return table.up_to(str(self.options['terms'])).columns
+        return table.up_to(str(self.setting('terms'))).columns
