@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -57,6 +58,16 @@ def test_a_session_refuses_to_start_beside_a_graph(
     assert not (tmp_path / 'out').exists()
 
 
+def check_page(page: Path, folder: Path) -> None:
+    """The page shows pictures, its links lead to pages, and it does not tell where it was made."""
+    text = page.read_text()
+    assert 'data:image/svg+xml' in text
+    links = re.findall(r'href="([^"]+)"', text)
+    assert len(links) >= 3
+    assert all((page.parent / link).is_file() for link in links), links
+    assert str(folder) not in text and str(folder.parent) not in text
+
+
 @pytest.mark.timeout(1900)
 def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
     """Every step passes, the correction helps, a second run prints the same table."""
@@ -75,7 +86,10 @@ def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
     distance = tables[0]['held-out distance']
     assert distance['after']['rms'] < 0.8 * distance['before']['rms']
     first = tmp_path / 'first'
-    assert (first / 'report.html').read_text().count('data:image/png') >= 2
+    pages = [first / 'report.html', first / 'diagnosis' / 'report.html']
+    pages += [first / f'{bag}.html' for bag in ('calibration', 'circle')]
+    for page in pages:
+        check_page(page, first)
     verdict = json.loads((first / 'diagnosis' / 'report.json').read_text())['verdict']
     assert {'coulomb_friction.x', 'backlash.x', 'cyclic_pitch_error.y'} <= set(verdict)
     session = read_session(first / 'calibration')

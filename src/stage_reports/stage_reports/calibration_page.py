@@ -8,9 +8,8 @@ import numpy as np
 
 from calibrator.model_file import StoredModel
 from stage_core.pages import Page
-from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
-from stage_core.wording import measure, span, with_interval
+from stage_core.wording import span, with_interval, with_std
 from stage_reports import figures
 from stage_reports.intervals import distance_rms, rms_interval
 from stage_reports.sections import (
@@ -91,9 +90,9 @@ def _map(page: Page, session: Session, rests: Places, left: Array | None) -> Non
     )
     if left is not None:
         page.text(
-            'The right picture is an offline prediction at the places that the model was trained '
-            'on. What the correction achieves on the stage is measured at other places, on the '
-            'page of the session.'
+            'The right picture is an offline prediction. No correction was applied while this was '
+            'recorded, and the model was trained on most of these places. What the correction '
+            'achieves is measured at other places, on the page of the session.'
         )
 
 
@@ -126,4 +125,4 @@ def _gap(error: Array, toward: Array) -> str:
         return 'unknown (one direction only)'
     std = float(np.sqrt(up.var(ddof=1) / len(up) + down.var(ddof=1) / len(down)))
     gap = float(up.mean() - down.mean())
-    return f'{gap / MICROMETRE:.1f} ± {measure(std, digits=1)} between the means'
+    return f'{with_std(gap, std)} between the means'
