@@ -115,15 +115,15 @@ async def first_messages(port: int, wanted: set[str]) -> dict[str, tuple[dict[st
 
 
 def newest_state(port: int) -> dict[str, Any]:
-    """State of the page's stream once it holds a position and a node."""
+    """State of the page's stream once it holds an error and a node."""
     with urllib.request.urlopen(f'http://127.0.0.1:{port}/events', timeout=20.0) as stream:
         for _ in range(300):
             line = stream.readline().decode()
             if line.startswith('data: '):
                 state = json.loads(line.removeprefix('data: '))
-                if state['position'] and state['states']:
+                if state['error'] and state['states']:
                     return state
-    pytest.fail('no position came')
+    pytest.fail('no error came')
 
 
 def post_stop(port: int) -> str:
@@ -149,7 +149,7 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
     from std_srvs.srv import Trigger
 
     from stage_node.client_node import GraphClient
-    from stage_node.node import LATCHED_QOS, STATE_QOS
+    from stage_node.node import LATCHED_QOS, STATE_QOS, joint_state
 
     port, page_port = free_port(), free_port()
     node = start(ros_env, port=port, page_port=page_port)
@@ -159,10 +159,16 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
             model = client.node.create_publisher(String, topics.MODEL, LATCHED_QOS)
             model.publish(String(data='{"active": false}'))
             states = client.node.create_publisher(JointState, topics.JOINT_STATES, STATE_QOS)
+            references = client.node.create_publisher(JointState, topics.REFERENCE, STATE_QOS)
 
             def publish() -> None:
+                tick = 0
                 while not ended.wait(0.05):
-                    states.publish(JointState(name=['x', 'y'], position=[0.25, -0.5]))
+                    tick += 1
+                    states.publish(joint_state(tick, 'xy', position=[0.25, -0.5]))
+                    # The reference of this tick, and one of another tick, which must not count.
+                    references.publish(joint_state(tick, 'xy', position=[0.25 + 1e-6, -0.5]))
+                    references.publish(joint_state(tick + 10**6, 'xy', position=[0.3, 0.3]))
 
             thread = threading.Thread(target=publish)
             thread.start()
@@ -181,6 +187,7 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
                 ended.set()
                 thread.join()
         assert shown['position'] == [0.25, -0.5]
+        assert shown['error'] == pytest.approx([1e-6, 0.0], abs=1e-12)
         assert any(row['name'] == 'live_view: view' for row in shown['states'])
         assert 'emergency stop' in stop_without_driver
         for topic, (advertised, _) in got.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -14,10 +15,15 @@ from std_srvs.srv import Trigger
 from stage_core import topics
 from stage_core.frames import RigidTransform
 from stage_core.quantities import AXES
+from stage_node.joint_state_wire import JointSample
 from stage_node.node import JointStateReader, StageNode
 
 #: A node that says nothing for this long (s) is silent.
 SILENCE = 4.0
+#: References that are kept: those of 0.4 s at 1 kHz, of the oldest encoder reading and younger.
+KEPT = 400
+#: A contour error is shown for so long (s).
+FOLLOWING = 1.0
 #: Wall time that the driver has to answer a stop (s).
 STOP_TIMEOUT = 5.0
 SILENT = 3
@@ -28,26 +34,28 @@ class LiveState:
 
     def __init__(self, node: StageNode) -> None:
         self._lock = threading.Lock()
-        self._joints: dict[str, tuple[float, ...]] = {}
+        self._encoders: deque[JointSample] = deque(maxlen=8)
+        self._references: deque[bytes] = deque(maxlen=KEPT)
         self._reader = JointStateReader()
         self._tracker: list[float] | None = None
-        self._contour: float | None = None
+        self._contour: tuple[float, float] | None = None
         self._alignment = RigidTransform.identity()
         self._states: dict[str, tuple[int, str, float]] = {}
         self._stop = node.create_client(Trigger, '/stage_driver/stop')
 
     def take(self, topic: str, data: bytes) -> None:
         """Read one raw message; topics that the page does not show are passed over."""
-        if topic in (topics.REFERENCE, topics.JOINT_STATES):
-            sample = self._reader.read(data)
-            if sample is not None and sample.position:
-                with self._lock:
-                    self._joints[topic] = tuple(sample.position)
+        if topic == topics.JOINT_STATES:
+            with self._lock:
+                sample = self._reader.read(data)
+                if sample is not None and sample.position:
+                    self._encoders.append(sample)
         elif topic == topics.TRACKER_POINT:
             p = deserialize_message(data, PointStamped).point
             self._tracker = self._alignment.apply((p.x, p.y, p.z)).tolist()
         elif topic == topics.CONTOUR_ERROR:
-            self._contour = deserialize_message(data, Vector3Stamped).vector.z
+            error = deserialize_message(data, Vector3Stamped).vector.z
+            self._contour = (error, time.monotonic())
         elif topic == topics.ALIGNMENT:
             t = deserialize_message(data, TransformStamped).transform
             r, o = t.rotation, t.translation
@@ -59,16 +67,32 @@ class LiveState:
                     level = int.from_bytes(status.level, 'little')
                     self._states[status.name] = (level, status.message, now)
 
+    def keep_reference(self, data: bytes) -> None:
+        """Keep one raw reference, unread until an encoder reading asks for it."""
+        with self._lock:
+            self._references.append(data)
+
+    def _error(self) -> list[float] | None:
+        """Reference minus encoder of the newest tick of which both are here.
+
+        At 30 mm/s a reference of the next tick would be off by 30 µm.
+        """
+        with self._lock:
+            encoders = list(self._encoders)
+            read = [self._reader.read(data) for data in self._references]
+        found = {r.stamp: r.position for r in read if r is not None}
+        for sample in reversed(encoders):
+            wanted = found.get(sample.stamp)
+            if wanted is not None and len(wanted) == len(sample.position):
+                return [r - q for r, q in zip(wanted, sample.position, strict=True)]
+        return None
+
     def now(self) -> dict[str, Any]:
         """The state of this moment; SI units."""
         with self._lock:
-            position = self._joints.get(topics.JOINT_STATES)
-            reference = self._joints.get(topics.REFERENCE)
+            position = list(self._encoders[-1].position) if self._encoders else None
             states = dict(self._states)
-        error = None
-        if position and reference and len(position) == len(reference):
-            error = [r - q for r, q in zip(reference, position, strict=True)]
-        latest = time.monotonic()
+        latest, contour = time.monotonic(), self._contour
         rows = [
             {
                 'name': name,
@@ -83,9 +107,10 @@ class LiveState:
         return {
             'axes': AXES,
             'position': position,
-            'error': error,
+            'error': self._error(),
             'tracker': self._tracker,
-            'contour': self._contour,
+            # Only while a contour is followed: the last error of a run says nothing afterwards.
+            'contour': contour[0] if contour and latest - contour[1] < FOLLOWING else None,
             'driver': driver,
             'states': rows,
         }

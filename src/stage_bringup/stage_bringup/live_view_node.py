@@ -154,7 +154,9 @@ class LiveView(StageNode):
         always = topic in topics.LATCHED or topic == topics.DIAGNOSTICS
 
         def arrived(data: bytes) -> None:
-            if always or to_page.passes(PAGE_RATE):
+            if topic == topics.REFERENCE:
+                self._state.keep_reference(data)
+            elif always or to_page.passes(PAGE_RATE):
                 self._state.take(topic, data)
             if self._foxglove is not None and (always or to_socket.passes(self.value('max_rate'))):
                 self._foxglove.take(topic, data)
