@@ -32,9 +32,9 @@ axis and 1 on the second. `read`, `drive` and `follow` pass through the effects 
 Compiled, of the machine: ``plane`` takes x and y and gives the table's x and y.
 
 In Python: ``prepare(axis)`` changes the fields of an axis; ``stiffness()`` is that of a friction
-before it slides; ``command(force)`` inverts ``drive`` for forces (n,); ``stamp(times)`` and
-``true_time(stamps)`` carry times (n,) to the tracker's stamps and back; ``seen(points)`` carries
-table positions (m, 3) to its frame.
+before it slides; ``command(force, velocity, step)`` inverts ``drive`` for forces (n,);
+``stamp(times)`` and ``true_time(stamps)`` carry times (n,) to the tracker's stamps and back;
+``seen(points)`` carries table positions (m, 3) to its frame.
 """
 
 from __future__ import annotations
@@ -180,12 +180,21 @@ def stiffness(row: np.ndarray) -> float:
     return float(sum(function(**_own(e, function, row)) for e, function in parts if _on(e, row)))
 
 
-def command(row: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Force (n,) [N] to command for a force that acts: `drive` backwards."""
+def command(row: np.ndarray, force: np.ndarray, velocity: np.ndarray, step: float) -> np.ndarray:
+    """Force (n,) [N] to command, every `step` [s], for a force that acts: `drive` backwards."""
+    signals = {'force': force, 'velocity': velocity, 'step': step}
     for effect, function in reversed(_taking_part('command')):
         if _on(effect, row):
-            force = function(force, **_own(effect, function, row, ('force',)))
-    return force
+            given = {name: signals[name] for name in _asked(function) if name in signals}
+            own = _own(effect, function, row, tuple(signals))
+            signals['force'] = function(**given, **own)
+    return np.asarray(signals['force'])
+
+
+def couples(effect: str) -> bool:
+    """Whether an effect's force depends on the motion of the other axis."""
+    asked = getattr(MODULES[effect], 'force', None)
+    return asked is not None and any(name.startswith('other_') for name in _asked(asked))
 
 
 def stamp(common: np.ndarray, times: np.ndarray) -> np.ndarray:

@@ -217,7 +217,7 @@ def _required(
     needed_force(arrays.axes, arrays.schedule, motion.stacked, states, external, out)
     ticks = np.arange(out.shape[0], dtype=float)
     for axis, row in enumerate(arrays.axes):
-        wanted = hooks.command(row, out[:, axis])
+        wanted = hooks.command(row, out[:, axis], motion.velocity[:, axis], arrays.period)
         # A held force acts, on average, half a tick after its own tick.
         delay = row[layout.DELAY] / arrays.period
         out[:, axis] = np.interp(ticks + delay + 0.5, ticks, wanted)

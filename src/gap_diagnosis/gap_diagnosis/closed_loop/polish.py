@@ -17,6 +17,7 @@ from gap_diagnosis.input.data import Record, held_out_windows, inside
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
+from stage_twin import hooks
 from stage_twin.effects import EFFECTS
 
 Array = NDArray[np.float64]
@@ -59,7 +60,9 @@ def polish(
     `fixed` are effects of the axis that the record itself tells: they stay as they are.
     Returns them unchanged where the gap is at the encoder's step already or nothing is gained.
     """
-    fitted = [one_axis(r, axis) for r in records if not r.held_out_session]
+    fitted = [r for r in records if not r.held_out_session]
+    if not any(hooks.couples(split_effect(e)[0]) for e in {**fixed, **found}):
+        fitted = [one_axis(r, axis) for r in fitted]
     names = [
         (effect, key)
         for effect, values in found.items()

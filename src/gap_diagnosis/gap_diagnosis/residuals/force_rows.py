@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,6 +163,26 @@ class ForceRows:
     def limited_acceleration(self) -> list[Array]:
         """Acceleration without what is above the structure's frequencies [m/s²]."""
         return self._of('a_limited')
+
+    def other_velocity(self) -> list[Array] | None:
+        """Velocity of the other one of two axes [m/s]; None where it stands still."""
+        return self._of_other(central_difference)
+
+    def other_acceleration(self) -> list[Array] | None:
+        """Its acceleration without what is above 90 Hz [m/s²]; None where it stands still."""
+        found = self._of_other(second_difference)
+        if found is None:
+            return None
+        return [band_limited(a, r.period) for a, r in zip(found, self.records, strict=True)]
+
+    def _of_other(self, derivative: Callable[[Array, float], Array]) -> list[Array] | None:
+        others = [1 - r.column(self.axis) for r in self.records]
+        if len(self.records[0].axes) != 2 or not any(
+            r.moving[i] for i, r in zip(others, self.records, strict=True)
+        ):
+            return None
+        pairs = zip(others, self.records, strict=True)
+        return [derivative(r.encoder[:, i], r.period) for i, r in pairs]
 
     def commanded(self) -> list[Array]:
         """Force as it was commanded [N]."""

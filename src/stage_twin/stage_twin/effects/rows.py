@@ -43,6 +43,12 @@ class ForceRows(Protocol):
     def limited_acceleration(self) -> Signal:
         """Acceleration without what is above 90 Hz [m/s²]."""
 
+    def other_velocity(self) -> Signal | None:
+        """Velocity of the other one of two axes [m/s]; None where it stands still."""
+
+    def other_acceleration(self) -> Signal | None:
+        """Its acceleration without what is above 90 Hz [m/s²]; None where it stands still."""
+
     def commanded(self) -> Signal:
         """Force as it was commanded [N]."""
 

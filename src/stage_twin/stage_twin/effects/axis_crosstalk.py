@@ -1,0 +1,45 @@
+"""The other axis' motion pulls on this one."""
+
+from __future__ import annotations
+
+from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Term, constant
+
+EFFECT = Effect(
+    name='axis_crosstalk',
+    link='servo',
+    parameters=(
+        Parameter('mass', 'kg', -50.0, 50.0, 1.0, "mass that the other axis' acceleration moves"),
+        Parameter(
+            'viscous', 'N·s/m', -500.0, 500.0, 0.0, "force against the other axis' velocity"
+        ),
+    ),
+    model='Force -(mass * a_other + viscous * v_other) on the moving mass: axes that are not '
+    'square to each other, or whose centre of mass lies off the guide, share their inertia. '
+    'Altintas et al., "Machine tool feed drives", CIRP Annals 60 (2011).',
+    sentence='the other axis pulls with {mass} times its acceleration and {viscous} times its '
+    'velocity',
+    excited_by='strokes of one axis while the other one moves slowly',
+    separated_from={
+        'inertia_mismatch': 'strokes of each axis alone, then of both at different times',
+        'viscous_friction': 'strokes of each axis alone, then of both at different times',
+    },
+)
+
+
+def force(other_velocity: float, other_acceleration: float, mass: float, viscous: float) -> float:
+    """Force on the moving mass [N]."""
+    return -(mass * other_acceleration + viscous * other_velocity)
+
+
+def term(rows: ForceRows) -> Term | None:
+    """Acceleration and velocity of the other axis."""
+    acceleration, velocity = rows.other_acceleration(), rows.other_velocity()
+    if acceleration is None or velocity is None:
+        return None
+    return Term(
+        constant(rows.columns(acceleration, velocity)),
+        lambda theta, c: {'mass': float(c[0]), 'viscous': float(c[1])},
+        admissible=lambda theta, c: bool(abs(c[0]) < 50.0 and abs(c[1]) < 500.0),
+    )

@@ -1,0 +1,61 @@
+"""One axis of a servo twin, driven open loop, and the same by solve_ivp."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from stage_core.twin_file import ServoAxis, TwinFile
+from stage_twin.simulate import simulate
+
+PERIOD = 1e-3
+MASS, VISCOUS = 18.0, 40.0
+TICKS = 300
+
+
+def one_axis(effects=None, **changes):
+    axis = replace(ServoAxis(MASS, VISCOUS), encoder_resolution=1e-13, **changes)
+    return TwinFile('servo', {'x': axis}, PERIOD, effects=effects or {})
+
+
+def open_loop(twin, force, external=None):
+    """Motor position (n,) [m] for force commands (n,) [N] from rest at 0."""
+    zeros = np.zeros((len(force), 1))
+    result = simulate(
+        twin,
+        zeros,
+        zeros,
+        measured_force=force[:, None],
+        external_force=None if external is None else external[:, None],
+    )
+    return result.encoder[:, 0]
+
+
+def swing(amplitude=30.0, rate=20.0, count=TICKS):
+    return amplitude * np.sin(rate * np.arange(count) * PERIOD)
+
+
+def integrate(derivative, force, size=2):
+    """Position (n,) by solve_ivp tick by tick; derivative(state, force) -> rates."""
+    state = np.zeros(size)
+    positions = []
+    for held in force:
+        positions.append(state[0])
+        solution = solve_ivp(
+            lambda t, s, f=held: derivative(s, f),
+            (0.0, PERIOD),
+            state,
+            method='LSODA',
+            rtol=1e-9,
+            atol=1e-14,
+        )
+        state = solution.y[:, -1]
+    return np.array(positions)
+
+
+def assert_close(kernel, exact, share):
+    """The kernel is off by less than `share` of what the effect itself changes."""
+    nominal = open_loop(one_axis(), swing())
+    change = np.abs(exact - nominal).max()
+    assert change > 1e-6
+    assert np.abs(kernel - exact).max() < share * change

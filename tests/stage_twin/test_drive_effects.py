@@ -1,0 +1,76 @@
+"""Effects of the drive and of what stands around an axis, against independent solutions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stage_core.twin_file import TwinFile
+from stage_twin.measured_force import required_force
+from stage_twin.simulate import simulate
+
+from .one_axis import (
+    MASS,
+    PERIOD,
+    TICKS,
+    VISCOUS,
+    assert_close,
+    integrate,
+    one_axis,
+    open_loop,
+    swing,
+)
+
+
+def test_the_current_loop_is_a_first_order_lag():
+    def rates(state, force):
+        p, v, acting = state
+        return [v, (acting - VISCOUS * v) / MASS, (force - acting) / 3e-3]
+
+    kernel = open_loop(one_axis({'current_loop_lag.x': {'time_constant': 3e-3}}), swing())
+    assert_close(kernel, integrate(rates, swing(), 3), 1e-3)
+
+
+def test_the_force_constant_sags():
+    def rates(state, force):
+        left = max(0.2, 1.0 - 8e-3 * abs(force) - 2.0 * abs(state[1]))
+        return [state[1], (force * left - VISCOUS * state[1]) / MASS]
+
+    values = {'sag_force': 8e-3, 'sag_speed': 2.0}
+    kernel = open_loop(one_axis({'torque_sag.x': values}), swing())
+    assert_close(kernel, integrate(rates, swing()), 2e-3)
+
+
+def test_the_other_axis_pulls():
+    """With x free to move, what y does to it is what the equation says."""
+    twin = TwinFile.nominal_servo().with_effects(
+        {'axis_crosstalk.x': {'mass': 2.0, 'viscous': 30.0}}
+    )
+    force = np.stack([np.zeros(TICKS), swing()], axis=1)
+    still = np.zeros_like(force)
+    result = simulate(twin, still, still, measured_force=force, noise=False)
+    alone = simulate(TwinFile.nominal_servo(), still, still, measured_force=force, noise=False)
+    np.testing.assert_array_equal(result.encoder[:, 1], alone.encoder[:, 1])
+    # Momentum of x: m v + c p = -(2 v_y + 30 p_y), from rest.
+    p, q = result.encoder[:, 0], result.encoder[:, 1]
+    axis = twin.axes['x']
+    balance = axis.mass * np.gradient(p, PERIOD) + axis.viscous * p
+    pull = -(2.0 * np.gradient(q, PERIOD) + 30.0 * q)
+    assert np.abs(pull).max() > 0.1
+    assert np.abs(balance - pull).max() < 0.02 * np.abs(pull).max()
+
+
+def test_the_needed_force_undoes_the_drive():
+    """A twin with a lag and a sag needs the force that it was given for its own motion."""
+    effects = {
+        'current_loop_lag.x': {'time_constant': 4e-3},
+        'torque_sag.x': {'sag_force': 4e-3, 'sag_speed': 1.0},
+    }
+    given = swing(30.0, 20.0, 1000)
+    position = open_loop(one_axis(effects), given)[:, None]
+    needed = {
+        name: required_force(one_axis(some), position)[50:-50, 0]
+        for name, some in (('with', effects), ('without', {}))
+    }
+    errors = {name: np.abs(force - given[50:-50]).max() for name, force in needed.items()}
+    assert errors['with'] < 0.02 * 30.0
+    assert errors['without'] > 0.08 * 30.0
