@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from gap_diagnosis.diagnose import diagnose
@@ -12,6 +13,9 @@ from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS
 
 Maker = Callable[..., Session]
+
+#: A level of friction at seven knots over a travel of 60 mm.
+LEVELS = {f'c{k}': level for k, level in enumerate((6.0, 7.0, 10.0, 15.0, 17.0, 14.0, 10.0))}
 
 
 @pytest.mark.parametrize(
@@ -38,3 +42,19 @@ def test_a_planted_effect_is_named(
         estimate, deviation = found.parameters[effect][name]
         near = pytest.approx(value, rel=tolerance, abs=2.0 * deviation)
         assert estimate == near, EFFECTS[effect.partition('.')[0]].parameter(name).meaning
+
+
+def test_friction_that_goes_with_the_position_is_named_with_its_curve(planted: Maker) -> None:
+    name = 'position_dependent_friction.x'
+    ends = {'start': -0.03, 'stop': 0.03}
+    session = planted({name: {**LEVELS, **ends, 'presliding': 2e-6}}, duration=16.0)
+    twin = TwinFile.nominal_servo()
+    twin = TwinFile.from_dict({**twin.to_dict(), 'axes': {'x': twin.to_dict()['axes']['x']}})
+    found = diagnose([session], [], twin)
+    assert found.verdict == [name]
+    values = {key: value for key, (value, _) in found.parameters[name].items()}
+    estimated = np.linspace(values['start'], values['stop'], len(LEVELS))
+    where = np.linspace(-0.02, 0.02, 9)
+    level = np.interp(where, estimated, [values[key] for key in LEVELS])
+    planted_level = np.interp(where, np.linspace(-0.03, 0.03, len(LEVELS)), list(LEVELS.values()))
+    np.testing.assert_allclose(level, planted_level, rtol=0.1)

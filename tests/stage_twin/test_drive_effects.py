@@ -74,3 +74,25 @@ def test_the_needed_force_undoes_the_drive():
     errors = {name: np.abs(force - given[50:-50]).max() for name, force in needed.items()}
     assert errors['with'] < 0.02 * 30.0
     assert errors['without'] > 0.08 * 30.0
+
+
+def test_friction_follows_its_level_along_the_travel():
+    levels = (4.0, 6.0, 20.0, 12.0, 5.0, 9.0, 8.0)
+    knots = np.linspace(0.0, 0.05, 7)
+    stiffness = np.mean(levels) / 5e-6
+
+    def rates(state, force):
+        p, v, z = state
+        reach = np.interp(p, knots, levels) / stiffness
+        friction = VISCOUS * v + stiffness * z
+        return [v, (force - friction) / MASS, v - abs(v) * z / reach]
+
+    values = {f'c{k}': level for k, level in enumerate(levels)}
+    twin = one_axis(
+        {
+            'position_dependent_friction.x': {
+                **values, 'start': 0.0, 'stop': 0.05, 'presliding': 5e-6,
+            }
+        }
+    )  # fmt: skip
+    assert_close(open_loop(twin, swing()), integrate(rates, swing(), 3), 3e-3)

@@ -79,7 +79,7 @@ def _argument(effect: Effect, name: str, signals: tuple[str, ...], hook: str) ->
         return f'state[{first}:{last}]'
     if effect.per_axis and name in layout.AXIS_FIELDS:
         return f'row[{layout.AXIS_FIELDS.index(name)}]'
-    many = [slots[effect.name, p.name] for p in effect.parameters if _indexed(p.name, name)]
+    many = [slots[effect.name, parameter] for parameter in _many(effect, name)]
     if many:
         return f'row[{many[0]}:{many[-1] + 1}]'
     raise TypeError(
@@ -88,8 +88,9 @@ def _argument(effect: Effect, name: str, signals: tuple[str, ...], hook: str) ->
     )
 
 
-def _indexed(parameter: str, name: str) -> bool:
-    return re.fullmatch(rf'{name}\d+', parameter) is not None
+def _many(effect: Effect, name: str) -> list[str]:
+    """Parameters of an effect that are this name and an index."""
+    return [p.name for p in effect.parameters if re.fullmatch(rf'{name}\d+', p.name)]
 
 
 def _compose(hook: str, signals: tuple[str, ...], body: str, start: str, end: str) -> Any:
@@ -160,10 +161,17 @@ def _on(effect: Effect, row: np.ndarray) -> bool:
 
 def _own(
     effect: Effect, function: Callable[..., Any], row: np.ndarray, given: tuple[str, ...] = ()
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """Parameters that a function asks for beside what it is given."""
+    return {n: _value(effect, n, row) for n in _asked(function) if n not in given}
+
+
+def _value(effect: Effect, name: str, row: np.ndarray) -> Any:
+    """A parameter of an effect, or an array of those with an index."""
     slots = layout.AXIS_SLOTS if effect.per_axis else layout.COMMON_SLOTS
-    return {n: row[slots[effect.name, n]] for n in _asked(function) if n not in given}
+    if (effect.name, name) in slots:
+        return row[slots[effect.name, name]]
+    return np.array([row[slots[effect.name, n]] for n in _many(effect, name)])
 
 
 def _applied(hook: str, row: np.ndarray, value: Any, *signals: str) -> Any:

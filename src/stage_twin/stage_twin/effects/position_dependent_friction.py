@@ -1,0 +1,97 @@
+"""Coulomb friction whose level goes with the position: a bent rail, dirt, a wiper that pinches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.friction import (
+    PRESLIDING,
+    PRESLIDING_GRID,
+    SHORTEST_PRESLIDING,
+    bristles,
+    friction_force,
+    speed_curve,
+)
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Array, Term, Theta
+
+KNOTS = 7  # of the level: the shortest wave that they follow is a third of the travel
+#: Least standard deviation of the level along the travel, as a share of its mean.
+LEAST_SPREAD = 0.08
+
+EFFECT = Effect(
+    name='position_dependent_friction',
+    link='servo',
+    parameters=(
+        Parameter('start', 'm', -2.0, 2.0, 0.0, 'position of the first knot', neutral=None),
+        Parameter('stop', 'm', -2.0, 2.0, 0.04, 'position of the last knot', neutral=None),
+        *(friction_force(f'c{k}', 10.0, f'sliding force at knot {k}') for k in range(KNOTS)),
+        PRESLIDING,
+    ),
+    model='As `coulomb_friction`, with a sliding force through equally spaced knots over the '
+    'position, straight between them. Armstrong-Helouvry, Dupont, Canudas de Wit, "A survey of '
+    'models, analysis tools and compensation methods for the control of machines with friction", '
+    'Automatica 30 (1994), position-dependent friction.',
+    sentence='friction goes with the position, from {c0} at one end of the travel over {c3} in '
+    'its middle to {c6} at the other',
+    excited_by='slow strokes over the whole travel in both directions',
+    separated_from={
+        'coulomb_friction': 'slow strokes over the whole travel in both directions',
+        'stribeck_friction': 'strokes of one constant speed over the whole travel',
+        'asymmetric_friction': 'strokes of one constant speed over the whole travel',
+        'cable_force': 'slow strokes over the whole travel in both directions: friction changes '
+        'sign with the direction, a spring does not',
+    },
+    holds=('coulomb_friction',),
+)
+
+
+def sliding(position: float, start: float, stop: float, c: Array) -> float:
+    """Level of the friction [N]; held beyond the ends."""
+    last = len(c) - 1
+    at = min(max((position - start) / max(stop - start, 1e-9), 0.0), 1.0) * last
+    k = min(int(at), last - 1)
+    return c[k] + (at - k) * (c[k + 1] - c[k])
+
+
+def stiffness(c: Array, presliding: float) -> float:
+    """Stiffness before sliding [N/m], that of the mean level."""
+    return float(np.mean(c)) / max(presliding, SHORTEST_PRESLIDING)
+
+
+signature = speed_curve
+
+
+def term(rows: ForceRows) -> Term:
+    """The direction near each knot, built up over the pre-sliding displacement (θ)."""
+    path = rows.used(rows.position())
+    start, stop = float(path.min()), float(path.max())
+    knots = np.linspace(start, stop, KNOTS)
+    near = [[np.interp(p, knots, hat) for p in rows.position()] for hat in np.eye(KNOTS)]
+    along = np.column_stack([np.interp(path, knots, hat) for hat in np.eye(KNOTS)])
+
+    def columns(theta: Theta) -> Array:
+        z = bristles(rows, theta[0])
+        return rows.columns(*([zi * h for zi, h in zip(z, hat, strict=True)] for hat in near))
+
+    def varies(theta: Theta, c: Array) -> bool:
+        """Whether the level is one of friction at every knot, and not the same everywhere."""
+        level = along @ c
+        return bool(
+            np.min(c) > 0.0 and np.max(c) < 500.0 and np.std(level) > LEAST_SPREAD * np.mean(level)
+        )
+
+    return Term(
+        columns,
+        lambda theta, c: {
+            'start': start,
+            'stop': stop,
+            'presliding': theta[0],
+            **{f'c{k}': float(value) for k, value in enumerate(c)},
+        },
+        grid=tuple((g,) for g in PRESLIDING_GRID),
+        lower=(0.0,),
+        upper=(20e-6,),
+        admissible=varies,
+    )
