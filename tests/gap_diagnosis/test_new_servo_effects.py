@@ -58,3 +58,19 @@ def test_friction_that_goes_with_the_position_is_named_with_its_curve(planted: M
     level = np.interp(where, estimated, [values[key] for key in LEVELS])
     planted_level = np.interp(where, np.linspace(-0.03, 0.03, len(LEVELS)), list(LEVELS.values()))
     np.testing.assert_allclose(level, planted_level, rtol=0.1)
+
+
+def test_a_base_on_soft_mounts_is_named_and_what_makes_the_same_force_beside_it(
+    planted: Maker,
+) -> None:
+    values = {'frequency': 9.5, 'damping': 0.05, 'mass_ratio': 0.12}
+    session = planted({'base_resonance.x': values}, duration=12.0)
+    twin = TwinFile.nominal_servo()
+    twin = TwinFile.from_dict({**twin.to_dict(), 'axes': {'x': twin.to_dict()['axes']['x']}})
+    found = diagnose([session], [], twin)
+    assert found.verdict == ['base_resonance.x']
+    assert 'structural_resonance.x' in found.causes[0].alternatives
+    for name in ('frequency', 'mass_ratio'):
+        assert found.parameters['base_resonance.x'][name][0] == pytest.approx(
+            values[name], rel=0.1
+        )

@@ -76,6 +76,20 @@ def test_the_needed_force_undoes_the_drive():
     assert errors['without'] > 0.08 * 30.0
 
 
+def test_the_base_swings_on_its_mounts():
+    ratio, natural, damping = 0.2, 2.0 * np.pi * 9.0, 0.05
+
+    def rates(state, force):
+        p, v, base, base_speed = state
+        mounts = 2.0 * damping * natural * base_speed + natural**2 * base
+        a = ((force - VISCOUS * v) / MASS + mounts) / (1.0 - ratio)
+        return [v, a, base_speed, -ratio * a - mounts]
+
+    values = {'frequency': 9.0, 'damping': damping, 'mass_ratio': ratio}
+    kernel = open_loop(one_axis({'base_resonance.x': values}), swing())
+    assert_close(kernel, integrate(rates, swing(), 4), 2e-4)
+
+
 def test_friction_follows_its_level_along_the_travel():
     levels = (4.0, 6.0, 20.0, 12.0, 5.0, 9.0, 8.0)
     knots = np.linspace(0.0, 0.05, 7)

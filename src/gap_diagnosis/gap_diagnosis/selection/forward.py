@@ -109,7 +109,7 @@ class Selector:
                 rejected.update({n: e for n, (e, _) in trials.items()})
                 break
             while good:
-                name = self._simplest(good)
+                name = self._simplest(good, trials)
                 good = [(gain, other) for gain, other in good if other != name]
                 joint = self.regression.refine(
                     trials[name][1].thetas, list(trials[name][1].thetas)
@@ -180,8 +180,13 @@ class Selector:
             out[name] = (self._evidence(name, base, fit), fit)
         return out
 
-    def _simplest(self, good: list[tuple[float, str]]) -> str:
-        """Of the effects that gain about as much as the best one, that with fewest parameters."""
+    def _simplest(
+        self, good: list[tuple[float, str]], trials: dict[str, tuple[Evidence, Fit]]
+    ) -> str:
+        """Of the effects that gain about as much as the best one, that with fewest parameters.
+
+        One that no machine has at its θ comes last.
+        """
         most = max(good)[0]
         terms = self.problem.terms
 
@@ -190,8 +195,15 @@ class Selector:
             linear = 0 if terms[name].fixed else self.regression.columns(name, theta).shape[1]
             return linear + len(terms[name].lower)
 
-        near = [(size(name), -gain, name) for gain, name in good if gain >= ABOUT_THE_SAME * most]
-        return min(near)[2]
+        def odd(name: str) -> bool:
+            return not terms[name].usual(trials[name][1].thetas[name])
+
+        near = [
+            (odd(name), size(name), -gain, name)
+            for gain, name in good
+            if gain >= ABOUT_THE_SAME * most
+        ]
+        return min(near)[-1]
 
     def with_effect(self, base: Fit, name: str, without: tuple[str, ...] = ()) -> Fit:
         """The set with one more effect, its own nonlinear parameters refined."""

@@ -26,7 +26,7 @@ EFFECT = Effect(
     parameters=(
         Parameter('start', 'm', -2.0, 2.0, 0.0, 'position of the first knot', neutral=None),
         Parameter('stop', 'm', -2.0, 2.0, 0.04, 'position of the last knot', neutral=None),
-        *(friction_force(f'c{k}', 10.0, f'sliding force at knot {k}') for k in range(KNOTS)),
+        *(friction_force(f'c{k}', 8.0 + k, f'sliding force at knot {k}') for k in range(KNOTS)),
         PRESLIDING,
     ),
     model='As `coulomb_friction`, with a sliding force through equally spaced knots over the '

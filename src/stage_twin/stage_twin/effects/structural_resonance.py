@@ -11,6 +11,11 @@ from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows, TrackerRows
 from stage_twin.effects.term import Array, Term, Theta
 
+#: Frequency [Hz] up to which a resonance is rather that of the machine on its mounts
+#: (`base_resonance`), which makes the same force: mounts of machines have 3 to 15 Hz (Rivin,
+#: "Vibration isolation of precision objects", 2006).
+HIGHEST_MOUNT = 14.0
+
 EFFECT = Effect(
     name='structural_resonance',
     link='servo',
@@ -40,6 +45,7 @@ EFFECT = Effect(
     sentence='a share of {mass_ratio} of the moving mass swings at {frequency}',
     order=1,
     excited_by='a frequency sweep to 150 Hz',
+    excludes=('base_resonance',),
 )
 
 
@@ -92,6 +98,7 @@ def term(rows: ForceRows) -> Term:
         lower=_LOWER,
         upper=_UPPER,
         admissible=lambda theta, c: 0.0 < c[0] < 0.9 and _inside(theta),
+        usual=lambda theta: theta[0] > HIGHEST_MOUNT,
     )
 
 

@@ -24,6 +24,8 @@ class Term:
     propose : residual (n,) -> starts for θ that it suggests, in place of a grid
     lower, upper : bounds of θ
     admissible : (θ, coefficients) -> whether they are physical
+    usual : θ -> whether it is what machines have at these values; among effects that explain the
+        same, one that is goes first
     fixed : whether θ says everything (a width, a delay): the one column has coefficient 1
     noisy : whether its columns hold the same measurement noise as the target, so that it can
         seem to explain as much as the noise
@@ -43,6 +45,7 @@ class Term:
     lower: Theta = ()
     upper: Theta = ()
     admissible: Callable[[Theta, Array], bool] = lambda theta, coefficients: True
+    usual: Callable[[Theta], bool] = lambda theta: True
     fixed: bool = False
     noisy: bool = False
     base: Array | None = None

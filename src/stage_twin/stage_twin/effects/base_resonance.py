@@ -1,0 +1,102 @@
+"""The machine stands on soft mounts, and the drive pushes it away."""
+
+from __future__ import annotations
+
+import math
+
+from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.structural_resonance import HIGHEST_MOUNT, carried_mass
+from stage_twin.effects.term import Array, Term, Theta
+
+EFFECT = Effect(
+    name='base_resonance',
+    link='servo',
+    parameters=(
+        Parameter(
+            'frequency',
+            'Hz',
+            0.5,
+            60.0,
+            8.0,
+            'natural frequency of the machine on its mounts with the axis held',
+            neutral=None,
+        ),
+        Parameter('damping', '', 0.0, 0.9, 0.05, 'damping ratio of that mode', neutral=None),
+        Parameter(
+            'mass_ratio', '', 0.0, 0.8, 0.1, 'moving mass as a share of the machine with it'
+        ),
+    ),
+    model="The base swings on springs and dampers: b'' + 2 d w b' + w^2 b = -mass_ratio * p'', "
+    'and its acceleration acts on the moving mass, whose encoder stands on the base. Rivin, '
+    '"Vibration isolation of precision objects", Sound and Vibration 40 (2006).',
+    sentence='the machine, of which the moving mass is {mass_ratio}, swings on its mounts at '
+    '{frequency}',
+    excited_by='a frequency sweep from 1 to 40 Hz',
+    separated_from={
+        'structural_resonance': 'an accelerometer or a tracker that does not stand on the machine '
+        'on its base: both make the same force, and only one of them moves the base',
+    },
+    excludes=('structural_resonance',),
+    states=('base', 'momentum', 'last_velocity'),
+)
+
+
+def prepare(axis: dict[str, float], mass_ratio: float) -> None:
+    """What the drive accelerates before the mounts push back: the reduced mass [kg]."""
+    axis['mass'] *= 1.0 - mass_ratio
+
+
+def force(
+    state: Array,
+    velocity: float,
+    step: float,
+    mass: float,
+    frequency: float,
+    damping: float,
+    mass_ratio: float,
+) -> float:
+    """Mean force on the moving mass over the step [N]; the free swing of the base is exact.
+
+    The momentum of base and moving mass, per mass of both, changes by the mounts alone:
+    velocity of the base = momentum - mass_ratio * velocity, that of the step's middle.
+    """
+    natural = 2.0 * math.pi * frequency
+    ringing = natural * math.sqrt(1.0 - damping * damping)
+    shrink = math.exp(-damping * natural * step)
+    cosine, sine = math.cos(ringing * step), math.sin(ringing * step)
+    middle = velocity + 0.5 * (velocity - state[2])
+    base, rate = state[0], state[1] - mass_ratio * middle
+    slope = (rate + damping * natural * base) / ringing
+    state[0] = shrink * (base * cosine + slope * sine)
+    end = shrink * (rate * cosine - (natural * natural * base / ringing) * sine)
+    end -= shrink * damping * natural * rate / ringing * sine
+    state[1] = end + mass_ratio * middle
+    state[2] = velocity
+    return -mass / (1.0 - mass_ratio) * (end - rate) / step
+
+
+def term(rows: ForceRows) -> Term:
+    """The reaction of the base; θ is its frequency and damping."""
+
+    def columns(theta: Theta) -> Array:
+        accelerations = zip(rows.limited_acceleration(), rows.periods, strict=True)
+        return rows.columns(
+            [rows.mass * carried_mass(a, period, *theta) for a, period in accelerations]
+        )
+
+    return Term(
+        columns,
+        lambda theta, c: {
+            'frequency': theta[0],
+            'damping': theta[1],
+            'mass_ratio': float(c[0]),
+        },
+        grid=tuple((f, z) for f in (4.0, 6.0, 9.0, 13.0, 19.0, 27.0) for z in (0.02, 0.1)),
+        lower=(2.0, 0.0),
+        upper=(40.0, 0.4),
+        admissible=lambda theta, c: bool(
+            0.0 < c[0] < 0.8 and 2.5 < theta[0] < 38.0 and theta[1] < 0.35
+        ),
+        usual=lambda theta: theta[0] < HIGHEST_MOUNT,
+    )
