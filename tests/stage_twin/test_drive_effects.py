@@ -60,10 +60,11 @@ def test_the_other_axis_pulls():
 
 
 def test_the_needed_force_undoes_the_drive():
-    """A twin with a lag and a sag needs the force that it was given for its own motion."""
+    """A twin with a lag, a sag and a play needs the force that it was given."""
     effects = {
         'current_loop_lag.x': {'time_constant': 4e-3},
         'torque_sag.x': {'sag_force': 4e-3, 'sag_speed': 1.0},
+        'drive_play.x': {'width': 1e-7, 'mass_ratio': 0.25},
     }
     given = swing(30.0, 20.0, 1000)
     position = open_loop(one_axis(effects), given)[:, None]
@@ -110,3 +111,22 @@ def test_friction_follows_its_level_along_the_travel():
         }
     )  # fmt: skip
     assert_close(open_loop(twin, swing()), integrate(rates, swing(), 3), 3e-3)
+
+
+def test_a_drive_with_play_pushes_at_its_edges():
+    width, own, mass = 100e-6, 0.25 * MASS, 0.75 * MASS
+    natural = 2.0 * np.pi * 300.0
+
+    def rates(state, force):
+        p, v, drive, speed = state
+        apart = drive - p
+        contact = 0.0
+        if abs(apart) > 0.5 * width:
+            contact = own * natural**2 * (apart - np.copysign(0.5 * width, apart))
+            contact += 0.4 * own * natural * (speed - v)
+            contact = max(contact, 0.0) if apart > 0.0 else min(contact, 0.0)
+        return [v, (contact - VISCOUS * v) / mass, speed, (force - contact) / own]
+
+    values = {'width': width, 'mass_ratio': 0.25, 'contact_frequency': 300.0}
+    kernel = open_loop(one_axis({'drive_play.x': values}), swing())
+    assert_close(kernel, integrate(rates, swing(), 4), 0.1)

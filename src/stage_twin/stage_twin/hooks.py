@@ -167,10 +167,12 @@ def _own(
 
 
 def _value(effect: Effect, name: str, row: np.ndarray) -> Any:
-    """A parameter of an effect, or an array of those with an index."""
+    """A parameter of an effect, an array of those with an index, or a field of the axis."""
     slots = layout.AXIS_SLOTS if effect.per_axis else layout.COMMON_SLOTS
     if (effect.name, name) in slots:
         return row[slots[effect.name, name]]
+    if effect.per_axis and name in layout.AXIS_FIELDS:
+        return row[layout.AXIS_FIELDS.index(name)]
     return np.array([row[slots[effect.name, n]] for n in _many(effect, name)])
 
 
