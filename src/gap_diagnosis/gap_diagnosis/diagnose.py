@@ -19,6 +19,7 @@ from gap_diagnosis.closed_loop.channels import (
 )
 from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.evidence import judgement as judge
+from gap_diagnosis.evidence.acceptance import FAR, Sides, refuted, shows, shrink_of
 from gap_diagnosis.evidence.describe import describe, plain_values, surer
 from gap_diagnosis.evidence.localise import Condition, conditions, features
 from gap_diagnosis.input import coarse
@@ -125,6 +126,27 @@ def diagnose(
         If a session cannot be diagnosed; see :func:`gap_diagnosis.input.data.load_record`.
     """
     pack(twin)  # refuses effects that there are not
+    barred = list(without)
+    while True:
+        result = _diagnose(sessions, holdout, twin, twin_name, seed, progress, barred)
+        failed = [c for c in result.causes if c.refuted]
+        if not failed:
+            return result
+        worst = min(failed, key=lambda c: c.interval[0])
+        progress(f'{worst.effect} does not shrink the held-out gap: without it')
+        barred.append(worst.effect)
+
+
+def _diagnose(
+    sessions: Sequence[Session],
+    holdout: Sequence[Session],
+    twin: TwinFile,
+    twin_name: str,
+    seed: int,
+    progress: Progress,
+    without: Sequence[str],
+) -> Diagnosis:
+    """One pass from the records to a verdict, some effects taken out of the library."""
     counted_twin = with_counted_steps(twin)
     stepper = twin.kind == 'stepper'
     load = load_stepper_record if stepper else load_record
@@ -211,20 +233,24 @@ def _conclude(
     effects = plain_values(parameters)
     before, after = position_rms(channels, 'before'), position_rms(channels, 'after')
     progress('leaving out one cause at a time')
+    floors = {n: judge.channel_floor(seen, n) for n in channels}
     causes = [
-        _cause(name, effects, scored, twin, parts, channels, parameters, seed) for name in effects
+        _cause(name, effects, scored, twin, parts, channels, parameters, floors, seed)
+        for name in effects
     ]
     # The largest contribution to the gap first.
     causes.sort(key=lambda c: -(c.gap_before - c.gap_after))
     accepted = [c.effect for c in causes]
-    structured = any(p.structure.structured for p in parts)
+    structured = any(p.structure.structured and _shown(p, channels, floors, twin) for p in parts)
+    floor = judge.noise_floor(seen, channels, effects)
+    # A gap far above its floor is not explained by naming nothing.
+    structured = structured or bool(not accepted and before > FAR * floor)
     verdict = accepted + ([UNKNOWN] if structured else [])
     progress('where the gap lies')
     found = _conditions(scored, records, twin, parts, seed)
     shares, worst = axis_shares(records[0].axes, channels, seen)
     link = link_of(accepted[0]) if accepted else worst
     others = judge.rejected_causes(parts, accepted, structured, before, after)
-    floor = judge.noise_floor(seen, channels, effects)
     return Diagnosis(
         sessions=[r.name for r in records],
         twin_name=twin_name,
@@ -259,50 +285,60 @@ def _cause(
     parts: list[Part],
     channels: dict[str, Channel],
     parameters: dict[str, dict[str, tuple[float, float]]],
+    floors: dict[str, float],
     seed: int,
 ) -> judge.Cause:
     """Gap without this one cause, gap with all of them, and the interval of the difference."""
     rest = {n: v for n, v in effects.items() if n != name}
     showing = [p for p in parts if name in p.selection.accepted]
     part = showing[0] if showing else None
-    squares_without: list[Array] = []
-    squares_with: list[Array] = []
-    for channel in channels.values():
-        if channel.unit != 'm':
-            continue
-        squares_with.append(np.concatenate([a**2 for a in channel.after]))
     lesser = without_cause(name, rest, scored, twin, showing, channels)
-    for channel in channels.values():
-        if channel.unit == 'm':
-            squares_without.append(np.concatenate([a**2 for a in lesser[channel.name]]))
-    gap_before = float(np.sqrt(np.mean([s.mean() for s in squares_without])))
-    gap_after = float(np.sqrt(np.mean([s.mean() for s in squares_with])))
-    blocks = min(12, *(len(s) for s in squares_with))
-    pairs = [
-        np.array([np.array_split(s, blocks)[j].mean() for s in side]).mean()
-        for side in (squares_without, squares_with)
-        for j in range(blocks)
-    ]
-    without_blocks, with_blocks = np.array(pairs[:blocks]), np.array(pairs[blocks:])
-    generator = np.random.default_rng(seed)
-    picks = generator.integers(0, blocks, (500, blocks))
-    shrinks = 1.0 - np.sqrt(
-        with_blocks[picks].mean(axis=1) / np.maximum(without_blocks[picks].mean(axis=1), 1e-30)
-    )
-    low, high = np.percentile(shrinks, [2.5, 97.5])
+    sides = {
+        n: Sides(
+            np.concatenate([a**2 for a in lesser[n]]),
+            np.concatenate([a**2 for a in channel.after]),
+            channel.unit,
+            floors[n],
+        )
+        for n, channel in channels.items()
+    }
+    shrink = shrink_of(name, sides, seed)
     found = part.selection.evidence[name] if part is not None else None
     return judge.Cause(
         effect=name,
         probability=0.0,
         parameters=parameters[name],
-        gap_before=gap_before,
-        gap_after=gap_after,
-        interval=(float(low), float(high)),
+        gap_before=shrink.before,
+        gap_after=shrink.after,
+        interval=shrink.interval,
+        unit=shrink.unit,
+        refuted=_judged(name, twin, showing)
+        and refuted(name, shrink, parameters[name], twin.effects.get(name)),
         status='accepted',
         alternatives=list(found.alternatives) if found is not None else [],
         strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
         contains=contained(part, name, seed),
     )
+
+
+def _shown(
+    part: Part, channels: dict[str, Channel], floors: dict[str, float], twin: TwinFile
+) -> bool:
+    """Whether the encoder shows what a force balance leaves; a tracker's residual shows itself."""
+    encoder = channels.get(f'encoder.{part.name[-1]}')
+    if not part.name.startswith('servo') or encoder is None or twin.kind != 'servo':
+        return True
+    return shows(encoder.rms('after'), floors[encoder.name])
+
+
+def _judged(name: str, twin: TwinFile, parts: list[Part]) -> bool:
+    """Whether the twin's own run can refute an effect.
+
+    Not what is read from the record itself, nor what was taken out of the points exactly; the
+    rests of a stepper are judged by the selection.
+    """
+    exact = any(name in p.problem.before for p in parts)
+    return bool(parts) and twin.kind != 'stepper' and not exact
 
 
 def _conditions(

@@ -7,7 +7,8 @@ They are kept only if the gap on these windows shrinks.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,13 @@ from stage_twin.effects import EFFECTS
 
 Array = NDArray[np.float64]
 Parameters = dict[str, dict[str, tuple[float, float]]]
+Effects = Mapping[str, Mapping[str, float]]
 
 ROUNDS = 3
 WORTHWHILE = 0.97  # of the RMS on the fit windows
+BLOCK = 2.0  # s, left out at a time
+#: Standard deviation of an estimate in its distance from another one of the same value.
+AGREEMENT = 0.5**0.5
 
 
 def one_axis(record: Record, axis: str) -> Record:
@@ -52,69 +57,123 @@ def one_axis(record: Record, axis: str) -> Record:
     )
 
 
+@dataclass(frozen=True)
+class _Loop:
+    """The replayed encoder of an axis as a function of the parameters of its effects.
+
+    Parameters are counted in `scale` from where they start, z (k,).
+    """
+
+    records: list[Record]
+    twin: TwinFile
+    axis: str
+    effects: Effects
+    names: list[tuple[str, str]]
+    start: Array
+    scale: Array
+
+    def values(self, z: Array) -> Array:
+        """The parameters (k,), within their bounds."""
+        bounds = [EFFECTS[split_effect(e)[0]].parameter(key) for e, key in self.names]
+        low, high = ([getattr(b, end) for b in bounds] for end in ('minimum', 'maximum'))
+        return np.clip(self.start + self.scale * z, low, high)
+
+    def gap(self, z: Array) -> Array:
+        """Gap (n,) of the encoder on the ticks that fit [m]."""
+        effects = {e: dict(p) for e, p in self.effects.items()}
+        for (effect, key), value in zip(self.names, self.values(z), strict=True):
+            effects[effect][key] = float(value)
+        gaps = [replay(r, self.twin, effects)[f'encoder.{self.axis}'] for r in self.records]
+        return np.concatenate([g[m][::2] for g, m in zip(gaps, self._fitted(), strict=True)])
+
+    def blocks(self) -> NDArray[np.int64]:
+        """Number (n,) of the block of time of each of these ticks."""
+        marks, offset = [], 0
+        for record, mask in zip(self.records, self._fitted(), strict=True):
+            marks.append((record.time[mask][::2] / BLOCK).astype(np.int64) + offset)
+            offset = int(marks[-1].max(initial=offset)) + 1
+        return np.unique(np.concatenate(marks), return_inverse=True)[1]
+
+    def _fitted(self) -> list[NDArray[np.bool_]]:
+        return [
+            ~inside(r.time, held_out_windows(r)) & (r.time > 0.5) & r.whole(r.time)
+            for r in self.records
+        ]
+
+    def slopes(self, z: Array, residual: Array) -> Array:
+        """Derivative (n, k) of the gap after z."""
+        moved = [self.gap(z + 0.3 * unit) for unit in np.eye(len(z))]
+        return np.column_stack([(m - residual) / 0.3 for m in moved])
+
+    def deviations(self, slopes: Array, residual: Array) -> Array:
+        """Standard deviations (k,) of z: how far a step moves when a block of time is left out.
+
+        Delete-one jackknife (Efron and Tibshirani, An introduction to the bootstrap, 1993,
+        chapter 11). Blocks are longer than what the loop and a model's error remember.
+        """
+        labels = self.blocks()
+        count = int(labels.max()) + 1
+        order = [labels == b for b in range(count)]
+        grams = np.array([slopes[o].T @ slopes[o] for o in order])
+        rights = np.array([slopes[o].T @ residual[o] for o in order])
+        moves = np.array(
+            [
+                _step(grams.sum(0) - g, rights.sum(0) - r)
+                for g, r in zip(grams, rights, strict=True)
+            ]
+        )
+        spread = np.sum((moves - moves.mean(axis=0)) ** 2, axis=0)
+        return np.sqrt(spread * (count - 1) / count)
+
+
+def _step(gram: Array, right: Array) -> Array:
+    """Damped Gauss-Newton step (k,)."""
+    damped = gram + np.diag(0.03 * np.diag(gram) + 1e-30)
+    return np.asarray(-np.linalg.solve(damped, right))
+
+
 def polish(
     records: list[Record], twin: TwinFile, axis: str, found: Parameters, fixed: Parameters
 ) -> Parameters:
     """Parameters of the servo effects of an axis, refined on the encoder of the fit windows.
 
-    `fixed` are effects of the axis that the record itself tells: they stay as they are.
-    Returns them unchanged where the gap is at the encoder's step already or nothing is gained.
+    `fixed` are effects of the axis that the record itself tells: they stay as they are. Values
+    stay unchanged where the gap is at the encoder's step already or nothing is gained. A
+    standard deviation holds that of the closed loop and the disagreement of the two estimates.
     """
     fitted = [r for r in records if not r.held_out_session]
     if not any(hooks.couples(split_effect(e)[0]) for e in {**fixed, **found}):
         fitted = [one_axis(r, axis) for r in fitted]
-    names = [
-        (effect, key)
-        for effect, values in found.items()
-        for key, (_, deviation) in values.items()
-        if deviation > 0.0
-    ]
+    names = [(e, k) for e, of in found.items() for k, (_, std) in of.items() if std > 0.0]
     if not names:
         return found
-    start = np.array([found[e][k][0] for e, k in names])
-    scale = np.array([max(3.0 * found[e][k][1], 0.02 * abs(found[e][k][0])) for e, k in names])
-    bounds = [EFFECTS[split_effect(e)[0]].parameter(k) for e, k in names]
-    low = np.array([b.minimum for b in bounds])
-    high = np.array([b.maximum for b in bounds])
-
-    def gap(z: Array) -> Array:
-        values = np.clip(start + scale * z, low, high)
-        effects: dict[str, dict[str, float]] = {
-            e: {k: v for k, (v, _) in p.items()} for e, p in {**fixed, **found}.items()
-        }
-        for (effect, key), value in zip(names, values, strict=True):
-            effects[effect][key] = float(value)
-        parts = []
-        for record in fitted:
-            mask = ~inside(record.time, held_out_windows(record)) & (record.time > 0.5)
-            mask &= record.whole(record.time)
-            parts.append(replay(record, twin, effects)[f'encoder.{axis}'][mask][::2])
-        return np.concatenate(parts)
-
+    effects = {e: {k: v for k, (v, _) in p.items()} for e, p in {**fixed, **found}.items()}
+    start, own = (np.array([found[e][k][i] for e, k in names]) for i in (0, 1))
+    scale = np.maximum(3.0 * own, 0.02 * np.abs(start))
+    loop = _Loop(fitted, twin, axis, effects, names, start, scale)
     z = np.zeros(len(names))
     step = float(getattr(twin.axes[axis], 'encoder_resolution', 1e-6))
     try:
-        residual = gap(z)
+        residual = loop.gap(z)
         first = float(np.sqrt(np.mean(residual**2)))
-        if first < step:
-            return found
-        for _ in range(ROUNDS):
-            jacobian = np.column_stack(
-                [(gap(z + 0.3 * unit) - residual) / 0.3 for unit in np.eye(len(z))]
-            )
-            gram = jacobian.T @ jacobian
-            gram += np.diag(0.03 * np.diag(gram) + 1e-30)
-            move = np.clip(-np.linalg.solve(gram, jacobian.T @ residual), -2.0, 2.0)
-            trial = gap(z + move)
+        slopes = loop.slopes(z, residual)
+        for _ in range(ROUNDS if first >= step else 0):
+            move = np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -2.0, 2.0)
+            trial = loop.gap(z + move)
             if float(trial @ trial) >= float(residual @ residual):
                 break
             z, residual = z + move, trial
+            slopes = loop.slopes(z, residual)
     except StageError:
         # A step left the range in which the twin is a machine: the warm start stands.
         return found
+    apart = z + np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -2.0, 2.0)
     if float(np.sqrt(np.mean(residual**2))) > WORTHWHILE * first:
-        return found
+        z = np.zeros(len(names))
+    values = loop.values(z)
+    spread = np.hypot(loop.deviations(slopes, residual), AGREEMENT * apart)
+    deviations = np.hypot(own, scale * spread)
     refined: Parameters = {e: dict(p) for e, p in found.items()}
-    for (effect, key), value in zip(names, np.clip(start + scale * z, low, high), strict=True):
-        refined[effect][key] = (float(value), found[effect][key][1])
+    for (effect, key), value, deviation in zip(names, values, deviations, strict=True):
+        refined[effect][key] = (float(value), float(deviation))
     return refined

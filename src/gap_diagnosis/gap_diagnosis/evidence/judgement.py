@@ -76,6 +76,8 @@ class Cause:
     alternatives: list[str] = field(default_factory=list)
     strength: float = 0.0
     contains: list[Rung] = field(default_factory=list)
+    unit: str = 'm'  # of the gap: N where the controller takes the force up
+    refuted: bool = False  # by the twin as it is run
 
     @property
     def shrink(self) -> float:

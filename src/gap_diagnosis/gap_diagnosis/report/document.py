@@ -88,6 +88,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         'effect': cause.effect,
         'probability': cause.probability,
         'parameters': _parameters(cause.effect, cause.effect, cause.parameters),
+        'unit': cause.unit,
         'gap_before': cause.gap_before,
         'gap_after': cause.gap_after,
         'shrink': cause.shrink,

@@ -1,0 +1,152 @@
+"""What every accepted effect has to show, whatever selected it: the invariants of a report.
+
+The selection works on residuals of equations; its user runs the twin. So an effect stays only if
+the held-out gap of the twin as it is run shrinks by it (`Shrink`), if no channel grows by it, and
+if its parameters are away from those of a machine without it and from their bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stage_core.quantities import split_effect
+from stage_twin.effects import EFFECTS, effect_of, link_of
+
+Array = NDArray[np.float64]
+Values = Mapping[str, tuple[float, float]]
+
+#: Half width of a 95 % interval in standard deviations.
+SIGMAS = 1.96
+BLOCKS, DRAWS = 12, 500  # of the bootstrap
+#: Floors above which a gap is there whatever the selection says; twins without one are at 1.05.
+FAR = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """Squared gap of one channel on the held-out rows (n,), without and with an effect."""
+
+    without: Array
+    with_it: Array
+    unit: str
+    floor: float
+
+    @property
+    def change(self) -> float:
+        """By how much the effect moves the RMS, in floors."""
+        ends = [float(np.sqrt(s.mean())) for s in (self.without, self.with_it)]
+        return abs(ends[0] - ends[1]) / self.floor if self.floor > 0.0 else np.inf
+
+
+@dataclass(frozen=True)
+class Shrink:
+    """What one effect does to the gap: RMS without and with it, the share by which it shrinks.
+
+    `unit` is N for an effect whose force the controller takes up so that no position shows it,
+    else m; `interval` is that of 95 %; `worse` names the channels that grow by the effect.
+    """
+
+    unit: str
+    before: float
+    after: float
+    interval: tuple[float, float]
+    worse: tuple[str, ...] = ()
+
+    @property
+    def share(self) -> float:
+        """1 - after / before."""
+        return 1.0 - self.after / self.before if self.before > 0.0 else 0.0
+
+
+def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
+    """How far an effect shrinks the gap, from the channels without and with it.
+
+    Positions count all together, as `gap.before` does. The force of the effect's axis counts in
+    their place where the effect moves no position by a tenth of its floor.
+    """
+    positions = [s for s in sides.values() if s.unit == 'm']
+    force = sides.get(f'force.{split_effect(name)[1]}')
+    hidden = all(s.change < 0.1 for s in positions)
+    counted = [force] if hidden and force is not None and link_of(name) == 'servo' else positions
+    low, high = _interval(counted, seed)
+    worse = [n for n, s in sides.items() if s.unit == 'm' and _interval([s], seed)[1] < 0.0]
+    before, after = (
+        float(np.sqrt(np.mean([side.mean() for side in of])))
+        for of in ([s.without for s in counted], [s.with_it for s in counted])
+    )
+    return Shrink(counted[0].unit, before, after, (low, high), tuple(worse))
+
+
+def _interval(sides: Sequence[Sides], seed: int) -> tuple[float, float]:
+    """95 % interval of the share by which the RMS shrinks; bootstrap over blocks of time."""
+    blocks = min(BLOCKS, *(len(s.with_it) for s in sides))
+    without, with_it = (
+        np.mean([[b.mean() for b in np.array_split(s, blocks)] for s in of], axis=0)
+        for of in ([s.without for s in sides], [s.with_it for s in sides])
+    )
+    picks = np.random.default_rng(seed).integers(0, blocks, (DRAWS, blocks))
+    ratio = with_it[picks].mean(axis=1) / np.maximum(without[picks].mean(axis=1), 1e-30)
+    low, high = np.percentile(1.0 - np.sqrt(ratio), [2.5, 97.5])
+    return float(low), float(high)
+
+
+def refuted(
+    name: str, shrink: Shrink, values: Values, nominal: Mapping[str, float] | None = None
+) -> bool:
+    """Whether an effect breaks one of the invariants.
+
+    `nominal` are the values that the twin states of the effect itself, if it does: then these
+    are what a finding has to be away from, and none of the effect is a value as any other.
+    """
+    if shrink.interval[0] <= 0.0 or shrink.worse:
+        return True
+    stated = nominal or {}
+    own = defining(name)
+    return bool(own) and not any(
+        away(values[p.name], stated.get(p.name, p.neutral), p.minimum, p.maximum, p.neutral)
+        for p in effect_of(name).parameters
+        if p.name in own and p.name in values
+    )
+
+
+def defining(name: str) -> set[str]:
+    """Parameters that make the effect what it is: at least one of them is not neutral.
+
+    Shapes (`neutral` None), nuisances, stated geometry and what an effect shares with a special
+    case of its own do not tell that it is there.
+    """
+    effect = effect_of(name)
+    shared = {p.name for other in effect.holds for p in EFFECTS[other].parameters}
+    return {
+        p.name
+        for p in effect.parameters
+        if p.fitted and not p.nuisance and p.neutral is not None and p.name not in shared
+    }
+
+
+def away(
+    value: tuple[float, float],
+    nominal: float | None,
+    minimum: float,
+    maximum: float,
+    neutral: float | None = None,
+) -> bool:
+    """Whether a value is further than its interval from the twin's and from its bounds.
+
+    A bound at which there is nothing of an effect (`neutral`) bounds no model.
+    """
+    number, reach = value[0], SIGMAS * value[1]
+    ends = [end for end in (minimum, maximum) if end not in (nominal, neutral)]
+    margin = max(reach, 1e-6 * (maximum - minimum))
+    return (nominal is None or abs(number - nominal) > reach) and all(
+        abs(number - end) > margin for end in ends
+    )
+
+
+def shows(after: float, floor: float) -> bool:
+    """Whether a gap of an encoder [m] is more than two roundings, of the record and the twin."""
+    return bool(after > 1.05 * np.sqrt(2.0) * floor)
