@@ -15,9 +15,9 @@ from .references import Reference
 class Planted:
     """One mechanism put into a machine.
 
-    `parameters` hold the physical truth in the contract's units and conventions, `shape` what else
-    describes it. `companions` are effects that may honestly be named beside it, `instead` those
-    that no data of this kind can tell from it. `settings` are for the generator itself.
+    `parameters` hold the physical truth in the units and conventions of docs/interfaces.md,
+    `shape` what else describes it. `companions` are effects that may honestly be named beside it,
+    `instead` those that no data of this kind can tell from it. `settings` are for the generator.
     """
 
     effect: str
@@ -30,7 +30,7 @@ class Planted:
 
     @property
     def name(self) -> str:
-        """The effect with its axis, as the contract writes it."""
+        """The effect with its axis, as reports write it."""
         return self.named(self.effect)
 
     def named(self, effect: str) -> str:

@@ -26,7 +26,7 @@ def test_the_nominal_motion_obeys_newton():
     assert np.ptp(off) < 0.01 * np.ptp(momentum)
 
 
-def test_the_controller_is_the_contracts():
+def test_the_controller_is_that_of_the_interfaces():
     record = handmade.simulate(stage(), waves(), [], 3)
     axis = stage().axes[0]
     pole, integral, speed = np.exp(-0.001 * axis.velocity_filter), 0.0, 0.0

@@ -45,7 +45,7 @@ def test_a_constant_force_on_the_nominal_axis_gives_the_exponential_speed():
     assert free.data.qvel[1] == 0.0
 
 
-def test_the_controller_is_the_contracts():
+def test_the_controller_is_that_of_the_interfaces():
     record = mujoco_stage.simulate(stage(), waves(0.5), [], 3)
     axis = stage().axes[0]
     pole, integral, speed = np.exp(-0.001 * axis.velocity_filter), 0.0, 0.0

@@ -1,4 +1,4 @@
-"""The contract's controller around the MuJoCo model, tick by tick with a zero-order hold."""
+"""The servo controller around the MuJoCo model, tick by tick with a zero-order hold."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PARTS = 4
 
 
 class Controller:
-    """Section 5 of the contract for one axis."""
+    """docs/interfaces.md, "Servo controller", for one axis."""
 
     def __init__(self, axis: Axis, period: float, start: float) -> None:
         self.axis, self.period = axis, period
