@@ -21,7 +21,7 @@ session: kernels
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" $(PYTHON_ENV) -m stage_bringup.session $(SESSION)
 
 test: kernels
-	$(PYTHON_ENV) -m pytest -q --session-timeout=2700 $(PYTEST)
+	$(PYTHON_ENV) -m pytest -q --session-timeout=4200 $(PYTEST)
 
 # What can be said in under a minute: format, lint, types of what changed, structure and docs.
 CHANGED := $(shell git diff --name-only --diff-filter=d main -- 'src/*/*/*.py' 2>/dev/null)

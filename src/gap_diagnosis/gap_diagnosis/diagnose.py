@@ -47,7 +47,7 @@ from stage_core.errors import StageError
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import link_of
+from stage_twin.effects import effect_of, link_of
 from stage_twin.packing import pack
 
 Array = NDArray[np.float64]
@@ -130,11 +130,23 @@ def diagnose(
     while True:
         result = _diagnose(sessions, holdout, twin, twin_name, seed, progress, barred)
         failed = [c for c in result.causes if c.refuted]
-        if not failed:
+        beside = _excluded_by_tracker(result)
+        if not failed and not beside:
             return result
-        worst = min(failed, key=lambda c: c.interval[0])
-        progress(f'{worst.effect} does not shrink the held-out gap: without it')
-        barred.append(worst.effect)
+        name = beside or min(failed, key=lambda c: c.interval[0]).effect
+        progress(f'{name} does not hold in the twin as it is run: without it')
+        barred.append(name)
+
+
+def _excluded_by_tracker(result: Diagnosis) -> str | None:
+    """A servo effect that excludes another one of its axis, which the tracker shows."""
+    shown = {n for p in result.parts if p.name == 'tracker' for n in p.selection.accepted}
+    for name in result.accepted:
+        effect, axis = split_effect(name)
+        rivals = {f'{other}.{axis}' for other in effect_of(effect).excludes}
+        if name not in shown and rivals & shown:
+            return name
+    return None
 
 
 def _diagnose(
@@ -243,8 +255,9 @@ def _conclude(
     accepted = [c.effect for c in causes]
     structured = any(p.structure.structured and _shown(p, channels, floors, twin) for p in parts)
     floor = judge.noise_floor(seen, channels, effects)
-    # A gap far above its floor is not explained by naming nothing.
-    structured = structured or bool(not accepted and before > FAR * floor)
+    # A gap far above its floor is not explained by naming nothing; rests scatter by themselves.
+    far = twin.kind != 'stepper' and before > FAR * floor
+    structured = structured or bool(not accepted and far)
     verdict = accepted + ([UNKNOWN] if structured else [])
     progress('where the gap lies')
     found = _conditions(scored, records, twin, parts, seed)

@@ -21,7 +21,7 @@ Values = Mapping[str, tuple[float, float]]
 
 #: Half width of a 95 % interval in standard deviations.
 SIGMAS = 1.96
-#: Of the bootstrap: with a dozen blocks, rare reversals of a short session were left out by chance.
+#: Of the bootstrap: a dozen blocks leave the rare reversals of a short session out by chance.
 BLOCKS, DRAWS = 48, 500
 #: Floors above which a gap is there whatever the selection says; twins without one are at 1.05.
 FAR = 2.0

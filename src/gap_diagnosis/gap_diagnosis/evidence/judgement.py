@@ -155,11 +155,11 @@ def rejected_causes(
     parts: list[Part], accepted: list[str], structured: bool, before: float, after: float
 ) -> list[Cause]:
     """The candidates that were looked at and not taken, with what they would have gained."""
-    out = []
+    out: list[Cause] = []
     for part in parts:
         evidence: dict[str, Evidence] = part.selection.rejected
         for name, found in evidence.items():
-            if name in accepted:
+            if name in accepted or any(name == other.effect for other in out):
                 continue
             noise = part.selector.rules.of_noise * part.selector.noise
             out.append(
