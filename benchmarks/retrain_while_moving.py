@@ -103,7 +103,7 @@ def follow(
                     '/calibrator',
                     bag=str(bag),
                     method='it2fls',
-                    options='{"particles": 200, "iterations": 1000000}',
+                    options='{"rules": 5, "particles": 200, "iterations": 1000000}',
                 )
                 answer = client.node.create_client(Trigger, '/calibrator/retrain').call_async(
                     Trigger.Request()

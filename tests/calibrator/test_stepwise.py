@@ -120,5 +120,5 @@ def test_thermal_model_finds_growth_and_warns_outside():
     target = command[:5]
     found = model.invert(target, temperatures=heat[:5])
     np.testing.assert_allclose(model.predict(found, temperatures=heat[:5]), target, atol=2e-9)
-    with pytest.warns(UserWarning, match='extrapolates'):
+    with pytest.warns(UserWarning, match='lies beyond the calibrated'):
         model.predict(command[:1], temperatures=np.full((1, 3), 60.0))

@@ -112,7 +112,7 @@ def test_every_parameter_moves_the_output(effect, parameter):
 
 
 #: Values in range that make a machine unstable: a loop with other gains, a spring that pushes.
-UNSTABLE = {'controller_mismatch'}
+UNSTABLE = {'controller_mismatch', 'position_force'}
 LEAST = {'hardening': 0.0}
 
 

@@ -14,9 +14,12 @@ EFFECT = Effect(
     name='position_force',
     link='servo',
     parameters=(
-        Parameter('start', 'm', -2.0, 2.0, -0.05, 'position of the first knot', neutral=None),
-        Parameter('stop', 'm', -2.0, 2.0, 0.05, 'position of the last knot', neutral=None),
-        *(Parameter(f'c{k}', 'N', -500.0, 500.0, 1.0, f'force at knot {k}') for k in range(KNOTS)),
+        Parameter('start', 'm', -2.0, 2.0, 0.0, 'position of the first knot', neutral=None),
+        Parameter('stop', 'm', -2.0, 2.0, 0.01, 'position of the last knot', neutral=None),
+        *(
+            Parameter(f'c{k}', 'N', -500.0, 500.0, 0.5 * (k - 4.5), f'force at knot {k}')
+            for k in range(KNOTS)
+        ),
     ),
     model='Force on the moving mass through equally spaced knots over the position, cubic between '
     'them. Catmull and Rom, "A class of local interpolating splines" (1974).',
