@@ -58,10 +58,10 @@ def training_bag(folder: Path) -> Path:
                 topics.REFERENCE: Series(
                     topics.REFERENCE, stamps, {'position.x': path[:, 0], 'position.y': path[:, 1]}
                 ),
-                topics.TRACKER_POINT: Series(
-                    topics.TRACKER_POINT,
-                    stamps[::5],
-                    {'x': table[::5, 0], 'y': table[::5, 1], 'z': np.zeros(len(table[::5]))},
+                topics.JOINT_STATES: Series(
+                    topics.JOINT_STATES,
+                    stamps,
+                    {'position.x': table[:, 0], 'position.y': table[:, 1]},
                 ),
             },
         ),
@@ -103,6 +103,7 @@ def follow(
                     '/calibrator',
                     bag=str(bag),
                     method='it2fls',
+                    target='encoder',
                     options='{"rules": 5, "particles": 200, "iterations": 1000000}',
                 )
                 answer = client.node.create_client(Trigger, '/calibrator/retrain').call_async(

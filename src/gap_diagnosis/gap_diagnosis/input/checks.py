@@ -104,7 +104,7 @@ def check_forces(record: Record) -> None:
 
 
 def check_excitation(record: Record) -> None:
-    """Refuse a session without motion or without reversals."""
+    """Refuse a session without motion, or whose encoder is in another unit."""
     if not any(record.moving):
         wanted = np.ptp(record.reference, axis=0)
         cause = (
@@ -123,11 +123,12 @@ def check_excitation(record: Record) -> None:
                 f'{float(np.ptp(record.encoder[:, i])) / wanted:.3g} times as far as its '
                 'reference: one of them is not in metres, mend its unit'
             )
-        if reversals(record.encoder[:, i], 0.05 * float(np.ptp(record.encoder[:, i]))) < 1:
-            raise StageError(
-                f'{record.name} has not enough excitation: axis {axis} lacks reversals of its '
-                f'direction; {EXCITATION_HINT}'
-            )
+
+
+def reverses(record: Record, i: int) -> bool:
+    """Whether an axis goes back at least once by a twentieth of its travel."""
+    position = record.encoder[:, i]
+    return reversals(position, 0.05 * float(np.ptp(position))) > 0
 
 
 def reversals(position: Array, threshold: float) -> int:

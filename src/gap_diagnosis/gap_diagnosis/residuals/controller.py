@@ -18,6 +18,8 @@ from scipy.signal import lfilter
 
 from gap_diagnosis.input.data import Record, held_out_windows, inside
 from gap_diagnosis.residuals.operators import band_limited
+from stage_core import topics
+from stage_core.errors import StageError
 from stage_core.twin_file import ServoAxis, TwinFile
 
 Array = NDArray[np.float64]
@@ -104,6 +106,13 @@ def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Parameters:
     law = fit_law(fitted, i, axis)
     if nominal <= 0.0 or left(judged, i, law.gains) > (1.0 - CLEARLY_BETTER) * nominal:
         return {}
+    factor = law.gains.velocity_gain / axis.velocity_gain
+    if factor < 0.0:
+        raise StageError(
+            f'{judged[0].name}: the effort of axis {judged[0].axes[i]} is {factor:.3g} times the '
+            "force of the twin's controller: its sign or unit is another one; mend it where "
+            f'{topics.COMMAND} is recorded'
+        )
     out: Parameters = {}
     for name in GAINS:
         value, deviation = law.error(axis, name)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import Record, held_out_windows, inside, motion_step
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
 from gap_diagnosis.residuals.operators import band_limited, smooth
@@ -135,7 +136,8 @@ class Kinematics:
                 out[effect.name] = self
             else:
                 for i, axis in enumerate(self.axes):
-                    if any(r.moving[i] for r in self.records):
+                    moving = [r for r in self.records if r.moving[i]]
+                    if any(not effect.reverses or reverses(r, i) for r in moving):
                         out[f'{effect.name}.{axis}'] = self._of(axis)
         return out
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import held_out_windows, inside
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.nominal import re_estimated
@@ -32,7 +33,12 @@ class Servo(ForceRows):
         target = self.columns(
             [f - self.mass * ai - self.viscous * vi for f, ai, vi in zip(force, a, v, strict=True)]
         )[:, 0]
-        servo = [e.name for e in effects.EFFECTS.values() if e.link == 'servo']
+        there = any(reverses(r, r.column(self.axis)) for r in self.records)
+        servo = [
+            e.name
+            for e in effects.EFFECTS.values()
+            if e.link == 'servo' and (there or not e.reverses)
+        ]
         candidates = {f'{name}.{self.axis}': self for name in servo}
         terms = effects.terms(candidates)
         if self._predictions:

@@ -30,6 +30,7 @@ EFFECT = Effect(
     'EMPS", Workshop on Nonlinear System Identification Benchmarks (2019), asymmetric model.',
     sentence='friction differs between the directions: {coulomb_positive} forwards, '
     '{coulomb_negative} backwards',
+    reverses=True,
     excited_by='strokes in both directions at several speeds',
     separated_from={
         'coulomb_friction': 'strokes of equal speed in both directions with the force averaged '

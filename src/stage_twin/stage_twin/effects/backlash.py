@@ -17,6 +17,7 @@ EFFECT = Effect(
     'Gutman, "Controlling mechanical systems with backlash: a survey", Automatica 38 (2002).',
     sentence='the table follows the motor late by {width} after each reversal',
     states=('position',),
+    reverses=True,
     excited_by='the same positions approached from both sides',
     separated_from={
         'cyclic_pitch_error': 'the same positions approached from both sides: play changes sign '

@@ -76,6 +76,8 @@ class Effect:
         The motion that shows it, as the object of "measure".
     per_axis : bool
         Whether it is named with its axis, as in ``backlash.x``.
+    reverses : bool
+        Whether only a reversal of the axis shows it: a motion in one direction cannot.
     separated_from : mapping
         Rival effect -> the experiment that tells them apart, as the object of "measure". One of
         two rivals names the other.
@@ -100,6 +102,7 @@ class Effect:
     sentence: str
     excited_by: str
     per_axis: bool = True
+    reverses: bool = False
     separated_from: Mapping[str, str] = field(default_factory=dict)
     holds: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()

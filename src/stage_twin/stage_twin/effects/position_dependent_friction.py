@@ -35,6 +35,7 @@ EFFECT = Effect(
     'Automatica 30 (1994), position-dependent friction.',
     sentence='friction goes with the position, from {c0} at one end of the travel over {c3} in '
     'its middle to {c6} at the other',
+    reverses=True,
     excited_by='slow strokes over the whole travel in both directions',
     separated_from={
         'coulomb_friction': 'slow strokes over the whole travel in both directions',

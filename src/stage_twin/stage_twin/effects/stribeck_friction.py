@@ -41,6 +41,7 @@ EFFECT = Effect(
     '. Canudas de Wit, Olsson, Astrom, Lischinsky, "A new model for control of systems with '
     'friction", IEEE TAC 40 (1995); eqs. 6-7 of paper 3.',
     sentence='friction of {coulomb} rises by {breakaway} below {stribeck_velocity}',
+    reverses=True,
     excited_by='constant-speed strokes from 0.1 to 20 mm/s',
     separated_from={
         'coulomb_friction': 'constant-speed strokes from 0.1 to 20 mm/s: only Stribeck friction '
