@@ -57,7 +57,7 @@ def causes_section(page: Page, diagnosis: Diagnosis) -> None:
     """Every candidate with its evidence."""
     page.heading('Evidence for each candidate')
     page.text(
-        'The probability is calibrated: of ten effects with 0.9, nine are there. '
+        'The probability grows with what the effect gains over the least gain that counts. '
         '"Cannot be told from" names rivals that these data do not separate.'
     )
     page.table(
