@@ -100,7 +100,8 @@ assert 'the gear wobbles by 8' in page.render(found)
 def run(script: str, tmp_path: Path, name: str, effect: str) -> None:
     file = tmp_path / f'{name}.py'
     file.write_text(effect, encoding='utf-8')
-    paths = [*sys.path, str(TESTS / 'gap_diagnosis')]
+    # First, because other folders of tests have a conftest too.
+    paths = [str(TESTS / 'gap_diagnosis'), *sys.path]
     environment = {
         **os.environ,
         'STAGE_EFFECTS': str(file),
