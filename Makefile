@@ -34,7 +34,7 @@ check: setup
 lint: setup
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	.venv/bin/mypy $(foreach package,$(notdir $(wildcard src/*)),src/$(package)/$(package))
+	.venv/bin/mypy $(patsubst %/__init__.py,%,$(wildcard src/*/*/__init__.py))
 
 bench: setup
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" bash benchmarks/run.sh

@@ -25,8 +25,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
 from domains import reserve_domain
 
 from stage_core import topics
-from stage_node.client_node import GraphClient
-from stage_node.node import SETPOINT_QOS, joint_state
+from stage_core.ros.client_node import GraphClient
+from stage_core.ros.node import SETPOINT_QOS, joint_state
 
 PORT = 20799
 CALLS = 200

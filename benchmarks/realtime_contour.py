@@ -33,7 +33,7 @@ from stage_bringup.graph import free_port
 from stage_bringup.keep_awake import KeepAwake
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_node.client_node import GraphClient
+from stage_core.ros.client_node import GraphClient
 
 CONFIG = Path(__file__).resolve().parents[1] / 'ros_ws' / 'config'
 #: Longest wait for a service and for its answer [s].

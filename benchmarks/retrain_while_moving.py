@@ -30,8 +30,8 @@ from session_bags.writer import write_session
 from stage_bringup.graph import Options, commands
 from stage_bringup.processes import Processes
 from stage_core import topics
+from stage_core.ros.client_node import GraphClient
 from stage_core.session import Series, Session
-from stage_node.client_node import GraphClient
 
 NODES = ('stage_twin', 'stage_driver', 'calibrator', 'contour_ctrl')
 COUNTED = ('missed_ticks', 'held_ticks', 'watchdog_stops')

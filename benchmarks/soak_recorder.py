@@ -26,7 +26,7 @@ PUBLISHER = """
 import sys, time, rclpy
 from sensor_msgs.msg import JointState
 from stage_core import topics
-from stage_node.node import STATE_QOS, joint_state
+from stage_core.ros.node import STATE_QOS, joint_state
 rclpy.init()
 node = rclpy.create_node('publisher')
 names = (topics.SETPOINT, topics.REFERENCE, topics.COMMAND, topics.JOINT_STATES,
@@ -105,7 +105,7 @@ def main() -> int:
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     from session_bags.bag import open_bag
     from session_bags.info import contents
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     with tempfile.TemporaryDirectory() as folder:
         recorder = subprocess.Popen(

@@ -26,7 +26,7 @@ from domains import reserve_domain
 from stage_bringup.graph import Options, commands, zaber_port
 from stage_bringup.processes import Processes
 from stage_core.errors import StageError
-from stage_node.client_node import GraphClient
+from stage_core.ros.client_node import GraphClient
 
 NODES = ('stage_twin', 'stage_driver', 'contour_ctrl')
 #: Longest wait for a service and for its answer [s].

@@ -24,7 +24,7 @@ def ros_env() -> Iterator[dict[str, str]]:
 
     Also set in this process, so that a client in the test joins the same graph.
     """
-    profile = ROOT / 'src' / 'stage_node' / 'stage_node' / 'fastdds_local.xml'
+    profile = ROOT / 'src' / 'stage_core' / 'stage_core' / 'ros' / 'fastdds_local.xml'
     with own_domain(
         ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', FASTRTPS_DEFAULT_PROFILES_FILE=str(profile)
     ):

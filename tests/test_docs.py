@@ -15,7 +15,7 @@ PAGES = [
     ROOT / 'CHANGELOG.md',
     ROOT / 'CONTRIBUTING.md',
     *sorted((ROOT / 'docs').rglob('*.md')),
-    *sorted((ROOT / 'src').glob('*/README.md')),
+    *sorted((ROOT / 'src').glob('*/**/README.md')),
 ]
 LINK = re.compile(r'\]\(([^)\s]+)\)')
 RUN = re.compile(r'ros2 run (\w+) (\w+)')
@@ -40,15 +40,14 @@ def executables() -> set[tuple[str, str]]:
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 name, equals, target = node.value.partition(' = ')
                 if equals and ':' in target:
-                    found.add((setup.parent.name, name))
+                    found.add((target.split('.')[0], name))
     return found
 
 
 def module_file(module: str) -> Path | None:
     """File that `python -m module` runs, if it is one of this project."""
     package, *rest = module.split('.')
-    roots = [ROOT / 'src' / package / package] if package != 'benchmarks' else [ROOT / package]
-    for root in roots:
+    for root in (ROOT / package, *ROOT.glob(f'src/*/{package}')):
         place = root.joinpath(*rest)
         for candidate in (place.with_suffix('.py'), place / '__main__.py'):
             if candidate.is_file():

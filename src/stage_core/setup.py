@@ -6,7 +6,7 @@ setup(
     name=package_name,
     version='0.1.0',
     packages=find_packages(),
-    package_data={package_name: ['py.typed']},
+    package_data={package_name: ['py.typed', 'ros/fastdds_local.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -15,7 +15,7 @@ setup(
     zip_safe=False,
     maintainer='The maintainers',
     maintainer_email='maintainers@users.noreply.h-seed-275f4c40.example',
-    description='Words that all packages share: quantities, frames, clocks, parameters, twin files, sessions.',
+    description='Words that all packages share: quantities, frames, clocks, parameters, twin files, sessions; the rclpy base of every node.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [],

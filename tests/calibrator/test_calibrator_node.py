@@ -40,8 +40,8 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
     from sensor_msgs.msg import JointState
     from std_msgs.msg import String
 
-    from stage_node.client_node import GraphClient
-    from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, set_stamp
+    from stage_core.ros.client_node import GraphClient
+    from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, set_stamp
 
     session = grid_session(40, rest=0.12)
     reference = session.series[topics.REFERENCE]
@@ -132,7 +132,7 @@ def contour(ros_env):
 
 def contour_start(client):
     """Start point (2,) [m] that a contour asked for now moves to; the run is aborted there."""
-    from stage_node.node import stamp_of
+    from stage_core.ros.node import stamp_of
 
     def moved():
         message = client.latest(topics.SETPOINT)
@@ -156,8 +156,8 @@ def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
     from diagnostic_msgs.msg import DiagnosticArray
     from sensor_msgs.msg import JointState, Temperature
 
-    from stage_node.client_node import GraphClient
-    from stage_node.node import SETPOINT_QOS, STATE_QOS, joint_state, set_stamp
+    from stage_core.ros.client_node import GraphClient
+    from stage_core.ros.node import SETPOINT_QOS, STATE_QOS, joint_state, set_stamp
 
     bag = write_session(tmp_path / 'warming', warming_session)
     states = []

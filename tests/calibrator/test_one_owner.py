@@ -11,7 +11,7 @@ from calibrator.model_file import StoredModel
 from calibrator.models import make_model
 from calibrator.node import Calibrator
 from stage_core import topics
-from stage_node.node import make_executor, spin
+from stage_core.ros.node import make_executor, spin
 
 
 def fill(buffer, session):

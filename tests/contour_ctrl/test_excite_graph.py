@@ -13,8 +13,8 @@ pytest.importorskip('rclpy')
 
 from stage_bringup.graph import Options, commands
 from stage_bringup.processes import NodeCommand, Processes
+from stage_core.ros.client_node import GraphClient
 from stage_core.twin_file import TwinFile
-from stage_node.client_node import GraphClient
 
 FRICTION = {
     'stribeck_friction.x': {'coulomb': 20.0, 'breakaway': 8.0, 'presliding': 4e-6},

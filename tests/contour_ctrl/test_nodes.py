@@ -25,8 +25,8 @@ from calibrator.models import make_model
 from contour_ctrl import storage
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_node.client_node import GraphClient
-from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
+from stage_core.ros.client_node import GraphClient
+from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
 
 MS = 1_000_000
 RADIUS = 0.002

@@ -16,8 +16,8 @@ from gap_diagnosis.evidence import experiments
 from stage_bringup.graph import Options, commands
 from stage_bringup.processes import NodeCommand, Processes
 from stage_core import topics
+from stage_core.ros.client_node import GraphClient
 from stage_core.twin_file import TwinFile
-from stage_node.client_node import GraphClient
 
 CHANGED = {'coulomb_friction.x': {'coulomb': 25.0}, 'viscous_friction.y': {'viscous': 150.0}}
 LIVE: dict[str, object] = {'window': 2.0, 'learn': 2}

@@ -22,7 +22,7 @@ Maker = Callable[..., Session]
 def test_the_service_answers_with_the_verdict(
     planted: Maker, tmp_path: Path, ros_env: dict[str, str]
 ) -> None:
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     bag = write_session(tmp_path / 'bag', planted({'backlash.x': {'width': 9e-6}}, duration=12.0))
     TwinFile.nominal_servo().save(tmp_path / 'twin.yaml')
@@ -48,7 +48,7 @@ def test_the_service_answers_with_the_verdict(
 def test_live_mode_refuses_or_leaves_out_a_twin_without_a_servo_loop(
     tmp_path: Path, ros_env: dict[str, str]
 ) -> None:
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     rig, stepper = tmp_path / 'rig.yaml', tmp_path / 'stepper.yaml'
     rig.write_text('kind: measured_force\naxes: {x: {mass: 95.1}}\n')

@@ -22,8 +22,8 @@ from std_msgs.msg import String
 from stage_bringup.processes import NodeCommand
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_node.client_node import GraphClient
-from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
+from stage_core.ros.client_node import GraphClient
+from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
 
 #: Patience for anything that a loaded machine must do [s]; nothing is asserted about it.
 PATIENCE = 90.0

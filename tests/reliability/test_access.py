@@ -21,7 +21,7 @@ from stage_bringup import live_view_node
 from stage_bringup.client_node import SessionClient
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_node.peers import PEERS, SILENCE, PeerWatch
+from stage_core.ros.peers import PEERS, SILENCE, PeerWatch
 
 from .rig import Nodes, Watch
 
@@ -108,7 +108,7 @@ def chosen(**environment: str) -> list[str]:
     names = ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
     script = (
         'import os\n'
-        'from stage_node.node import local_graph\n'
+        'from stage_core.ros.node import local_graph\n'
         # Another middleware need not be installed here: rclpy has been imported.
         f'os.environ.update({environment})\n'
         'local_graph()\n'

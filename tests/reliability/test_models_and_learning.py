@@ -26,10 +26,10 @@ from contour_ctrl.tick import Controller, Gains
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
+from stage_core.ros.node import joint_state
 from stage_core.session import Series, Session
 from stage_driver.limits import AxisLimits, check_setpoint
 from stage_driver.motion import MotionGenerator
-from stage_node.node import joint_state
 
 from .rig import Nodes, Watch
 

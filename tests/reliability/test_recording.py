@@ -21,7 +21,7 @@ from session_bags.reader import read_session
 from session_bags.repair import repair
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_node.node import STATE_QOS, joint_state
+from stage_core.ros.node import STATE_QOS, joint_state
 
 PERIOD_NS = 2_000_000
 SOAK = Path(__file__).resolve().parents[2] / 'benchmarks' / 'soak_recorder.py'

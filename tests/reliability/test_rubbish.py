@@ -18,7 +18,7 @@ from session_bags.bag import open_bag
 from session_bags.info import contents
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS
+from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS
 
 from .rig import Nodes, Watch
 

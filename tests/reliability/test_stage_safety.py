@@ -36,8 +36,8 @@ CONTROLLER = """
 import select, sys, time
 from sensor_msgs.msg import JointState
 from stage_core import topics
-from stage_node.client_node import GraphClient
-from stage_node.node import SETPOINT_QOS, joint_state, stamp_of
+from stage_core.ros.client_node import GraphClient
+from stage_core.ros.node import SETPOINT_QOS, joint_state, stamp_of
 
 kind, speed = sys.argv[1], float(sys.argv[2])
 with GraphClient('controller') as client:

@@ -32,7 +32,7 @@ import sys, time, rclpy
 from geometry_msgs.msg import PointStamped, TransformStamped, Vector3Stamped
 from sensor_msgs.msg import JointState
 from stage_core import topics
-from stage_node.node import LATCHED_QOS, STATE_QOS, joint_state, set_stamp
+from stage_core.ros.node import LATCHED_QOS, STATE_QOS, joint_state, set_stamp
 count = int(sys.argv[1])
 rclpy.init()
 node = rclpy.create_node('publisher')
@@ -111,7 +111,7 @@ def wait_matched(client, topic_names: tuple[str, ...], subscribers: int = 1) -> 
 def test_recorder_loses_no_message_and_repeats_the_alignment(
     start_process: Start, tmp_path: Path
 ) -> None:
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     twin = tmp_path / 'twin.yaml'
     from stage_core.twin_file import TwinFile
@@ -153,7 +153,7 @@ def test_recorder_loses_no_message_and_repeats_the_alignment(
 
 
 def test_kill_loses_at_most_a_second(start_process: Start, tmp_path: Path) -> None:
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     recorder = start_recorder(start_process, tmp_path, '-p', 'name:=killed')
     publisher = publish(start_process, 1000)
@@ -176,7 +176,7 @@ def test_kill_loses_at_most_a_second(start_process: Start, tmp_path: Path) -> No
 
 
 def test_player_round_trip(start_process: Start, tmp_path: Path) -> None:
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     session = random_session(300)
     bag = write_session(tmp_path / 'bag', session)

@@ -10,8 +10,8 @@ from sensor_msgs.msg import JointState
 from stage_bringup.graph import Options, commands
 from stage_bringup.processes import Processes
 from stage_core import topics
-from stage_node.client_node import GraphClient
-from stage_node.node import STATE_QOS, stamp_of
+from stage_core.ros.client_node import GraphClient
+from stage_core.ros.node import STATE_QOS, stamp_of
 
 WANTED = {'stage_twin', 'stage_driver', 'contour_ctrl', 'control'}
 #: A contour of 0.7 s, twice: it learns in between.

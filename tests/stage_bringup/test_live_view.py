@@ -148,8 +148,8 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
     from std_msgs.msg import String
     from std_srvs.srv import Trigger
 
-    from stage_node.client_node import GraphClient
-    from stage_node.node import LATCHED_QOS, STATE_QOS, joint_state
+    from stage_core.ros.client_node import GraphClient
+    from stage_core.ros.node import LATCHED_QOS, STATE_QOS, joint_state
 
     port, page_port = free_port(), free_port()
     node = start(ros_env, port=port, page_port=page_port)

@@ -48,7 +48,7 @@ def left_running(out: Path) -> list[str]:
 def test_a_session_refuses_to_start_beside_a_graph(
     tmp_path: Path, ros_env: dict[str, str]
 ) -> None:
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     with GraphClient('calibrator'):
         process = start(tmp_path / 'out', ros_env)

@@ -16,9 +16,9 @@ from std_srvs.srv import Trigger
 
 from stage_core import topics
 from stage_core.errors import StageError
+from stage_core.ros.client_node import GraphClient
+from stage_core.ros.node import SETPOINT_QOS, joint_state, stamp_of
 from stage_core.twin_file import StepperAxis, TwinFile
-from stage_node.client_node import GraphClient
-from stage_node.node import SETPOINT_QOS, joint_state, stamp_of
 from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
 from stage_twin.stepper import StepperPlant

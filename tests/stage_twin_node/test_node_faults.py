@@ -67,8 +67,8 @@ def test_tracker_absent_then_there_faulty_killed_and_back(ros_env):
     from diagnostic_msgs.msg import DiagnosticArray
     from geometry_msgs.msg import PointStamped
 
-    from stage_node.client_node import GraphClient
-    from stage_node.node import STATE_QOS, stamp_of
+    from stage_core.ros.client_node import GraphClient
+    from stage_core.ros.node import STATE_QOS, stamp_of
 
     drive, port = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
     stamps = []

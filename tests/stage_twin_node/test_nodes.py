@@ -53,7 +53,7 @@ class SmallDriver:
     def __init__(self, port, client):
         from sensor_msgs.msg import JointState
 
-        from stage_node.node import STATE_QOS
+        from stage_core.ros.node import STATE_QOS
 
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect(('127.0.0.1', port))
@@ -78,7 +78,7 @@ class SmallDriver:
                 return datagram
 
     def publish(self):
-        from stage_node.node import joint_state
+        from stage_core.ros.node import joint_state
 
         self.publisher.publish(joint_state(self.now.stamp, 'xy', self.now.values, (0.0, 0.0)))
 
@@ -118,8 +118,8 @@ def session(ros_env, twin):
     from diagnostic_msgs.msg import DiagnosticArray
     from geometry_msgs.msg import PointStamped, TransformStamped
 
-    from stage_node.client_node import GraphClient
-    from stage_node.node import LATCHED_QOS, STATE_QOS, stamp_of
+    from stage_core.ros.client_node import GraphClient
+    from stage_core.ros.node import LATCHED_QOS, STATE_QOS, stamp_of
 
     drive, tracker = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
     points = []

@@ -303,7 +303,7 @@ def test_rests_on_one_line_are_refused():
 def test_joint_state_fields_from_cdr():
     from rclpy.serialization import serialize_message
 
-    from stage_node.node import joint_state
+    from stage_core.ros.node import joint_state
 
     for axes, position in (('xy', (0.125, -3.5)), ('x', (7.0,)), ('xy', ())):
         message = joint_state(12 * SECOND + 345, axes, position, [0.5] * len(axes))

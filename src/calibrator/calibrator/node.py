@@ -30,10 +30,9 @@ from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.parameters import Parameter
 from stage_core.quantities import AXES
-from stage_core.untrusted import json_object
-from stage_node.batch_node import Batches
-from stage_node.deferred_service import create_deferred_service
-from stage_node.node import (
+from stage_core.ros.batch_node import Batches
+from stage_core.ros.deferred_service import create_deferred_service
+from stage_core.ros.node import (
     ERROR,
     LATCHED_QOS,
     OK,
@@ -46,6 +45,7 @@ from stage_node.node import (
     run,
     stamp_of,
 )
+from stage_core.untrusted import json_object
 
 PARAMETERS = (
     Parameter('bag', '', 'bag or folder of bags to train from; empty: what was heard live'),

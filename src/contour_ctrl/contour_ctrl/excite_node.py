@@ -14,7 +14,7 @@ from contour_ctrl.streaming_node import StreamingNode
 from contour_ctrl.tick import Controller, Gains
 from stage_core.parameters import THREAD_PRIORITY, Parameter
 from stage_core.quantities import AXES
-from stage_node.node import run
+from stage_core.ros.node import run
 
 PARAMETERS: tuple[Parameter, ...] = (
     THREAD_PRIORITY,

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from stage_node.joint_state_wire import JointSample
+from stage_core.ros.joint_state_wire import JointSample
 
 
 class Driver(Protocol):

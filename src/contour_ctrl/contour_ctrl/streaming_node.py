@@ -22,8 +22,8 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter
 from stage_core.quantities import AXES
-from stage_node.joint_state_wire import JointSample, JointStateLayout
-from stage_node.node import (
+from stage_core.ros.joint_state_wire import JointSample, JointStateLayout
+from stage_core.ros.node import (
     OK,
     SETPOINT_QOS,
     STATE_QOS,

@@ -20,9 +20,8 @@ from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.parameters import Parameter
 from stage_core.priority import to_background
-from stage_core.twin_file import TwinFile
-from stage_node.batch_node import Batches
-from stage_node.node import (
+from stage_core.ros.batch_node import Batches
+from stage_core.ros.node import (
     LATCHED_QOS,
     OK,
     STATE_QOS,
@@ -32,6 +31,7 @@ from stage_node.node import (
     run,
     stamp_of,
 )
+from stage_core.twin_file import TwinFile
 
 PARAMETERS = (
     Parameter('bag', '', 'session bag that ~/diagnose reads'),

@@ -21,7 +21,7 @@ from stage_core import topics
 from stage_core.clocks import split_stamp
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter
-from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, StageNode, run
+from stage_core.ros.node import ERROR, LATCHED_QOS, OK, STATE_QOS, StageNode, run
 
 #: Messages that wait while earlier stamps may still arrive.
 _REORDER = 2000

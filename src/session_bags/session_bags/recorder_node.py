@@ -19,9 +19,9 @@ from session_bags.writer import SessionWriter
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter, Value
+from stage_core.ros.batch_node import Batches
+from stage_core.ros.node import ERROR, LATCHED_QOS, OK, WARN, StageNode, run
 from stage_core.twin_file import TwinFile
-from stage_node.batch_node import Batches
-from stage_node.node import ERROR, LATCHED_QOS, OK, WARN, StageNode, run
 
 _NAME = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]*')
 DROPPED_KEY = 'dropped'

@@ -19,8 +19,8 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.quantities import AXES
-from stage_node.client_node import GraphClient
-from stage_node.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
+from stage_core.ros.client_node import GraphClient
+from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
 
 Array = NDArray[np.float64]
 

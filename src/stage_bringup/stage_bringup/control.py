@@ -10,8 +10,8 @@ import sys
 from collections.abc import Sequence
 
 from contour_ctrl.node import ContourCtrl
+from stage_core.ros.node import StageNode, run
 from stage_driver.node import StageDriver
-from stage_node.node import StageNode, run
 
 
 def nodes() -> list[StageNode]:

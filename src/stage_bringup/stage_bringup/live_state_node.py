@@ -15,8 +15,8 @@ from std_srvs.srv import Trigger
 from stage_core import topics
 from stage_core.frames import RigidTransform
 from stage_core.quantities import AXES
-from stage_node.joint_state_wire import JointSample
-from stage_node.node import JointStateReader, StageNode
+from stage_core.ros.joint_state_wire import JointSample
+from stage_core.ros.node import JointStateReader, StageNode
 
 #: A node that says nothing for this long (s) is silent.
 SILENCE = 4.0

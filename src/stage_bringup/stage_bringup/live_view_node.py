@@ -19,7 +19,7 @@ from stage_bringup.live_state_node import LiveState
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter
-from stage_node.node import LATCHED_QOS, OK, STATE_QOS, StageNode, run
+from stage_core.ros.node import LATCHED_QOS, OK, STATE_QOS, StageNode, run
 
 PARAMETERS = (
     Parameter('host', '127.0.0.1', 'address to serve on', read_only=True),

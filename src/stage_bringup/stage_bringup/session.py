@@ -149,7 +149,7 @@ def refuse_second_graph(names: Sequence[str]) -> None:
     StageError
         If one is; two graphs would drive each other's stage.
     """
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     with GraphClient('session') as client:
         deadline = time.monotonic() + LOOKOUT

@@ -12,16 +12,9 @@ from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import SetBool, Trigger
 
 from stage_core import topics
-from stage_driver.backend import FAILURE, WARNING, Backend, Controller
-from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config, zaber_config
-from stage_driver.servo import ServoBackend
-from stage_driver.states import State
-from stage_driver.zaber import ZaberBackend
-from stage_driver.zaber_lockstep import LockstepZaberBackend
-from stage_driver.zaber_words import describe_flag
-from stage_node.deferred_service import create_deferred_service
-from stage_node.joint_state_wire import JointSample, JointStateLayout
-from stage_node.node import (
+from stage_core.ros.deferred_service import create_deferred_service
+from stage_core.ros.joint_state_wire import JointSample, JointStateLayout
+from stage_core.ros.node import (
     ERROR,
     OK,
     SETPOINT_QOS,
@@ -33,6 +26,13 @@ from stage_node.node import (
     run,
     set_stamp,
 )
+from stage_driver.backend import FAILURE, WARNING, Backend, Controller
+from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config, zaber_config
+from stage_driver.servo import ServoBackend
+from stage_driver.states import State
+from stage_driver.zaber import ZaberBackend
+from stage_driver.zaber_lockstep import LockstepZaberBackend
+from stage_driver.zaber_words import describe_flag
 
 #: The servo thread must get the interpreter within a fraction of a tick [s], also while set-points
 #: flood the executor's thread; with Python's own 5 ms the velocity loop is unstable then.

@@ -15,8 +15,8 @@ from stage_core import topics
 from stage_core.clocks import NANOSECONDS, split_stamp
 from stage_core.drive_link import DEFAULT_PORT
 from stage_core.parameters import THREAD_PRIORITY, Parameter, Value
+from stage_core.ros.node import ERROR, OK, WARN, StageNode, run
 from stage_core.twin_file import TwinFile
-from stage_node.node import ERROR, OK, WARN, StageNode, run
 from stage_twin.emulators.drive import DriveSocket
 from stage_twin.emulators.tracker import FAULTS, TrackerInstrument
 from stage_twin.emulators.tracker_server import SaTextSender, TrackerServer

@@ -15,8 +15,8 @@ from std_srvs.srv import Trigger
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ownership import Ownership, address
-from stage_node.batch_node import Batches
-from stage_node.node import ERROR, LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run, set_stamp
+from stage_core.ros.batch_node import Batches
+from stage_core.ros.node import ERROR, LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run, set_stamp
 from tracker_bridge.bridge import CLOCK_LOST, Bridge, Limits
 from tracker_bridge.joint_cdr import stamp_and_position
 from tracker_bridge.parameters import PARAMETERS

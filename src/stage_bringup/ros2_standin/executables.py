@@ -28,10 +28,10 @@ def packages() -> dict[str, list[Executable]]:
     found: dict[str, list[Executable]] = {}
     for setup in sorted(_SOURCE.glob('*/setup.py')):
         if (setup.parent / 'package.xml').is_file():
-            package = setup.parent.name
-            found[package] = [
-                Executable(package, name, entry=entry) for name, entry in _entry_points(setup)
-            ]
+            found.setdefault(setup.parent.name, [])
+            for name, entry in _entry_points(setup):
+                package = entry.split('.')[0]
+                found.setdefault(package, []).append(Executable(package, name, entry=entry))
     for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
         index = Path(prefix) / 'share' / 'ament_index' / 'resource_index' / 'packages'
         for marker in sorted(index.glob('*')) if prefix and index.is_dir() else ():

@@ -7,8 +7,8 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from stage_node.joint_state_wire import JointStateLayout
-from stage_node.node import JointStateReader, joint_state, stamp_of
+from stage_core.ros.joint_state_wire import JointStateLayout
+from stage_core.ros.node import JointStateReader, joint_state, stamp_of
 
 STAMP = 1_800_000_000_123_456_789
 SHAPES = [

@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 
 from stage_core.errors import StageError
-from stage_node.parameter_files import check_files, refuse_misspelt
+from stage_core.ros.parameter_files import check_files, refuse_misspelt
 
 NODE = """
 import sys
 from std_srvs.srv import Trigger
 from stage_core.parameters import Parameter
-from stage_node.node import OK, StageNode, run
+from stage_core.ros.node import OK, StageNode, run
 
 class Tester(StageNode):
     def __init__(self):
@@ -60,7 +60,7 @@ def tester(script: Path, ros_env: dict[str, str]) -> Iterator[subprocess.Popen]:
 def test_parameters_diagnostics_and_end(tester: subprocess.Popen) -> None:
     from diagnostic_msgs.msg import DiagnosticArray
 
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     with GraphClient('judge') as client:
         client.watch(DiagnosticArray, '/diagnostics')
@@ -85,7 +85,7 @@ def test_parameters_diagnostics_and_end(tester: subprocess.Popen) -> None:
 def test_a_condition_may_call_services_while_messages_come(tester: subprocess.Popen) -> None:
     from std_msgs.msg import String
 
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     ended = threading.Event()
     with GraphClient('judge') as client:
@@ -119,7 +119,7 @@ def test_a_second_node_of_the_same_name_is_named(
 ) -> None:
     from diagnostic_msgs.msg import DiagnosticArray
 
-    from stage_node.client_node import GraphClient
+    from stage_core.ros.client_node import GraphClient
 
     second = subprocess.Popen(
         [sys.executable, str(script)], stderr=subprocess.PIPE, text=True, env=ros_env

@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
 from stage_core.errors import StageError
-from stage_node.node import STATE_QOS, local_graph, make_executor, spin
+from stage_core.ros.node import STATE_QOS, local_graph, make_executor, spin
 
 #: A server that this client has found may not have found this client's ear for the answer yet:
 #: the first call waits so long [s], or its answer could be lost.

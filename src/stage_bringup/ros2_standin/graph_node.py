@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from stage_core.errors import StageError
-from stage_node.node import local_graph
+from stage_core.ros.node import local_graph
 
 #: Discovery has settled when nothing new was seen for this long [s] ...
 _QUIET = 0.5

@@ -34,9 +34,9 @@ from stage_core.errors import EXIT_BAD_INPUT, StageError
 from stage_core.names import nearest
 from stage_core.parameters import Parameter, Value, check
 from stage_core.priority import to_real_time
-from stage_node import parameter_files
-from stage_node.joint_state_wire import JointSample, JointStateLayout
-from stage_node.peers import PEERS, PeerWatch, process_name, speaker
+from stage_core.ros import parameter_files
+from stage_core.ros.joint_state_wire import JointSample, JointStateLayout
+from stage_core.ros.peers import PEERS, PeerWatch, process_name, speaker
 
 #: Measurements are recorded for science: reliable, with a second of depth (docs/interfaces.md).
 STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
