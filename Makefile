@@ -8,7 +8,7 @@ export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell cat src/*/*/*.py src/*/
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: setup kernels session test check lint bench clean reference docs-figures
+.PHONY: setup kernels session test check lint bench calibrate-diagnosis clean reference docs-figures
 
 setup:
 	@bash tools/setup.sh
@@ -38,6 +38,11 @@ lint: setup
 
 bench: setup
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" bash benchmarks/run.sh
+
+# Probabilities and intervals of the diagnosis, fitted and measured on simulated sessions.
+SESSIONS ?= 300
+calibrate-diagnosis: kernels
+	$(PYTHON_ENV) -m benchmarks.calibrate --sessions $(SESSIONS)
 
 reference: setup
 	$(PYTHON_ENV) -m stage_bringup.reference docs/reference.md

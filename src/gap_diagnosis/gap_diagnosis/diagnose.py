@@ -22,7 +22,9 @@ from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import FAR, Sides, refuted, shows, shrink_of
 from gap_diagnosis.evidence.describe import describe, plain_values, surer
 from gap_diagnosis.evidence.localise import Condition, conditions, features
+from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from gap_diagnosis.input import coarse
+from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record, held_out_windows, load_record
 from gap_diagnosis.input.stepper import load_stepper_record
 from gap_diagnosis.residuals.controller import controller_findings
@@ -264,6 +266,8 @@ def _conclude(
     shares, worst = axis_shares(records[0].axes, channels, seen)
     link = link_of(accepted[0]) if accepted else worst
     others = judge.rejected_causes(parts, accepted, structured, before, after)
+    share = max((p.structure.share for p in parts if p.structure.structured), default=0.0)
+    scene = Scene(before / floor, after / floor, share, structured, turns(scored))
     return Diagnosis(
         sessions=[r.name for r in records],
         twin_name=twin_name,
@@ -279,7 +283,7 @@ def _conclude(
         noise_floor=floor,
         accepted=accepted,
         parameters=parameters,
-        causes=judge.probabilities(causes, others, parts, structured),
+        causes=with_probabilities(causes, others, scene),
         verdict=verdict,
         conditions=found,
         axes_share=shares,

@@ -1,4 +1,4 @@
-"""From gains to judgements: structure that remains, strength of a cause, probabilities, floors."""
+"""From gains to judgements: structure that remains, strength of a cause, floors."""
 
 from __future__ import annotations
 
@@ -21,10 +21,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 NONE = 'none'
-
-#: Logistic of the log of (gain / least gain that counts): intercept and slope, set by hand on
-#: development cases of `benchmarks/blind` (never on the cases that are reported).
-CALIBRATION = (0.6, 1.1)
 
 #: Share of the gap that may stay structured before something unknown is named: models of
 #: friction and play are approximations of the real mechanisms.
@@ -78,6 +74,7 @@ class Cause:
     contains: list[Rung] = field(default_factory=list)
     unit: str = 'm'  # of the gap: N where the controller takes the force up
     refuted: bool = False  # by the twin as it is run
+    features: dict[str, float] = field(default_factory=dict)  # of the probability
 
     @property
     def shrink(self) -> float:
@@ -145,12 +142,6 @@ def strength(part: Part, name: str) -> float:
     return evidence.gain / part.selector.least(name)
 
 
-def logistic(ratio: float) -> float:
-    """Probability that an effect with this strength is at work."""
-    intercept, slope = CALIBRATION
-    return 1.0 / (1.0 + math.exp(-(intercept + slope * math.log(max(ratio, 1e-6)))))
-
-
 def rejected_causes(
     parts: list[Part], accepted: list[str], structured: bool, before: float, after: float
 ) -> list[Cause]:
@@ -184,36 +175,6 @@ def rejected_causes(
             Cause(name, 0.0, {}, after, after, (0.0, 0.0), 'accepted' if named else 'rejected')
         )
     return out
-
-
-def probabilities(
-    causes: list[Cause], others: list[Cause], parts: list[Part], structured: bool
-) -> list[Cause]:
-    """Fill in the probabilities and order the list: accepted first, then by probability."""
-    share: dict[str, float] = {}
-    for cause in causes:
-        whole = logistic(cause.strength)
-        rivals = cause.alternatives
-        cause.probability = whole * (0.6 if rivals else 1.0)
-        for rival in rivals:
-            share[rival] = max(share.get(rival, 0.0), 0.4 * whole / len(rivals))
-    remaining = max((p.structure.share for p in parts if p.structure.structured), default=0.0)
-    for cause in others:
-        if cause.effect == UNKNOWN:
-            cause.probability = 0.75 + 0.2 * min(remaining / 0.3, 1.0) if structured else 0.02
-        elif cause.effect == NONE:
-            cause.probability = 0.002 if causes or structured else 0.9
-        else:
-            # Not taken although it was looked at: at most a coin's chance beside the threshold.
-            cause.probability = max(
-                share.get(cause.effect, 0.0), 0.02 * min(cause.strength, 1.0) ** 2
-            )
-    everything = causes + others
-    if len(causes) + int(structured) <= 1:
-        total = sum(c.probability for c in everything) or 1.0
-        for cause in everything:
-            cause.probability /= total
-    return causes + sorted(others, key=lambda c: (c.status != 'accepted', -c.probability))
 
 
 def channel_floor(twin: TwinFile, channel: str, resolution: float | None = None) -> float:

@@ -127,8 +127,18 @@ def check_excitation(record: Record) -> None:
 
 def reverses(record: Record, i: int) -> bool:
     """Whether an axis goes back at least once by a twentieth of its travel."""
+    return _turns(record, i) > 0
+
+
+def turns(records: list[Record]) -> dict[str, int]:
+    """Number of times that each axis goes back by a twentieth of its travel, in all records."""
+    axes = records[0].axes
+    return {axis: sum(_turns(r, i) for r in records) for i, axis in enumerate(axes)}
+
+
+def _turns(record: Record, i: int) -> int:
     position = record.encoder[:, i]
-    return reversals(position, 0.05 * float(np.ptp(position))) > 0
+    return reversals(position, 0.05 * float(np.ptp(position)))
 
 
 def reversals(position: Array, threshold: float) -> int:

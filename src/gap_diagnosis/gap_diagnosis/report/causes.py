@@ -57,7 +57,7 @@ def causes_section(page: Page, diagnosis: Diagnosis) -> None:
     """Every candidate with its evidence."""
     page.heading('Evidence for each candidate')
     page.text(
-        'The probability grows with what the effect gains over the least gain that counts. '
+        'The probability is that of such statements about simulated machines of known truth. '
         '"Cannot be told from" names rivals that these data do not separate.'
     )
     page.table(

@@ -1,0 +1,113 @@
+"""Figures of the calibration: reliability, exact sets and false names, coverage of intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from benchmarks.calibrate.fit import CANDIDATES, left_out, statements
+from benchmarks.generators.score import BINS
+from stage_core.quantities import split_effect
+from stage_twin.effects import EFFECTS
+
+Row = dict[str, Any]
+Pairs = list[tuple[float, bool]]
+
+
+def verdicts(rows: Sequence[Row]) -> dict[str, float]:
+    """Share of exact sets, false names in 100 sessions, share without a report."""
+    n = max(len(rows), 1)
+    return {
+        'sessions': len(rows),
+        'exact': sum(row['exact'] for row in rows) / n,
+        'false': 100.0 * sum(len(row['false']) for row in rows) / n,
+        'refused': sum(row['verdict'] is None for row in rows),
+    }
+
+
+def unseen(rows: Sequence[Row], weights: dict[str, dict[str, float]]) -> dict[str, Pairs]:
+    """Per generator: probability of each statement by a fit to the other generators, and truth.
+
+    `weights` name the features of each kind.
+    """
+    by_session: dict[tuple[str, str], list[list[Any]]] = {}
+    for kind in CANDIDATES:
+        found = statements(rows, kind)
+        names = [n for n in weights[kind] if n != '1']
+        for statement, probability in zip(found, left_out(found, names), strict=True):
+            at = by_session.setdefault((statement['generator'], statement['session']), [])
+            at.append([float(probability), bool(statement['true']), kind])
+    out: dict[str, Pairs] = {}
+    for (generator, _), one in by_session.items():
+        out.setdefault(generator, []).extend(_dealt_out(one))
+    return out
+
+
+def _dealt_out(one: list[list[Any]]) -> Pairs:
+    """As `with_probabilities` does: where one thing is said the others share what it leaves."""
+    said = [s for s in one if s[2] != 'passed']
+    if len(said) == 1:
+        rest = sum(s[0] for s in one if s[2] == 'passed')
+        factor = (1.0 - said[0][0]) / rest
+        one = [[s[0] * (factor if s[2] == 'passed' else 1.0), *s[1:]] for s in one]
+    return [(s[0], s[1]) for s in one]
+
+
+def bins(found: Pairs) -> list[tuple[float, float, int, float, float]]:
+    """Per bin of stated probability: its edges, number, mean stated, share that is true."""
+    out = []
+    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+        within = [pair for pair in found if low <= pair[0] < high]
+        if within:
+            mean, true = np.mean(within, axis=0)
+            out.append((low, min(high, 1.0), len(within), float(mean), float(true)))
+    return out
+
+
+def coverage(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
+    """Per parameter: number, share that holds the truth, median width, median error in sigmas."""
+    found: dict[str, list[tuple[float, float]]] = {}
+    for row in rows:
+        for name, parameter, sigmas, width in row.get('intervals', []):
+            if not _belongs_to_session(name, parameter):
+                key = f'{split_effect(name)[0]}.{parameter}'
+                found.setdefault(key, []).append((sigmas, width))
+                found.setdefault('all', []).append((sigmas, width))
+    open_ = unidentified(rows)
+    out = {}
+    for key in sorted({*found, *open_}, key=lambda k: (k == 'all', k)):
+        values = np.array(found.get(key, [])).reshape(-1, 2)
+        known = len(values)
+        named = known + open_.get(key, 0)
+        out[key] = {
+            'count': known,
+            'holds': float(np.mean(np.abs(values[:, 0]) <= 1.96)) if known else np.nan,
+            'width': float(np.median(values[:, 1])) if known else np.nan,
+            'bias': float(np.median(values[:, 0])) if known else np.nan,
+            'open': open_.get(key, 0) / named if named else np.nan,
+        }
+    return out
+
+
+def unidentified(rows: Sequence[Row]) -> dict[str, int]:
+    """How often a physical parameter of a right name has no finite standard deviation."""
+    found: dict[str, int] = {}
+    for row in rows:
+        for s in row['statements']:
+            for parameter, (_, std) in s['parameters'].items() if s['true'] else ():
+                if _belongs_to_session(s['effect'], parameter):
+                    continue
+                if not (np.isfinite(std) and std > 0.0):
+                    key = f'{split_effect(s["effect"])[0]}.{parameter}'
+                    for name in (key, 'all'):
+                        found[name] = found.get(name, 0) + 1
+    return found
+
+
+def _belongs_to_session(name: str, parameter: str) -> bool:
+    """Whether a parameter is a phase, an offset or a geometry that the user states."""
+    effect = EFFECTS.get(split_effect(name)[0])
+    known = [p for p in effect.parameters if p.name == parameter] if effect else []
+    return not known or known[0].nuisance or not known[0].fitted

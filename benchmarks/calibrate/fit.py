@@ -1,0 +1,118 @@
+"""Logistic regression of the truth of statements on their features.
+
+A feature counts where it lowers the log-loss on the generator that the fit did not see.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import expit, xlogy
+
+Array = NDArray[np.float64]
+Weights = dict[str, float]
+Row = dict[str, Any]
+
+#: Features that may tell true statements of a kind from false ones.
+CANDIDATES: dict[str, tuple[str, ...]] = {
+    'named': (
+        'strength', 'shrink', 'surely', 'away', 'gap', 'left', 'turns', 'rivals', 'beside',
+        'structured', 'servo', 'kinematic',
+    ),
+    'passed': ('strength', 'rival', 'gap', 'left', 'beside', 'structured', 'unknown'),
+    'unknown': ('share', 'gap', 'left', 'beside'),
+    'none': ('gap', 'left', 'turns'),
+}  # fmt: skip
+#: Least share by which a feature lowers the log-loss, so that chance adds none.
+WORTHWHILE = 0.02
+#: Penalty on squared weights of standardised features: that of a normal prior of deviation 1.
+RIDGE = 1.0
+
+
+def statements(rows: Sequence[Row], kind: str) -> list[Row]:
+    """The statements of a kind in some sessions, each with its generator."""
+    return [
+        {**s, 'generator': row['generator'], 'session': row['name']}
+        for row in rows
+        for s in row['statements']
+        if s['kind'] == kind
+    ]
+
+
+def weights_of(found: Sequence[Row], names: Sequence[str]) -> Weights:
+    """Weights of the features and of the constant (`1`): ridge logistic regression.
+
+    Half a true and half a false statement at the mean of the features stand for what was not seen
+    (Jeffreys' prior of the constant).
+    """
+    matrix = table(found, names)
+    mean = matrix.mean(axis=0) if len(matrix) else np.zeros(len(names))
+    scale = matrix.std(axis=0) if len(matrix) else np.ones(len(names))
+    scale[scale == 0.0] = 1.0
+    columns = np.vstack([(matrix - mean) / scale, np.zeros((2, len(names)))])
+    true = np.array([s['true'] for s in found] + [True, False], dtype=float)
+    count = np.r_[np.ones(len(found)), 0.5, 0.5]
+
+    def loss(w: Array) -> tuple[float, Array]:
+        at = w[0] + columns @ w[1:]
+        value = count @ (np.logaddexp(0.0, at) - true * at) + 0.5 * RIDGE * float(w[1:] @ w[1:])
+        slope = count * (expit(at) - true)
+        return float(value), np.r_[slope.sum(), columns.T @ slope + RIDGE * w[1:]]
+
+    w = minimize(loss, np.zeros(1 + len(names)), jac=True, method='BFGS').x
+    own = w[1:] / scale
+    constant = float(w[0] - own @ mean)
+    return {'1': constant, **dict(zip(names, (float(v) for v in own), strict=True))}
+
+
+def table(found: Sequence[Row], names: Sequence[str]) -> Array:
+    """Features (n, k) of statements; a feature that is not kept is 0."""
+    return np.array([[s['features'].get(n, 0.0) for n in names] for s in found]).reshape(
+        len(found), len(names)
+    )
+
+
+def stated(weights: Weights, found: Sequence[Row]) -> Array:
+    """Probabilities (n,) of statements."""
+    names = [n for n in weights if n != '1']
+    return np.asarray(
+        expit(weights['1'] + table(found, names) @ np.array([weights[n] for n in names]))
+    )
+
+
+def log_loss(probability: Array, true: Array) -> float:
+    """Mean negative log-likelihood of statements that are true or false (n,)."""
+    return float(-np.mean(xlogy(true, probability) + xlogy(1.0 - true, 1.0 - probability)))
+
+
+def left_out(found: Sequence[Row], names: Sequence[str]) -> Array:
+    """Probability (n,) of each statement by the statements of the other generators."""
+    out = np.zeros(len(found))
+    for generator in {s['generator'] for s in found}:
+        own = np.array([s['generator'] == generator for s in found])
+        others = [s for s, mine in zip(found, own, strict=True) if not mine]
+        mine = [s for s, is_own in zip(found, own, strict=True) if is_own]
+        out[own] = stated(weights_of(others, names), mine)
+    return out
+
+
+def choose(found: Sequence[Row], candidates: Sequence[str]) -> list[str]:
+    """Features taken one by one while the left-out log-loss falls by `WORTHWHILE`."""
+    true = np.array([s['true'] for s in found], dtype=float)
+    if not len(found):
+        return []
+    chosen: list[str] = []
+    best = log_loss(left_out(found, chosen), true)
+    while len(chosen) < len(candidates):
+        losses = {
+            n: log_loss(left_out(found, [*chosen, n]), true) for n in candidates if n not in chosen
+        }
+        name = min(losses, key=lambda n: losses[n])
+        if losses[name] > (1.0 - WORTHWHILE) * best:
+            break
+        chosen, best = [*chosen, name], losses[name]
+    return chosen

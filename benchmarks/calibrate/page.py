@@ -1,0 +1,118 @@
+"""The page of the calibration, and the module with the fitted weights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.calibrate.figures import bins, coverage, unseen, verdicts
+from benchmarks.calibrate.sessions import GENERATORS
+
+Row = dict[str, Any]
+Weights = dict[str, dict[str, float]]
+
+HEAD = """# What the stated probabilities and intervals of the diagnosis are worth
+
+`make calibrate-diagnosis` writes this page and the weights of the probabilities
+(`src/gap_diagnosis/gap_diagnosis/evidence/calibrated.py`). The sessions come from three machines
+that share no code: `own` is that of the blind suite (`benchmarks/blind`), `mujoco` and `handmade`
+are those of `benchmarks/generators`. All seeds are development seeds. The command is made for 300
+sessions of each (`--sessions 300`); this page says how many there were.
+"""
+RULES = """A verdict is exact if it holds the true names and no other, or is one of the other right
+verdicts that the truth lists. A refused session has no report and is not exact. The verdict does
+not depend on the fit; the probabilities do.
+"""
+
+
+def markdown(rows: Sequence[Row], weights: Weights, facts: Row) -> str:
+    """The whole page."""
+    parts = [HEAD, _stamp(facts), '## Verdicts', RULES, _verdicts(rows)]
+    parts += ['## Reliability, each generator left out of the fit', UNSEEN]
+    for generator, found in unseen(rows, weights).items():
+        parts += [f'### {generator}', _reliability(found)]
+    parts += ['## Weights', WEIGHED, _weights(weights)]
+    parts += ['## Intervals', INTERVALS, _coverage(rows)]
+    return '\n\n'.join(part.strip('\n') for part in parts) + '\n'
+
+
+UNSEEN = """The probabilities of each generator come from a fit to the two others."""
+WEIGHED = """Weights of the features of each kind of statement, and of the constant (`1`). The
+features stand in `evidence/probability.py`. One is taken if it lowers the log-loss on the
+generator that the fit did not see by at least 2 %."""
+INTERVALS = """Of right names, all generators together: how often the stated 95 % interval holds
+the truth, median width over the true value, median error in standard deviations, and the share
+of parameters that are stated without a standard deviation (not identifiable). Phases and offsets
+of a session are not counted, nor parameters whose truth the machines do not state."""
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [head, ['---'] * len(head), *rows]
+    return '\n'.join('| ' + ' | '.join(cells) + ' |' for cells in lines)
+
+
+def _stamp(facts: Row) -> str:
+    counts = ', '.join(f'{count} of `{name}`' for name, count in facts['sessions'].items())
+    return f'Sessions: {counts}; seeds {facts["seeds"]}; code {facts["code"]}; {facts["date"]}.'
+
+
+def _verdicts(rows: Sequence[Row]) -> str:
+    lines = []
+    for name in (*GENERATORS, 'all'):
+        v = verdicts([r for r in rows if name in ('all', r['generator'])])
+        lines.append(
+            [name, f'{v["sessions"]}', f'{v["exact"]:.2f}', f'{v["false"]:.1f}', f'{v["refused"]}']
+        )
+    head = ['generator', 'sessions', 'exact', 'false names in 100 sessions', 'refused']
+    return table(head, lines)
+
+
+def _reliability(found: list[tuple[float, bool]]) -> str:
+    lines = [
+        [f'{low:.2f} to {high:.2f}', f'{n}', f'{mean:.3f}', f'{true:.3f}']
+        for low, high, n, mean, true in bins(found)
+    ]
+    return table(['stated', 'number', 'mean stated', 'true'], lines)
+
+
+def _weights(weights: Weights) -> str:
+    lines = [
+        [kind, ', '.join(f'{name} {value:+.3g}' for name, value in own.items())]
+        for kind, own in weights.items()
+    ]
+    return table(['statement', 'weights'], lines)
+
+
+def _coverage(rows: Sequence[Row]) -> str:
+    lines = [
+        [key, f'{c["count"]:.0f}', *(_number(c[k]) for k in ('holds', 'width', 'bias', 'open'))]
+        for key, c in coverage(rows).items()
+    ]
+    head = ['parameter', 'n', 'holds the truth', 'relative width', 'error / σ', 'not identifiable']
+    return table(head, lines)
+
+
+def _number(value: float) -> str:
+    return '–' if value != value else f'{value:.2g}'
+
+
+def write_weights(path: Path, weights: Weights, facts: dict[str, Any]) -> None:
+    """The module that the diagnosis imports."""
+    lines = [
+        '"""Weights of the probabilities; `make calibrate-diagnosis` writes them."""',
+        '',
+        f'CODE = {facts["code"]!r}',
+        f'DATE = {facts["date"]!r}',
+        'SESSIONS = {',
+        *(f'    {name!r}: {count},' for name, count in facts['sessions'].items()),
+        '}',
+        f'SEEDS = {facts["seeds"]!r}',
+        'WEIGHTS: dict[str, dict[str, float]] = {',
+    ]
+    for kind, own in weights.items():
+        lines += [f'    {kind!r}: {{']
+        lines += [f'        {name!r}: {value:.6g},' for name, value in own.items()]
+        lines += ['    },']
+    path.write_text('\n'.join([*lines, '}']) + '\n', encoding='utf-8')

@@ -1,0 +1,77 @@
+"""Development sessions with their truth, from three machines that share no code."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.blind import cases as blind
+from benchmarks.blind.machine import NOMINAL
+from benchmarks.blind.session import as_session, run_machine, visible
+from benchmarks.blind.suites import case
+from benchmarks.generators import cases
+from benchmarks.generators.__main__ import generator_of
+from session_bags.reader import read_session
+from stage_core.session import Session
+from stage_core.twin_file import TwinFile
+
+GENERATORS = ('own', 'mujoco', 'handmade')
+#: Cases of one seed, drawn together so that their kinds and effects are spread.
+PER_SEED = 4
+#: Seeds from here on are kept for reports.
+REPORTED = 100
+
+Truth = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A session, the nominal twin, and the truth in the form of the generators' `truth.json`."""
+
+    name: str
+    session: Session
+    twin: TwinFile
+    truth: Truth
+
+
+def samples(generator: str, seed: int) -> Iterator[Sample]:
+    """The sessions of one seed of a generator.
+
+    Raises
+    ------
+    ValueError
+        If the seed is kept for reports.
+    """
+    if not 0 < seed < REPORTED:
+        raise ValueError(f'seed {seed}: development seeds are 1 to {REPORTED - 1}')
+    return _own(seed) if generator == 'own' else _others(generator, seed)
+
+
+def _own(seed: int) -> Iterator[Sample]:
+    for number in range(PER_SEED * (seed - 1), PER_SEED * seed):
+        one = visible(case('main', number, 'development'))
+        made = as_session(run_machine(one), one.seed, one.tracker, one.temperature)
+        yield Sample(one.folder, made, TwinFile.from_dict(NOMINAL), own_truth(one))
+
+
+def _others(generator: str, seed: int) -> Iterator[Sample]:
+    for one in cases.draw_cases(generator_of(generator), seed, PER_SEED):
+        with tempfile.TemporaryDirectory() as folder:
+            cases.write_case(one, Path(folder))
+            session = read_session(Path(folder) / 'bag')
+            twin = TwinFile.load(Path(folder) / 'twin.yaml')
+        yield Sample(one.name, session, twin, cases.truth(one))
+
+
+def own_truth(one: blind.Case) -> Truth:
+    """The truth of a case of the blind suite as `truth.json` of the generators has it."""
+    hidden = sorted(set(one.truth) - set(one.planted))
+    return {
+        'kind': one.kind,
+        'truth': list(one.expected),
+        'also_right': [sorted({*one.expected, *hidden})] if hidden else [],
+        'planted': [{'name': n, 'parameters': v, 'shape': {}} for n, v in one.truth.items()],
+    }

@@ -1,0 +1,12 @@
+"""Weights of the probabilities; `make calibrate-diagnosis` writes them."""
+
+CODE = ''
+DATE = ''
+SESSIONS: dict[str, int] = {}
+SEEDS: dict[str, str] = {}
+WEIGHTS: dict[str, dict[str, float]] = {
+    'named': {'1': 0.6, 'strength': 1.1},
+    'passed': {'1': -6.0, 'rival': 4.0},
+    'unknown': {'1': 1.5},
+    'none': {'1': 2.2},
+}

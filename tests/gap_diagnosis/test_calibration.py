@@ -1,0 +1,115 @@
+"""The fit of the probabilities and the page of their calibration."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.blind.suites import case
+from benchmarks.calibrate.collect import FITTED, _below
+from benchmarks.calibrate.figures import coverage, unseen
+from benchmarks.calibrate.fit import CANDIDATES, choose, left_out, stated, statements, weights_of
+from benchmarks.calibrate.page import markdown, write_weights
+from benchmarks.calibrate.sessions import own_truth, samples
+from benchmarks.calibrate.truth import in_report_terms
+from gap_diagnosis.evidence.judgement import Cause
+from gap_diagnosis.evidence.probability import Scene, with_probabilities
+from stage_core.twin_file import TwinFile
+
+GENERATORS = ('own', 'mujoco', 'handmade')
+
+
+def sessions(count: int = 400) -> list[dict[str, Any]]:
+    """Rows in which `strength` alone tells true names; most candidates are passed over rightly."""
+    g = np.random.default_rng(4)
+    rows = []
+    for number in range(count):
+        strength, chance = g.uniform(-1.0, 4.0), g.uniform(-3.0, 3.0)
+        true = bool(g.random() < 1.0 / (1.0 + np.exp(-(2.0 * strength - 1.0))))
+        named = {
+            'effect': 'backlash.x', 'kind': 'named', 'true': true,
+            'features': {'strength': strength, 'turns': chance},
+            'parameters': {'width': [1e-5, 1e-6]},
+        }  # fmt: skip
+        passed = {'kind': 'passed', 'true': False, 'features': {}, 'parameters': {}}
+        rows.append({
+            'generator': GENERATORS[number % 3], 'name': f'{number}', 'exact': true,
+            'verdict': ['backlash.x'], 'false': [] if true else ['backlash.x'],
+            'intervals': [('backlash.x', 'width', g.standard_normal(), 0.4)],
+            'statements': [named, *({'effect': f'e{k}', **passed} for k in range(9))],
+        })  # fmt: skip
+    return rows
+
+
+def test_the_fit_finds_what_tells_and_leaves_out_what_does_not() -> None:
+    found = statements(sessions(), 'named')
+    assert choose(found, ('turns', 'strength', 'gap')) == ['strength']
+    weights = weights_of(found, ['strength'])
+    assert weights['strength'] == pytest.approx(2.0, abs=0.6)
+    p = left_out(found, ['strength'])
+    true = np.array([s['true'] for s in found])
+    assert np.mean(true[p > 0.9]) == pytest.approx(np.mean(p[p > 0.9]), abs=0.05)
+
+
+def test_what_was_never_seen_false_is_not_certain() -> None:
+    certain = [{'true': True, 'generator': 'own', 'features': {}}] * 9
+    assert stated(weights_of(certain, []), certain)[0] == pytest.approx(0.95)
+    assert stated(weights_of([], []), certain)[0] == pytest.approx(0.5)
+
+
+def test_one_statement_leaves_its_rest_to_the_others() -> None:
+    scene = Scene(5.0, 1.0, 0.0, False, {'x': 9})
+    named = Cause('backlash.x', 0.0, {'width': (1e-5, 1e-7)}, 5.0, 1.0, (0.7, 0.9), 'accepted')
+    named.strength = 40.0
+    others = [
+        Cause(name, 0.0, {}, 1.0, 1.0, (0.0, 0.0), 'rejected')
+        for name in ('scale_error.x', 'unknown', 'none')
+    ]
+    found = with_probabilities([named], others, scene)
+    assert found[0] is named and 0.5 < named.probability < 1.0
+    assert sum(c.probability for c in found) == pytest.approx(1.0)
+
+
+def test_truths_are_put_in_the_terms_of_a_report() -> None:
+    twin = TwinFile.nominal_servo()
+    mass = twin.servo('x').mass
+    planted = [
+        {'name': 'inertia_mismatch.x', 'parameters': {'mass': 0.2 * mass}},
+        {'name': 'base_resonance.x', 'parameters': {'frequency': 10.0, 'damping': 0.1,
+                                                    'mass': 3.0 * mass}},
+    ]  # fmt: skip
+    inertia, base = in_report_terms({'planted': planted}, twin)['planted']
+    assert inertia['parameters']['ratio'] == pytest.approx(0.2)
+    assert base['parameters']['mass_ratio'] == pytest.approx(0.25)
+    assert base['parameters']['frequency'] == pytest.approx(10.0 * 0.75**0.5)
+    one = next(c for n in range(80, 99) if (c := case('main', n, 'development')).kind == 'small')
+    assert own_truth(one)['truth'] == [] and own_truth(one)['also_right'] == [[*one.truth]]
+
+
+def test_seeds_of_reports_stay_closed() -> None:
+    with pytest.raises(ValueError, match='seed 100'):
+        samples('handmade', 100)
+
+
+def test_the_page_and_the_weights(tmp_path: Path) -> None:
+    rows = sessions()
+    weights = {kind: weights_of(statements(rows, kind), []) for kind in CANDIDATES}
+    facts = {'code': 'abc', 'date': '2026-01-01', 'seeds': '1 to 9', 'sessions': {'own': 134}}
+    write_weights(tmp_path / FITTED, weights, facts)
+    written = runpy.run_path(str(tmp_path / FITTED))
+    assert written['WEIGHTS']['named']['1'] == pytest.approx(weights['named']['1'], rel=1e-5)
+    assert written['SESSIONS'] == {'own': 134}
+    text = markdown(rows, weights, facts)
+    assert '134 of `own`' in text and '| backlash.width | 400 |' in text
+    held = coverage(rows)['backlash.width']
+    assert 0.9 < held['holds'] < 0.99 and held['open'] == 0.0
+    assert {g: len(p) for g, p in unseen(rows, weights).items()}['own'] == 134 * 10
+
+
+def test_the_code_of_a_session_does_not_hold_what_is_fitted() -> None:
+    names = [path.name for path in _below('src/gap_diagnosis/gap_diagnosis')]
+    assert 'probability.py' in names and FITTED not in names
