@@ -32,6 +32,16 @@ def test_a_pitch_error_of_another_period_with_a_second_harmonic(planted: Maker) 
         assert deviation < 0.1 * value
 
 
+def test_an_encoder_that_errs_within_each_period_of_its_scale(planted: Maker) -> None:
+    truth = {'amplitude': 2e-6, 'period': 4e-5, 'phase': 0.4, 'amplitude_2': 1e-6, 'phase_2': 1.0}
+    found = diagnose([planted({'encoder_interpolation.x': truth})], [], ALONE)
+    assert found.verdict == ['encoder_interpolation.x']
+    for name, value in truth.items():
+        estimate, deviation = found.parameters['encoder_interpolation.x'][name]
+        assert abs(estimate - value) < 4.0 * deviation + 0.05 * value
+        assert deviation < 0.15 * value
+
+
 def test_a_guide_bent_like_no_polynomial_of_third_order(planted: Maker) -> None:
     # Over the travel of the session: the reference line is the one over it.
     place = {'centre': -0.0032, 'half_range': 0.0267}

@@ -83,7 +83,7 @@ def test_every_effect_moves_its_link(name, nominal):
     points = np.abs(result.tracker_points - nominal.tracker_points).max()
     stamps = np.abs(result.tracker_stamps - nominal.tracker_stamps).max()
     link = EFFECTS[name].link
-    if link == 'servo' or name == 'encoder_quantisation':
+    if link == 'servo' or name.startswith('encoder'):
         assert encoder > 1e-6
     elif link == 'kinematic':
         assert encoder == 0.0

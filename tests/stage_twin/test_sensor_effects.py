@@ -57,6 +57,20 @@ def test_points_at_given_stamps_are_those_of_the_drifting_clock():
     np.testing.assert_array_equal(asked.tracker_points, own.tracker_points)
 
 
+def test_the_encoder_reads_falsely_within_each_period_of_its_scale():
+    twin = TwinFile.nominal_servo()
+    fine = replace(
+        twin, axes={a: replace(v, encoder_resolution=1e-12) for a, v in twin.axes.items()}
+    )
+    values = {'amplitude': 3e-6, 'period': 1e-4, 'phase': 0.7, 'amplitude_2': 1e-6, 'phase_2': 2.0}
+    result = run({'encoder_interpolation.x': values}, fine)
+    angle = 2.0 * np.pi * result.table[:, 0] / 1e-4
+    read = 3e-6 * np.sin(angle + 0.7) + 1e-6 * np.sin(2.0 * angle + 2.0)
+    np.testing.assert_allclose(result.encoder[:, 0] - result.table[:, 0], read, atol=1e-11)
+    # The controller follows what it reads: the table goes wrong by it, not the encoder.
+    assert np.abs(result.table[:, 0] - run({}, fine).table[:, 0]).max() > 1e-6
+
+
 def test_encoder_quantisation_takes_the_place_of_the_resolution():
     result = run({'encoder_quantisation.x': {'resolution': 7e-6}})
     steps = result.encoder[:, 0] / 7e-6

@@ -56,6 +56,22 @@ def play_and_heat(
             rise[k, axis] = hooks.heat(row, own, velocity, period)
 
 
+@compiled
+def read_path(axes: np.ndarray, motor: np.ndarray, read: np.ndarray) -> None:
+    """What the encoders read, free of their steps, along a motor path (n, n_axes); to `read`."""
+    state = np.zeros(layout.STATE_WIDTH)
+    for axis in range(axes.shape[0]):
+        for k in range(motor.shape[0]):
+            read[k, axis] = hooks.read(axes[axis], state, motor[k, axis])
+
+
+def motor_path(twin: TwinFile, encoder: np.ndarray) -> np.ndarray:
+    """Motor path (n, n_axes) [m] behind an encoder (n, n_axes) [m] that errs by little."""
+    read = np.empty_like(encoder)
+    read_path(pack(twin).axes, encoder, read)
+    return 2.0 * encoder - read
+
+
 def carry(
     twin: TwinFile,
     motor: np.ndarray,

@@ -83,8 +83,7 @@ class Kinematics:
 
             whole = nominal(())
             rows -= whole
-            names = own[0].names('kinematic')
-            terms = re_estimated(terms, names, lambda some: whole - nominal(some))
+            terms = re_estimated(terms, own[0].seen(), lambda some: whole - nominal(some))
         tracker = self.twin.tracker
         noise = tracker.noise if tracker is not None else 1.0e-6
         resolution = np.array([motion_step(self.twin, axis) for axis in self.axes])
@@ -168,6 +167,11 @@ class Kinematics:
         """Control period [s]."""
         return self.twin.control_period
 
+    @property
+    def step(self) -> float:
+        """Step of an ideal encoder of the axis with its noise [m]."""
+        return motion_step(self.twin, self.axis)
+
     def found(self, effect: str) -> Mapping[str, float]:
         """Parameters that the servo link gave to an effect of the axis; empty without it."""
         return self.servo.get(f'{effect}.{self.axis}', {})
@@ -191,6 +195,23 @@ class Kinematics:
             np.interp(_required(r.tracker_time), r.time, one)
             for r, one in zip(self.records, signal, strict=True)
         ]
+
+    def at_ticks(self, values: Array) -> list[Array]:
+        """Values (m,) of the axis' points of all sessions, shared out to the ticks around each.
+
+        The transpose of `at_points`.
+        """
+        out, at = [], 0
+        for record, points in zip(self.records, self._points, strict=True):
+            place = (_required(record.tracker_time) - record.time[0]) / record.period
+            before = np.clip(place.astype(np.int64), 0, len(record.time) - 2)
+            later, own = place - before, values[at : at + len(points)]
+            signal = np.zeros(len(record.time))
+            np.add.at(signal, before, (1.0 - later) * own)
+            np.add.at(signal, before + 1, later * own)
+            out.append(signal)
+            at += len(points)
+        return out
 
     def smooth_at_points(self, signal: list[Array]) -> list[Array]:
         """The same by a cubic spline, for a signal without corners."""

@@ -19,13 +19,13 @@ from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of, held_by, link_of
 from stage_twin.effects.term import Term, Theta
-from stage_twin.kinematics import carry
+from stage_twin.kinematics import carry, motor_path
 from stage_twin.measured_force import required_force
 
 Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]
 
-QUANTISATION = 'encoder_quantisation'
+QUANTISATION, INTERPOLATION = 'encoder_quantisation', 'encoder_interpolation'
 NOTHING = 0.05  # of what the twin's effect does, below which the machine does not have it
 
 
@@ -124,17 +124,21 @@ class Prediction:
             and split_effect(name)[0] != QUANTISATION
         ]
 
+    def seen(self) -> list[str]:
+        """The twin's effects that part the table from the encoder."""
+        misread = [n for n in self.names('sensor') if split_effect(n)[0] == INTERPOLATION]
+        return self.names('kinematic') + misread
+
     def table(self, without: tuple[str, ...] = ()) -> Array:
         """Table minus encoder (m, a) [m] at the tracker's points."""
         record = self.record
-        kept = {n: v for n, v in self.twin.effects.items() if n in self.names('kinematic')}
-        twin = replace(
-            self.twin, effects={n: v for n, v in kept.items() if n not in without}, tracker=None
-        )
+        kept = {n: self.twin.effects[n] for n in self.seen() if n not in without}
+        twin = replace(self.twin, effects=kept, tracker=None)
         warm = record.temperature
         if warm is None:
             warm = np.full_like(record.encoder, twin.temperature_reference)
-        path = carry(twin, record.encoder, temperatures=warm, tracker_times=np.zeros(0)).table
+        motor = motor_path(twin, record.encoder)
+        path = carry(twin, motor, temperatures=warm, tracker_times=np.zeros(0)).table
         assert record.tracker_time is not None
         moved = path - record.encoder
         return np.column_stack(

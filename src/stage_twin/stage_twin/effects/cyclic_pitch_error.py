@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from stage_twin.effects import periodic
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.encoder_interpolation import LONGEST
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import PERIOD, PHASE, screw_angle
 from stage_twin.effects.term import Array, Term, Theta
@@ -43,19 +42,22 @@ def along(
     lead: float,
 ) -> float:
     """Displacement of the table along the axis [m]."""
-    angle = screw_angle(motor, period, lead)
-    total = amplitude * math.sin(angle + phase)
-    if amplitude_2 != 0.0:
-        total += amplitude_2 * math.sin(2.0 * angle + phase_2)
-    if amplitude_3 != 0.0:
-        total += amplitude_3 * math.sin(3.0 * angle + phase_3)
-    return total
+    return periodic.wave(
+        screw_angle(motor, period, lead),
+        amplitude,
+        phase,
+        amplitude_2,
+        phase_2,
+        amplitude_3,
+        phase_3,
+    )
 
 
 def term(rows: TrackerRows) -> Term:
     """Sine and cosine; θ is the spatial frequency [1/m], that of the screw where rests are few."""
     path = np.concatenate(rows.position())
     low, high = periodic.bounds(path)
+    high = min(high, 1.0 / LONGEST)
     if rows.rests or low > 2.0 / rows.lead:
         return Term(
             lambda theta: _columns(rows, 1, (1.0 / rows.lead,)),
@@ -77,23 +79,11 @@ def term(rows: TrackerRows) -> Term:
         admissible=lambda theta, c: _small(theta, c) and theta[0] > 1.02 * low,
         steps=(PHASE_STEP * low,),
     )
-    return _with_harmonics(rows, whole, 1)
+    return periodic.with_harmonics(whole, partial(_columns, rows))
 
 
 #: Step of a spatial frequency in periods over the travel.
 PHASE_STEP = 0.01
-
-
-def _with_harmonics(rows: TrackerRows, plain: Term, harmonics: int) -> Term:
-    return replace(
-        plain,
-        columns=partial(_columns, rows, harmonics),
-        nuisances=tuple(range(2 * harmonics)),
-        phase=True,
-        richer=partial(_with_harmonics, rows, plain, harmonics + 1)
-        if harmonics < periodic.HARMONICS
-        else None,
-    )
 
 
 def _columns(rows: TrackerRows, harmonics: int, theta: Theta) -> Array:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from stage_twin.effects import periodic
@@ -41,13 +39,15 @@ def force(
     lead: float,
 ) -> float:
     """Force on the moving mass [N]."""
-    angle = screw_angle(position, period, lead)
-    total = amplitude * math.sin(angle + phase)
-    if amplitude_2 != 0.0:
-        total += amplitude_2 * math.sin(2.0 * angle + phase_2)
-    if amplitude_3 != 0.0:
-        total += amplitude_3 * math.sin(3.0 * angle + phase_3)
-    return total
+    return periodic.wave(
+        screw_angle(position, period, lead),
+        amplitude,
+        phase,
+        amplitude_2,
+        phase_2,
+        amplitude_3,
+        phase_3,
+    )
 
 
 def term(rows: ForceRows) -> Term:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+from numba import njit
 
 from stage_twin.effects.definition import Parameter
-from stage_twin.effects.term import Array, Theta
+from stage_twin.effects.term import Array, Term, Theta
 
 HARMONICS = 3
 PERIODS = 200  # shortest period as a share of the travel: the low-pass leaves no finer one
@@ -33,6 +36,40 @@ def harmonic_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
             )
         )
     return tuple(out)
+
+
+@njit
+def wave(
+    angle: float,
+    amplitude: float,
+    phase: float,
+    amplitude_2: float,
+    phase_2: float,
+    amplitude_3: float,
+    phase_3: float,
+) -> float:
+    """Sum of the harmonics at an angle [rad] of the first, in the amplitudes' unit."""
+    total = amplitude * math.sin(angle + phase)
+    if amplitude_2 != 0.0:
+        total += amplitude_2 * math.sin(2.0 * angle + phase_2)
+    if amplitude_3 != 0.0:
+        total += amplitude_3 * math.sin(3.0 * angle + phase_3)
+    return total
+
+
+def with_harmonics(
+    plain: Term, columns: Callable[[int, Theta], Array], harmonics: int = 1
+) -> Term:
+    """A term of as many harmonics, richer by one each; `columns` takes their number and θ."""
+    return replace(
+        plain,
+        columns=lambda theta: columns(harmonics, theta),
+        nuisances=tuple(range(2 * harmonics)),
+        phase=True,
+        richer=(lambda: with_harmonics(plain, columns, harmonics + 1))
+        if harmonics < HARMONICS
+        else None,
+    )
 
 
 def bounds(position: Array) -> tuple[float, float]:

@@ -100,6 +100,10 @@ class TrackerRows(Protocol):
     def period(self) -> float:
         """Control period [s]."""
 
+    @property
+    def step(self) -> float:
+        """Step of an ideal encoder of the axis with its noise [m]."""
+
     def found(self, effect: str) -> Mapping[str, float]:
         """Parameters that the servo link gave to an effect of the axis; empty without it."""
 
@@ -111,6 +115,9 @@ class TrackerRows(Protocol):
 
     def at_points(self, signal: Signal) -> Signal:
         """A signal of every tick at the points, by straight lines."""
+
+    def at_ticks(self, values: Array) -> Signal:
+        """Values (m,) of the axis' points of all sessions, shared out to the ticks around each."""
 
     def smooth_at_points(self, signal: Signal) -> Signal:
         """The same by a cubic spline, for a signal without corners."""

@@ -1,0 +1,125 @@
+"""Error of the encoder within each period of its scale."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+
+from stage_twin.effects import periodic
+from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.rows import TrackerRows
+from stage_twin.effects.shared import PHASE
+from stage_twin.effects.term import Array, Term, Theta
+
+#: Signal periods of encoders [m]: of interferential scales, and of photoelectric ones seen through
+#: a mask (0.2 to 0.5 mm where they are coarse). Screws and couplings have longer periods.
+SHORTEST, LONGEST = 2e-6, 0.6e-3
+#: Periods in the travel, below which a wave is no property of the scale.
+TRAVELLED = 10.0
+#: Noise of the encoder, as a step, that a period must hold: its phase is lost in more.
+STEPS = 4.0
+FINE = 8  # bins of a periodogram in the shortest period
+#: Shares of a turn over the travel: between two frequencies of a periodogram, and of a search.
+PAD, SEARCH = 4, 40
+PEAKS = 3
+
+EFFECT = Effect(
+    name='encoder_interpolation',
+    link='sensor',
+    parameters=(
+        Parameter('amplitude', 'm', 0.0, 50e-6, 0.5e-6, 'amplitude'),
+        Parameter(
+            'period',
+            'm',
+            1e-6,
+            LONGEST,
+            20e-6,
+            "signal period of the encoder's scale",
+            neutral=None,
+        ),
+        PHASE,
+        *periodic.harmonic_parameters('m', 50e-6),
+    ),
+    model='The encoder reads p + amplitude * sin(2 pi p / period + phase), and harmonics: offset, '
+    'amplitude and phase errors of its two signals. Heydemann, "Determination and correction of '
+    'quadrature fringe measurement errors in interferometers", Applied Optics 20 (1981).',
+    sentence='the encoder reads falsely by {amplitude} within each {period} of its scale',
+    excited_by='slow strokes over some periods of the scale, with the tracker',
+)
+
+
+def read(
+    position: float,
+    amplitude: float,
+    period: float,
+    phase: float,
+    amplitude_2: float,
+    phase_2: float,
+    amplitude_3: float,
+    phase_3: float,
+) -> float:
+    """What the encoder reads at a motor position [m]."""
+    return position + periodic.wave(
+        2.0 * math.pi * position / period,
+        amplitude,
+        phase,
+        amplitude_2,
+        phase_2,
+        amplitude_3,
+        phase_3,
+    )
+
+
+def term(rows: TrackerRows) -> Term | None:
+    """What the encoder reads too much, sampled as it is; θ is the spatial frequency [1/m]."""
+    travel = 2.0 * rows.travel[1]
+    low = max(1.0 / LONGEST, TRAVELLED / travel)
+    high = 1.0 / max(SHORTEST, STEPS * rows.step)
+    if rows.rests or low >= high:
+        return None
+    paths = rows.calm_encoder()
+    own = rows.along([np.ones(len(p)) for p in rows.position()])[:, 0] > 0.0
+
+    def columns(harmonics: int, theta: Theta) -> Array:
+        waves = [np.column_stack(periodic.waves(p, theta[0])[: 2 * harmonics]) for p in paths]
+        return -rows.along(rows.smooth_at_points(waves))
+
+    def propose(residual: Array) -> tuple[Theta, ...]:
+        spread = np.concatenate(rows.at_ticks(residual[own]))
+        at = spread != 0.0
+        return _peaks(np.concatenate(paths)[at], spread[at], low, high)
+
+    plain = Term(
+        partial(columns, 1),
+        lambda theta, c: periodic.found(theta[0], c),
+        grid=((low,),),
+        propose=propose,
+        lower=(low,),
+        upper=(high,),
+        admissible=lambda theta, c: bool(np.max(np.abs(c)) < 0.25 / theta[0]),
+        steps=(0.02 / travel,),
+    )
+    return periodic.with_harmonics(plain, columns)
+
+
+def _peaks(position: Array, values: Array, low: float, high: float) -> tuple[Theta, ...]:
+    """Spatial frequencies [1/m] of the highest peaks of values (n,) over their positions (n,).
+
+    A Fourier transform over fine bins of the position finds them, direct sums place them.
+    """
+    start, bin_width = float(position.min()), 1.0 / (FINE * high)
+    travel = float(np.ptp(position))
+    power = np.bincount(((position - start) / bin_width).astype(np.int64), values)
+    size = PAD * len(power)
+    power = np.abs(np.fft.rfft(power, size))
+    frequencies = np.arange(len(power)) / (size * bin_width)
+    power[(frequencies < low) | (frequencies > high)] = 0.0
+    tops = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
+    found = []
+    for top in tops[np.argsort(-power[tops])][:PEAKS]:
+        near = frequencies[top] + np.linspace(-1.0, 1.0, 2 * SEARCH // PAD + 1) / (PAD * travel)
+        sums = np.exp(-2j * np.pi * np.outer(near, position)) @ values
+        found.append((float(np.clip(near[np.argmax(np.abs(sums))], low, high)),))
+    return tuple(found) or ((low,),)
