@@ -18,6 +18,7 @@ from benchmarks.calibrate.collect import ROOT, Row, code_hash, collect
 from benchmarks.calibrate.fit import CANDIDATES, choose, statements, weights_of
 from benchmarks.calibrate.page import markdown, write_weights
 from benchmarks.calibrate.sessions import GENERATORS, PER_SEED
+from benchmarks.calibrate.spread import spread_of
 from session_bags.archive import add_arguments, where_from
 
 WEIGHTS = ROOT / 'src/gap_diagnosis/gap_diagnosis/evidence/calibrated.py'
@@ -50,8 +51,9 @@ def main(arguments: list[str] | None = None) -> int:
         'sessions': {g: sum(row['generator'] == g for row in rows) for g in GENERATORS},
         'seeds': f'1 to {max(row["seed"] for row in rows)}',
     }
-    write_weights(WEIGHTS, weights, facts)
-    PAGE.write_text(markdown(rows, weights, facts), encoding='utf-8')
+    spread = spread_of(rows)
+    write_weights(WEIGHTS, weights, spread, facts)
+    PAGE.write_text(markdown(rows, weights, spread, facts), encoding='utf-8')
     print(f'{len(rows)} sessions, code {code}: {WEIGHTS} and {PAGE}')
     return 0
 

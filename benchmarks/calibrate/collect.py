@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from benchmarks.calibrate.sessions import Sample, samples
 from benchmarks.calibrate.truth import in_report_terms
 from benchmarks.generators.score import judged
 from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.evidence.probability import kind_of
 from gap_diagnosis.report.document import as_dict
 from session_bags.archive import Where, map_items
@@ -77,7 +79,7 @@ def _row(one: Sample) -> Row:
         found = diagnose([one.session], [], one.twin)
     except StageError as error:
         return {**judged(one.name, truth, None, ' '.join(str(error).split())), **NOTHING}
-    report = json.loads(json.dumps(as_dict(found)))
+    report = as_dict(replace(found, causes=[_as_estimated(c, found) for c in found.causes]))
     return {
         **judged(one.name, truth, report),
         'statements': _statements(found, truth),
@@ -86,6 +88,11 @@ def _row(one: Sample) -> Row:
             for p in found.parts
         ],
     }
+
+
+def _as_estimated(cause: Cause, found: Diagnosis) -> Cause:
+    """A cause whose deviations are not yet widened by an earlier fit."""
+    return replace(cause, parameters=found.parameters.get(cause.effect, {}))
 
 
 def _statements(found: Diagnosis, truth: Row) -> list[Row]:
@@ -105,7 +112,7 @@ def _statements(found: Diagnosis, truth: Row) -> list[Row]:
     return rows
 
 
-def _measured(cause: Any, kind: str) -> Row:
+def _measured(cause: Cause, kind: str) -> Row:
     parameters = cause.parameters if kind == 'named' else {}
     return {
         'features': {n: round(v, 4) for n, v in cause.features.items() if v},

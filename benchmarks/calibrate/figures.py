@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.calibrate.fit import CANDIDATES, left_out, statements
+from benchmarks.calibrate.truth import belongs_to_machine
 from benchmarks.generators.score import BINS
 from stage_core.quantities import split_effect
-from stage_twin.effects import EFFECTS
 
 Row = dict[str, Any]
 Pairs = list[tuple[float, bool]]
@@ -71,7 +71,7 @@ def coverage(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
     found: dict[str, list[tuple[float, float]]] = {}
     for row in rows:
         for name, parameter, sigmas, width in row.get('intervals', []):
-            if not _belongs_to_session(name, parameter):
+            if belongs_to_machine(name, parameter):
                 key = f'{split_effect(name)[0]}.{parameter}'
                 found.setdefault(key, []).append((sigmas, width))
                 found.setdefault('all', []).append((sigmas, width))
@@ -97,17 +97,10 @@ def unidentified(rows: Sequence[Row]) -> dict[str, int]:
     for row in rows:
         for s in row['statements']:
             for parameter, (_, std) in s['parameters'].items() if s['true'] else ():
-                if _belongs_to_session(s['effect'], parameter):
+                if not belongs_to_machine(s['effect'], parameter):
                     continue
                 if not (np.isfinite(std) and std > 0.0):
                     key = f'{split_effect(s["effect"])[0]}.{parameter}'
                     for name in (key, 'all'):
                         found[name] = found.get(name, 0) + 1
     return found
-
-
-def _belongs_to_session(name: str, parameter: str) -> bool:
-    """Whether a parameter is a phase, an offset or a geometry that the user states."""
-    effect = EFFECTS.get(split_effect(name)[0])
-    known = [p for p in effect.parameters if p.name == parameter] if effect else []
-    return not known or known[0].nuisance or not known[0].fitted

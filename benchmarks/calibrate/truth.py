@@ -8,6 +8,7 @@ from typing import Any
 
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ServoAxis, TwinFile
+from stage_twin.effects import EFFECTS
 
 Values = dict[str, float]
 
@@ -97,3 +98,10 @@ REFERRED: dict[str, Callable[[Values, ServoAxis], Values]] = {
     'base_resonance': _base,
     'controller_mismatch': _controller,
 }
+
+
+def belongs_to_machine(name: str, parameter: str) -> bool:
+    """Whether a parameter is one of the machine and not a phase or offset of the session."""
+    effect = EFFECTS.get(split_effect(name)[0])
+    known = [p for p in effect.parameters if p.name == parameter] if effect else []
+    return bool(known) and not known[0].nuisance

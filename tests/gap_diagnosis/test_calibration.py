@@ -15,6 +15,7 @@ from benchmarks.calibrate.figures import coverage, unseen
 from benchmarks.calibrate.fit import CANDIDATES, choose, left_out, stated, statements, weights_of
 from benchmarks.calibrate.page import markdown, write_weights
 from benchmarks.calibrate.sessions import own_truth, samples
+from benchmarks.calibrate.spread import spread_of, widened
 from benchmarks.calibrate.truth import in_report_terms
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
@@ -99,15 +100,32 @@ def test_the_page_and_the_weights(tmp_path: Path) -> None:
     rows = sessions()
     weights = {kind: weights_of(statements(rows, kind), []) for kind in CANDIDATES}
     facts = {'code': 'abc', 'date': '2026-01-01', 'seeds': '1 to 9', 'sessions': {'own': 134}}
-    write_weights(tmp_path / FITTED, weights, facts)
+    spread = spread_of(rows)
+    write_weights(tmp_path / FITTED, weights, spread, facts)
     written = runpy.run_path(str(tmp_path / FITTED))
     assert written['WEIGHTS']['named']['1'] == pytest.approx(weights['named']['1'], rel=1e-5)
     assert written['SESSIONS'] == {'own': 134}
-    text = markdown(rows, weights, facts)
+    text = markdown(rows, weights, spread, facts)
     assert '134 of `own`' in text and '| backlash.width | 400 |' in text
     held = coverage(rows)['backlash.width']
     assert 0.9 < held['holds'] < 0.99 and held['open'] == 0.0
     assert {g: len(p) for g, p in unseen(rows, weights).items()}['own'] == 134 * 10
+
+
+def test_deviations_are_widened_until_their_intervals_hold() -> None:
+    g = np.random.default_rng(7)
+    # Deviations of 1 % that leave out an error of the model of 3 % of the value.
+    errors = np.hypot(0.01, 0.03) * g.standard_normal(300)
+    rows = [
+        {'statements': [], 'intervals': [('backlash.x', 'width', e / 0.01, 3.92 * 0.01)]}
+        for e in errors
+    ]
+    spread = spread_of(rows)
+    assert spread['servo'] == (1.0, 0.0)
+    assert coverage(rows)['all']['holds'] < 0.6
+    held = coverage(widened(rows, spread))['all']
+    assert held['holds'] == pytest.approx(0.953, abs=0.01)
+    assert held['width'] == pytest.approx(3.92 * np.hypot(0.01, 0.03), rel=0.15)
 
 
 def test_the_code_of_a_session_does_not_hold_what_is_fitted() -> None:

@@ -20,7 +20,12 @@ from gap_diagnosis.closed_loop.channels import (
 from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import FAR, Sides, refuted, shows, shrink_of
-from gap_diagnosis.evidence.describe import describe, plain_values, surer
+from gap_diagnosis.evidence.describe import (
+    describe,
+    plain_values,
+    surer,
+    with_model_error,
+)
 from gap_diagnosis.evidence.localise import Condition, conditions, features
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from gap_diagnosis.input import coarse
@@ -268,6 +273,9 @@ def _conclude(
     others = judge.rejected_causes(parts, accepted, structured, before, after)
     share = max((p.structure.share for p in parts if p.structure.structured), default=0.0)
     scene = Scene(before / floor, after / floor, share, structured, turns(scored))
+    ranked = with_probabilities(causes, others, scene)
+    for cause in causes:
+        cause.parameters = with_model_error(cause.effect, cause.parameters)
     return Diagnosis(
         sessions=[r.name for r in records],
         twin_name=twin_name,
@@ -283,7 +291,7 @@ def _conclude(
         noise_floor=floor,
         accepted=accepted,
         parameters=parameters,
-        causes=with_probabilities(causes, others, scene),
+        causes=ranked,
         verdict=verdict,
         conditions=found,
         axes_share=shares,

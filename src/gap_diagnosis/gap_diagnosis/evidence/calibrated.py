@@ -10,3 +10,8 @@ WEIGHTS: dict[str, dict[str, float]] = {
     'unknown': {'1': 1.5},
     'none': {'1': 2.2},
 }
+SPREAD: dict[str, tuple[float, float]] = {
+    'servo': (1.0, 0.0),
+    'kinematic': (1.0, 0.0),
+    'sensor': (1.0, 0.0),
+}

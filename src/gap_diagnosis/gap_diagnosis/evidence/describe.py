@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from gap_diagnosis.evidence.calibrated import SPREAD
 from gap_diagnosis.residuals.regression import Regression, Theta
 from gap_diagnosis.selection.forward import Selection
+from stage_twin.effects import effect_of, link_of
 
 
 def describe(
@@ -33,6 +37,23 @@ def describe(
                 variance[key] += slope**2
         out[name] = {k: (v, float(np.sqrt(variance[k]))) for k, v in values.items()}
     return out
+
+
+def is_magnitude(name: str, parameter: str) -> bool:
+    """Whether an error of the model is a share of the parameter: not of a place or a phase."""
+    known = effect_of(name).parameter(parameter)
+    return known.neutral is not None or known.minimum >= 0.0
+
+
+def with_model_error(
+    name: str, values: dict[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Parameters whose deviations hold what the models of a link get wrong (`SPREAD`)."""
+    factor, share = SPREAD[link_of(name)]
+    return {
+        k: (v, std and math.hypot(factor * std, share * abs(v) if is_magnitude(name, k) else 0.0))
+        for k, (v, std) in values.items()
+    }
 
 
 def surer(
