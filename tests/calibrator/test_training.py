@@ -13,7 +13,6 @@ from calibrator.compare import compare, table
 from calibrator.prepare import (
     approach_direction,
     concatenate,
-    find_rests,
     prepare,
     splits,
 )
@@ -88,12 +87,6 @@ def test_direction_is_the_last_nonzero_move(moves):
         last = float(move) if move else last
         expected.append(last)
     np.testing.assert_array_equal(approach_direction(position)[:, 0], expected)
-
-
-def test_rests_are_found_between_moves():
-    times = np.arange(300) * 0.001
-    command = np.concatenate([np.zeros(100), np.linspace(0, 1e-2, 50), np.full(150, 1e-2)])
-    assert find_rests(times, command[:, None]) == [(0, 101), (149, 300)]
 
 
 def test_split_keeps_visits_to_a_position_together(samples):

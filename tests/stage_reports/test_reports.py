@@ -20,7 +20,7 @@ from stage_core.errors import StageError
 from stage_core.session import Series, Session
 from stage_reports import circular, figures, positioning
 from stage_reports.command import main, session_page
-from stage_reports.extract import circular_paths, positioning_runs, rests
+from stage_reports.extract import circular_paths, positioning_runs
 from stage_reports.intervals import distance_rms, rms_interval
 from stage_reports.tracking import places, runs, tracking_errors
 from stage_reports.trials_page import trials_page
@@ -175,8 +175,6 @@ def test_rests_and_positioning_runs_are_found() -> None:
     assert pytest.approx(2e-6, rel=1e-6) == result.B
     assert pytest.approx(1e-4 * 0.12, rel=1e-6) == result.M
     assert result.R_up == pytest.approx(0.0, abs=1e-15)
-    assert rests([0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0], 2.0) == [(0, 3)]
-    assert rests([0.0], [0.0], 0.1) == []
     assert positioning_runs(time, np.sin(time), np.sin(time)) is None
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrator.model_file import StoredModel
-from calibrator.prepare import REST_STEP
 from calibrator.temperatures import silence
 from stage_core.errors import StageError
+from stage_core.rests import REFERENCE_BAND
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,9 @@ class Correction:
         else:
             step = wanted - self._last
             assert self._direction is not None
-            self._direction = np.where(np.abs(step) < REST_STEP, self._direction, np.sign(step))
+            self._direction = np.where(
+                np.abs(step) < REFERENCE_BAND, self._direction, np.sign(step)
+            )
         self._last = wanted.copy()
 
     def silence(self, temperatures: Iterable[str]) -> str:

@@ -15,6 +15,7 @@ from calibrator.thermal import DERIVATIVE_SPAN
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
+from stage_core.rests import REFERENCE_BAND, find_rests
 from stage_core.session import Session
 
 Array = NDArray[np.float64]
@@ -24,8 +25,6 @@ TARGETS = ('tracker', 'encoder', 'reference')
 
 REST_DURATION = 0.08
 """A pause shorter than this [s] is a turning point, not a measurement at rest."""
-REST_STEP = 1e-8
-"""Reference changes below this [m] between two messages count as standing still."""
 FEWEST_POINTS = 4
 """Fewer points than this at the end of a rest do not tell their scatter."""
 TRAVEL_SCATTER = 8.0
@@ -172,7 +171,7 @@ def prepare(session: Session, source: str = 'reference', target: str = 'tracker'
     if motion is not None:
         shift = estimate_shift(*motion, measured_times, measured)
     measured_times = measured_times - shift
-    rests = find_rests(times, command)
+    rests = find_rests(times, command, REST_DURATION)
     samples = _rest_samples(times, command, measured_times, measured, rests)
     at_rest = len(samples[0]) >= ENOUGH_RESTS
     if not at_rest:
@@ -206,7 +205,7 @@ def rest_samples(session: Session) -> Samples:
     """
     times, command = _stage_series(session, 'reference', session.axes)
     measured_times, measured = _target_series(session, 'tracker', session.axes)
-    rests = [rest for rest in find_rests(times, command) if rest[1] < len(times)]
+    rests = [rest for rest in find_rests(times, command, REST_DURATION) if rest[1] < len(times)]
     t, c, m, d = _rest_samples(times, command, measured_times, measured, rests)
     sensors, heat = readings_at(session, t) if len(t) else ((), np.empty((0, 0)))
     return Samples(c, m, d, heat, t, sensors, session.axes, 0.0, True)
@@ -289,23 +288,10 @@ def splits(
     return [(samples.take(~mask), samples.take(mask)) for mask in masks]
 
 
-def find_rests(times: Array, command: Array) -> list[tuple[int, int]]:
-    """Index ranges [start, stop) in which the command stands for `REST_DURATION` or longer."""
-    if len(times) < 2:
-        return []
-    still = np.all(np.abs(np.diff(command, axis=0)) < REST_STEP, axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
-    return [
-        (int(start), int(stop) + 1)
-        for start, stop in zip(edges[::2], edges[1::2], strict=True)
-        if times[stop] - times[start] >= REST_DURATION
-    ]
-
-
 def approach_direction(command: Array) -> Array:
     """Sign of each axis' last move at each sample, (n, axes); 0 before the first one."""
     step = np.diff(command, axis=0, prepend=command[:1])
-    sign = np.where(np.abs(step) < REST_STEP, 0.0, np.sign(step))
+    sign = np.where(np.abs(step) < REFERENCE_BAND, 0.0, np.sign(step))
     last = np.where(sign != 0.0, np.arange(len(command))[:, None], 0)
     np.maximum.accumulate(last, axis=0, out=last)
     return np.take_along_axis(sign, last, axis=0)

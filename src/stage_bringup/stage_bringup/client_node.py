@@ -19,6 +19,7 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.quantities import AXES
+from stage_core.rests import Standstill
 from stage_core.ros.client_node import GraphClient
 from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
 
@@ -57,8 +58,8 @@ class SessionClient(GraphClient):
         self._last_target_stamp = 0
         self._reference_since = 0
         self._rest_since = 0
-        self._rest_position: Array | None = None
-        self._reference: tuple[float, ...] | None = None
+        self._rest = Standstill(0.0 if counted else REST_BAND)
+        self._reference = Standstill(0.0)
         self._points: deque[tuple[int, float, float, float]] = deque(maxlen=4000)
         self._targets = self.node.create_publisher(JointState, topics.TARGET, SETPOINT_QOS)
         self.watch(JointState, topics.REFERENCE, STATE_QOS, self._on_reference)
@@ -70,22 +71,13 @@ class SessionClient(GraphClient):
         self.watch(DiagnosticArray, topics.DIAGNOSTICS, 10, self._on_diagnostics)
 
     def _on_reference(self, message: JointState) -> None:
-        reference = tuple(message.position)
-        if reference != self._reference:
-            self._reference = reference
+        if self._reference.moved(message.position):
             self._reference_since = stamp_of(message.header)
 
     def _on_state(self, message: JointState) -> None:
-        stamp = stamp_of(message.header)
-        position = np.array(message.position)
-        if (
-            self._rest_position is None
-            or position.shape != self._rest_position.shape
-            or np.abs(position - self._rest_position).max() > (0.0 if self._counted else REST_BAND)
-        ):
-            self._rest_position = position
-            self._rest_since = stamp
-        self._last_stamp = stamp
+        self._last_stamp = stamp_of(message.header)
+        if self._rest.moved(message.position):
+            self._rest_since = self._last_stamp
 
     def _on_point(self, message: PointStamped) -> None:
         p = message.point
@@ -127,7 +119,7 @@ class SessionClient(GraphClient):
         waited = 0.0
 
         def at_rest() -> bool:
-            if self._last_stamp <= sent or self._reference is None:
+            if self._last_stamp <= sent or not self._reference.position:
                 return False
             moved = self._rest_since if self._counted else 0
             dwelt = self._last_stamp - max(self._reference_since, moved, sent)
@@ -137,11 +129,12 @@ class SessionClient(GraphClient):
                 return dwelt >= settle - STANDSTILL and silent > STANDSTILL_SILENCE
             if dwelt < settle:
                 return False
-            if np.abs(np.array(self._reference) - target).max() > LARGEST_CORRECTION:
+            reference = np.array(self._reference.position)
+            if np.abs(reference - target).max() > LARGEST_CORRECTION:
                 return False
-            if self._lockstep or self._rest_position is None:
+            if self._lockstep:
                 return True
-            arrived = np.abs(self._rest_position - np.array(self._reference)).max() < ARRIVED
+            arrived = np.abs(np.array(self._rest.position) - reference).max() < ARRIVED
             return bool(arrived) and self._last_stamp - self._rest_since >= settle
 
         while not at_rest():

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stage_core.errors import StageError
+from stage_core.rests import REFERENCE_BAND, find_rests
 from stage_reports.iso230 import least_squares_circle
 
 Array = NDArray[np.float64]
-#: A reference that moves less than this (m) between samples is at rest.
-STILL = 1e-9
 #: Two targets closer than this (m) are the same one.
 SAME_TARGET = 1e-7
 
@@ -28,19 +27,6 @@ class PositioningRuns:
     up: Array
     down: Array
     noise: float = 0.0
-
-
-def rests(seconds: ArrayLike, reference: ArrayLike, shortest: float) -> list[tuple[int, int]]:
-    """Index ranges [start, stop) in which the reference stands still for ``shortest`` s."""
-    time, position = np.asarray(seconds, dtype=float), np.asarray(reference, dtype=float)
-    if time.shape != position.shape or time.ndim != 1:
-        raise StageError('rests need one time for each reference: pass two lists (n,)')
-    if time.size < 2:
-        return []
-    still = np.concatenate(([False], np.abs(np.diff(position)) <= STILL, [False]))
-    edges = np.flatnonzero(np.diff(still.astype(int)))
-    ranges = zip(edges[::2], edges[1::2] + 1, strict=True)
-    return [(int(a), int(b)) for a, b in ranges if time[b - 1] - time[a] >= shortest]
 
 
 def positioning_runs(
@@ -66,7 +52,7 @@ def positioning_runs(
     found: dict[int, tuple[list[float], list[float]]] = {}
     previous: float | None = None
     variances: list[float] = []
-    for start, stop in rests(seconds, commanded, shortest):
+    for start, stop in find_rests(np.asarray(seconds, dtype=float), commanded[:, None], shortest):
         target = float(commanded[start])
         if previous is None or abs(target - previous) > SAME_TARGET:
             values = actual[(start + stop) // 2 : stop]
@@ -118,7 +104,7 @@ def circular_paths(
     commanded = np.asarray(reference, dtype=float)
     actual = np.asarray(measured, dtype=float)
     steps = np.linalg.norm(np.diff(commanded, axis=0), axis=1)
-    moving = np.concatenate(([False], steps > STILL))
+    moving = np.concatenate(([False], steps > REFERENCE_BAND))
     if moving.sum() < 16:
         return None
     try:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stage_core.clocks import NANOSECONDS
+from stage_core.rests import Standstill
 from tracker_bridge.samples import Point
 
 MAXIMUM_POINTS = 20_000
@@ -50,7 +51,6 @@ class _Rest:
     """A rest in progress; positions younger than the guard wait in `recent`."""
 
     begin: int
-    anchor: tuple[float, ...]
     end: int
     total: NDArray[np.float64]
     count: int
@@ -84,6 +84,7 @@ class RestPairs:
         self._pairs: deque[RestPair] = deque(maxlen=capacity)
         self._waiting: deque[tuple[int, int, NDArray[np.float64]]] = deque(maxlen=capacity)
         self._points: deque[tuple[int, Point]] = deque(maxlen=MAXIMUM_POINTS)
+        self._standstill = Standstill(self.rules.tolerance)
         self._rest: _Rest | None = None
         self.last_stage: int | None = None
         self.without_points = 0
@@ -91,10 +92,14 @@ class RestPairs:
     def clear(self) -> None:
         """Forget every pair; a rest in progress begins anew."""
         self._pairs.clear()
+        self._begin_anew()
+        self.without_points = 0
+
+    def _begin_anew(self) -> None:
         self._waiting.clear()
         self._points.clear()
         self._rest = None
-        self.without_points = 0
+        self._standstill = Standstill(self.rules.tolerance)
 
     def __len__(self) -> int:
         """Return the number of complete pairs."""
@@ -108,22 +113,13 @@ class RestPairs:
         if self.last_stage is not None and stamp <= self.last_stage:
             if self.last_stage - stamp < RESTARTED:
                 return
-            self._rest = None
-            self._waiting.clear()
-            self._points.clear()
+            self._begin_anew()
         self.last_stage = stamp
-        rest, tolerance = self._rest, self.rules.tolerance
-        if (
-            rest is None
-            or len(position) != len(rest.anchor)
-            or any(
-                abs(value - anchor) > tolerance
-                for value, anchor in zip(position, rest.anchor, strict=True)
-            )
-        ):
+        rest = self._rest
+        if self._standstill.moved(position) or rest is None:
             if rest is not None:
                 self._close(rest)
-            self._rest = _Rest(stamp, position, stamp, np.zeros(len(position)), 0, deque())
+            self._rest = _Rest(stamp, stamp, np.zeros(len(position)), 0, deque())
             return
         if stamp - rest.begin > round(self.rules.longest * NANOSECONDS):
             return

@@ -24,13 +24,14 @@ from gap_diagnosis.input.data import Record, screw_temperatures
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
+from stage_core.rests import find_rests
 from stage_core.session import Series, Session
 from stage_core.twin_file import StepperAxis, TwinFile
 
 Array = NDArray[np.float64]
 
 LARGEST_TRAVEL = 20.0  # m; a larger number is a count of motor steps
-STILL = 2.5e-7  # m between two counts at rest
+STILL = 2.5e-7  # m between counts at rest
 LEAST_REST = 0.2  # s
 EDGE = 0.06  # s at both ends of a rest: age of a count, and what rings after a move
 LEAST_POINTS = 5  # of a rest
@@ -177,13 +178,10 @@ def _rests(
             'overlap: check the clock of the tracker bridge'
         )
     noise = twin.tracker.noise if twin.tracker is not None else 1.0e-6
-    still = np.all(np.abs(np.diff(motion, axis=0)) < STILL, axis=1)
-    edges = np.diff(np.concatenate([[0], still.astype(np.int64), [0]]))
     time, mean, count, where = [], [], [], []
-    for start, stop in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
-        if counted[stop] - counted[start] < LEAST_REST:
-            continue
-        low, high = np.searchsorted(seconds, (counted[start] + EDGE, counted[stop] - EDGE))
+    for start, stop in find_rests(counted, motion, LEAST_REST, STILL):
+        first, last = counted[start], counted[stop - 1]
+        low, high = np.searchsorted(seconds, (first + EDGE, last - EDGE))
         own = points[low:high]
         if len(own) < LEAST_POINTS:
             continue
@@ -192,10 +190,10 @@ def _rests(
         use = np.all(np.abs(own - end) < 6.0 * noise, axis=1)
         if np.count_nonzero(use) < max(LEAST_POINTS, 0.4 * len(own)):
             continue
-        time.append(0.5 * (counted[start] + counted[stop]))
+        time.append(0.5 * (first + last))
         mean.append(own[use].mean(axis=0))
         count.append(float(np.count_nonzero(use)))
-        where.append(motion[stop])
+        where.append(motion[stop - 1])
     if len(time) < LEAST_RESTS:
         raise StageError(
             f'{session.path} holds {len(time)} rests of the stage that the tracker sees, a '
