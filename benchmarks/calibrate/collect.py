@@ -75,13 +75,16 @@ def keep_rows(item: str, kept: str) -> int:
 def _row(one: Sample) -> Row:
     """The verdict as the generators' scorer judges it, and the features of each statement."""
     truth = in_report_terms(one.truth, one.twin)
+    also = {'also_right': truth['also_right']}
     try:
-        found = diagnose([one.session], [], one.twin)
+        # All that the selection names, also what an earlier fit holds for improbable.
+        found = diagnose([one.session], [], one.twin, least_probability=0.0)
     except StageError as error:
-        return {**judged(one.name, truth, None, ' '.join(str(error).split())), **NOTHING}
+        return {**judged(one.name, truth, None, ' '.join(str(error).split())), **also, **NOTHING}
     report = as_dict(replace(found, causes=[_as_estimated(c, found) for c in found.causes]))
     return {
         **judged(one.name, truth, report),
+        **also,
         'statements': _statements(found, truth),
         'structure': [
             [p.name, p.structure.share, p.structure.mean_square / p.problem.floor**2]

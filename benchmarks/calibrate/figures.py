@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.calibrate.fit import CANDIDATES, left_out, statements
 from benchmarks.calibrate.truth import belongs_to_machine
-from benchmarks.generators.score import BINS
+from benchmarks.generators.score import BINS, judged
 from stage_core.quantities import split_effect
 
 Row = dict[str, Any]
@@ -34,15 +34,39 @@ def unseen(rows: Sequence[Row], weights: dict[str, dict[str, float]]) -> dict[st
     """
     by_session: dict[tuple[str, str], list[list[Any]]] = {}
     for kind in CANDIDATES:
-        found = statements(rows, kind)
-        names = [n for n in weights[kind] if n != '1']
-        for statement, probability in zip(found, left_out(found, names), strict=True):
-            at = by_session.setdefault((statement['generator'], statement['session']), [])
-            at.append([float(probability), bool(statement['true']), kind])
+        for s, probability in _unseen(rows, kind, weights[kind]):
+            at = by_session.setdefault((s['generator'], s['session']), [])
+            at.append([probability, bool(s['true']), kind])
     out: dict[str, Pairs] = {}
     for (generator, _), one in by_session.items():
         out.setdefault(generator, []).extend(_dealt_out(one))
     return out
+
+
+def _unseen(rows: Sequence[Row], kind: str, weights: dict[str, float]) -> list[tuple[Row, float]]:
+    found = statements(rows, kind)
+    return list(zip(found, left_out(found, [n for n in weights if n != '1']), strict=True))
+
+
+def without_doubtful(rows: Sequence[Row], weights: dict[str, dict[str, float]]) -> list[Row]:
+    """The sessions judged without the names that a fit to the other generators doubts (p < 1/2).
+
+    The diagnosis fits the rest again without such a name, this does not.
+    """
+    doubtful = {
+        (s['generator'], s['session'], s['effect'])
+        for s, probability in _unseen(rows, 'named', weights['named'])
+        if probability < 0.5
+    }
+    return [_judged_again(row, doubtful) for row in rows]
+
+
+def _judged_again(row: Row, doubtful: set[tuple[str, str, str]]) -> Row:
+    if row['verdict'] is None:
+        return row
+    kept = [n for n in row['verdict'] if (row['generator'], row['name'], n) not in doubtful]
+    truth = {'planted': [], **{k: row[k] for k in ('kind', 'truth', 'also_right')}}
+    return row | judged(row['name'], truth, {'verdict': kept, 'causes': []})
 
 
 def _dealt_out(one: list[list[Any]]) -> Pairs:

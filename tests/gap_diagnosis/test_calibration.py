@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.blind.suites import case
 from benchmarks.calibrate.collect import FITTED, _below
-from benchmarks.calibrate.figures import coverage, unseen
+from benchmarks.calibrate.figures import coverage, unseen, verdicts, without_doubtful
 from benchmarks.calibrate.fit import CANDIDATES, choose, left_out, stated, statements, weights_of
 from benchmarks.calibrate.page import markdown, write_weights
 from benchmarks.calibrate.sessions import own_truth, samples
@@ -39,7 +39,8 @@ def sessions(count: int = 400) -> list[dict[str, Any]]:
         passed = {'kind': 'passed', 'true': False, 'features': {}, 'parameters': {}}
         rows.append({
             'generator': GENERATORS[number % 3], 'name': f'{number}', 'exact': true,
-            'verdict': ['backlash.x'], 'false': [] if true else ['backlash.x'],
+            'kind': 'single', 'truth': ['backlash.x'] if true else ['scale_error.x'],
+            'also_right': [], 'verdict': ['backlash.x'], 'false': [] if true else ['backlash.x'],
             'intervals': [('backlash.x', 'width', g.standard_normal(), 0.4)],
             'statements': [named, *({'effect': f'e{k}', **passed} for k in range(9))],
         })  # fmt: skip
@@ -54,6 +55,14 @@ def test_the_fit_finds_what_tells_and_leaves_out_what_does_not() -> None:
     p = left_out(found, ['strength'])
     true = np.array([s['true'] for s in found])
     assert np.mean(true[p > 0.9]) == pytest.approx(np.mean(p[p > 0.9]), abs=0.05)
+
+
+def test_names_that_others_doubt_are_left_out() -> None:
+    rows = sessions()
+    before = verdicts(rows)
+    after = verdicts(without_doubtful(rows, {'named': {'1': 0.0, 'strength': 0.0}}))
+    assert after['false'] < 0.6 * before['false']
+    assert after['exact'] > 0.9 * before['exact']
 
 
 def test_what_was_never_seen_false_is_not_certain() -> None:

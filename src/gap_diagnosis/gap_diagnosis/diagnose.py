@@ -117,6 +117,7 @@ def diagnose(
     seed: int = 0,
     progress: Progress = silent,
     without: Sequence[str] = (),
+    least_probability: float = 0.5,
 ) -> Diagnosis:
     """Diagnose the gap between sessions and a twin.
 
@@ -126,6 +127,7 @@ def diagnose(
     twin : the nominal twin; effects that it has are part of its prediction
     seed : of the bootstrap and of the permutations
     without : effects taken out of the library (for the leave-one-effect-out check)
+    least_probability : below it an effect is not named, and the others are fitted without it
 
     Raises
     ------
@@ -136,13 +138,22 @@ def diagnose(
     barred = list(without)
     while True:
         result = _diagnose(sessions, holdout, twin, twin_name, seed, progress, barred)
-        failed = [c for c in result.causes if c.refuted]
-        beside = _excluded_by_tracker(result)
-        if not failed and not beside:
+        name = _excluded_by_tracker(result) or _weakest(result, least_probability)
+        if name is None:
             return result
-        name = beside or min(failed, key=lambda c: c.interval[0]).effect
-        progress(f'{name} does not hold in the twin as it is run: without it')
+        progress(f'{name} does not hold: without it')
         barred.append(name)
+
+
+def _weakest(result: Diagnosis, least: float) -> str | None:
+    """What the twin as it is run refutes most, else what is the least probable of the doubtful."""
+    refuted_ones = [c for c in result.causes if c.refuted]
+    if refuted_ones:
+        return min(refuted_ones, key=lambda c: c.interval[0]).effect
+    # What is read from the record itself (strength `READ`) is there, whatever its probability.
+    named = [c for c in result.causes if c.effect in result.accepted and c.strength < judge.READ]
+    doubtful = [c for c in named if c.probability < least]
+    return min(doubtful, key=lambda c: c.probability).effect if doubtful else None
 
 
 def _excluded_by_tracker(result: Diagnosis) -> str | None:
