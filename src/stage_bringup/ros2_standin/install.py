@@ -3,17 +3,34 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ros2_standin.real import real_ros2
 from stage_core.errors import StageError, command_line
 
 _LAUNCHER = """#!/bin/sh
 # Launcher of ros2_standin: the ros2 verbs where ros2cli is not installed.
 exec "{python}" -m ros2_standin "$@"
 """
+
+
+#: Word in a launcher that was written here.
+MARK = b'ros2_standin'
+
+
+def real_ros2() -> Path | None:
+    """First ``ros2`` on PATH that is not a launcher of this package; None where there is none."""
+    for folder in os.environ.get('PATH', '').split(os.pathsep):
+        candidate = Path(folder or '.') / 'ros2'
+        if candidate.is_file() and os.access(candidate, os.X_OK) and not _is_launcher(candidate):
+            return candidate
+    return None
+
+
+def _is_launcher(path: Path) -> bool:
+    return path.is_file() and MARK in path.read_bytes()[:4096]
 
 
 def install(folder: Path) -> Path | None:
@@ -25,8 +42,7 @@ def install(folder: Path) -> Path | None:
         If the folder cannot be written to, or holds a ``ros2`` of somebody else.
     """
     target = folder / 'ros2'
-    own = target.is_file() and b'ros2_standin' in target.read_bytes()[:4096]
-    if target.exists() and not own:
+    if target.exists() and not _is_launcher(target):
         raise StageError(
             f'{target} is not of this workspace: the real ros2 is used, nothing to do'
         )

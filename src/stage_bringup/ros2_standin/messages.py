@@ -110,24 +110,3 @@ def to_plain(message: Any) -> Any:
 def to_yaml(message: Any) -> str:
     """A message as ``ros2 topic echo`` prints it."""
     return yaml.safe_dump(to_plain(message), sort_keys=False, default_flow_style=False, width=1e9)
-
-
-def from_plain_field(message: Any, path: str) -> Any:
-    """The part of a message that a path like ``header.stamp.sec`` names.
-
-    Raises
-    ------
-    StageError
-        If there is no such field.
-    """
-    for name in path.split('.'):
-        base, _, rest = name.partition('[')
-        try:
-            message = getattr(message, base)
-            for number in re.findall(r'(\d+)\]', rest):
-                message = message[int(number)]
-        except (AttributeError, IndexError, TypeError) as error:
-            raise StageError(
-                f"Invalid field '{path}': the message has none of that name"
-            ) from error
-    return message

@@ -1,4 +1,4 @@
-"""``ros2 topic list|info|echo|hz|pub``."""
+"""``ros2 topic list|echo|hz|pub``."""
 
 from __future__ import annotations
 
@@ -9,40 +9,19 @@ import time
 from collections import deque
 from typing import Any
 
-from ros2_standin.graph_node import (
-    add_list_options,
-    full_name,
-    listening_qos,
-    node,
-    print_names,
-    settle,
-    wait_for_type,
-    wait_until,
-)
-from ros2_standin.messages import fill, from_plain_field, interface, to_plain, to_yaml
-from stage_core.errors import StageError
+from ros2_standin.graph_node import Looker, full_name, print_names
+from ros2_standin.messages import fill, interface, to_yaml
 
 
 def add_verbs(parser: argparse.ArgumentParser) -> None:
     """Declare the verbs."""
     verbs = parser.add_subparsers(dest='verb', required=True, metavar='verb')
     verb = verbs.add_parser('list', help='Output a list of available topics')
-    add_list_options(verb, 'topics')
+    verb.add_argument('-t', '--show-types', action='store_true')
     verb.set_defaults(run=list_topics)
-    verb = verbs.add_parser('info', help='Print information about a topic')
-    verb.add_argument('topic')
-    verb.add_argument('-v', '--verbose', action='store_true')
-    verb.set_defaults(run=info)
-    verb = verbs.add_parser('type', help="Print a topic's type")
-    verb.add_argument('topic')
-    verb.set_defaults(run=type_of)
     verb = verbs.add_parser('echo', help='Output messages from a topic')
     verb.add_argument('topic')
-    verb.add_argument('type', nargs='?')
     verb.add_argument('--once', action='store_true', help='Print the first message, then exit')
-    verb.add_argument('--field', help='Print a selected field of a message')
-    verb.add_argument('--csv', action='store_true')
-    verb.add_argument('--timeout', type=float, help='Give up after this many seconds')
     verb.set_defaults(run=echo)
     verb = verbs.add_parser('hz', help='Print the average publishing rate to screen')
     verb.add_argument('topic')
@@ -54,124 +33,49 @@ def add_verbs(parser: argparse.ArgumentParser) -> None:
     verb.add_argument('values', nargs='?', default='{}')
     verb.add_argument('-1', '--once', action='store_true')
     verb.add_argument('-r', '--rate', type=float, default=1.0)
-    verb.add_argument('-t', '--times', type=int, default=0)
-    verb.add_argument('-w', '--wait-matching-subscriptions', type=int)
     verb.set_defaults(run=publish)
 
 
 def list_topics(arguments: argparse.Namespace) -> None:
     """Print the topics' names."""
-    print_names(arguments, lambda looker: looker.get_topic_names_and_types())
-
-
-def _type_name(looker: Any, topic: str) -> str:
-    return wait_for_type(
-        looker.get_topic_names_and_types,
-        topic,
-        f'Could not determine the type for the passed topic: {topic} is not published',
-    )
-
-
-def info(arguments: argparse.Namespace) -> None:
-    """Print a topic's type and numbers of publishers and subscriptions."""
-    topic = full_name(arguments.topic)
-    with node() as looker:
-        try:
-            type_name = _type_name(looker, topic)
-        except StageError:
-            raise StageError(f"Unknown topic '{topic}'") from None
-        settle(looker)
-        publishers = looker.get_publishers_info_by_topic(topic)
-        subscriptions = looker.get_subscriptions_info_by_topic(topic)
-    print(f'Type: {type_name}')
-    for word, ends in (('Publisher', publishers), ('Subscription', subscriptions)):
-        print(f'{chr(10) if arguments.verbose else ""}{word} count: {len(ends)}')
-        for end in ends if arguments.verbose else ():
-            print(f'\n{end}')
-
-
-def type_of(arguments: argparse.Namespace) -> None:
-    """Print a topic's type."""
-    with node() as looker:
-        print(_type_name(looker, full_name(arguments.topic)))
+    print_names(lambda node: node.get_topic_names_and_types(), arguments.show_types)
 
 
 def echo(arguments: argparse.Namespace) -> None:
     """Print messages as they come."""
     topic = full_name(arguments.topic)
     ended = threading.Event()
-    failure: list[StageError] = []
 
     def arrived(message: Any) -> None:
         if ended.is_set():
             return
         try:
-            _print(message, arguments)
-        except StageError as error:
-            failure.append(error)
-            ended.set()
+            print(f'{to_yaml(message)}---', flush=True)
         except BrokenPipeError:
             ended.set()
         if arguments.once:
             ended.set()
 
-    with node() as looker:
-        type_name = arguments.type or _type_name(looker, topic)
-        if not arguments.type:
-            wait_until(
-                lambda: looker.get_publishers_info_by_topic(topic), f'no publisher of {topic}'
-            )
-        looker.create_subscription(
-            interface(type_name, 'msg'), topic, arrived, listening_qos(looker, topic)
-        )
-        came = ended.wait(arguments.timeout)
-    if failure:
-        raise failure[0]
-    if not came:
-        raise StageError(f'no message on {topic} within {arguments.timeout} s')
-
-
-def _print(message: Any, arguments: argparse.Namespace) -> None:
-    part = from_plain_field(message, arguments.field) if arguments.field else message
-    if arguments.csv:
-        print(','.join(_flat(to_plain(part))), flush=True)
-        return
-    if hasattr(part, 'get_fields_and_field_types') or isinstance(to_plain(part), list):
-        text = to_yaml(part)
-    else:
-        text = f'{part}\n'
-    print(f'{text}---', flush=True)
-
-
-def _flat(value: Any) -> list[str]:
-    if isinstance(value, dict):
-        return [word for item in value.values() for word in _flat(item)]
-    if isinstance(value, list):
-        return [word for item in value for word in _flat(item)]
-    return [str(value)]
+    with Looker() as looker:
+        kind = interface(looker.topic_type(topic), 'msg')
+        looker.watch(kind, topic, looker.listening_qos(topic), arrived)
+        ended.wait()
 
 
 def hz(arguments: argparse.Namespace) -> None:
-    """Print the rate of arrival once a second."""
+    """Print the rate of arrival after each second in which a message came."""
     topic = full_name(arguments.topic)
     times: deque[float] = deque(maxlen=max(arguments.window, 2) + 1)
-    with node() as looker:
-        type_name = _type_name(looker, topic)
-        looker.create_subscription(
-            interface(type_name, 'msg'),
-            topic,
-            lambda _: times.append(time.monotonic()),
-            listening_qos(looker, topic),
-            raw=True,
-        )
-        last = 0
+    with Looker() as looker:
+        kind = interface(looker.topic_type(topic), 'msg')
+        qos = looker.listening_qos(topic)
+        looker.watch(kind, topic, qos, lambda _: times.append(time.monotonic()))
         while True:
+            seen = len(times) and times[-1]
             time.sleep(1.0)
             stamps = list(times)
-            if len(stamps) < 2 or stamps[-1] == last:
-                continue
-            last = stamps[-1]  # type: ignore[assignment]
-            print(rate_report(stamps), flush=True)
+            if len(stamps) > 1 and stamps[-1] != seen:
+                print(rate_report(stamps), flush=True)
 
 
 def rate_report(times: list[float]) -> str:
@@ -186,25 +90,19 @@ def rate_report(times: list[float]) -> str:
 
 
 def publish(arguments: argparse.Namespace) -> None:
-    """Publish one message again and again."""
+    """Publish one message once, as soon as somebody listens, or again and again."""
     topic = full_name(arguments.topic)
     message = fill(interface(arguments.type, 'msg')(), arguments.values)
-    times = 1 if arguments.once else arguments.times
-    wanted = arguments.wait_matching_subscriptions
-    wanted = (1 if times else 0) if wanted is None else wanted
-    with node() as looker:
-        publisher = looker.create_publisher(type(message), topic, 10)
-        if wanted:
-            print(f'Waiting for at least {wanted} matching subscription(s)...')
-            wait_until(
-                lambda: publisher.get_subscription_count() >= wanted,
-                f'nobody subscribes to {topic}',
-                30.0,
-            )
+    with Looker() as looker:
+        publisher = looker.node.create_publisher(type(message), topic, 10)
+        if arguments.once:
+            print('Waiting for at least 1 matching subscription(s)...')
+            listeners = publisher.get_subscription_count
+            looker.require(listeners, f'nobody subscribes to {topic}', 30.0)
         print('publisher: beginning loop')
         number = 0
-        while not times or number < times:
+        while number == 0 or not arguments.once:
             number += 1
             print(f'publishing #{number}: {message!r}\n', flush=True)
             publisher.publish(message)
-            time.sleep(0.3 if number == times else 1.0 / arguments.rate)
+            time.sleep(0.3 if arguments.once else 1.0 / arguments.rate)

@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import rclpy
 from rcl_interfaces.srv import SetParameters
@@ -21,6 +21,8 @@ from stage_core.ros.node import STATE_QOS, local_graph, make_executor, spin
 #: A server that this client has found may not have found this client's ear for the answer yet:
 #: the first call waits so long [s], or its answer could be lost.
 ACQUAINTANCE = 0.7
+
+Client = TypeVar('Client', bound='GraphClient')
 
 
 class GraphClient:
@@ -57,7 +59,7 @@ class GraphClient:
         if self._owns_context and rclpy.ok():
             rclpy.shutdown()
 
-    def __enter__(self) -> GraphClient:
+    def __enter__(self: Client) -> Client:
         return self
 
     def __exit__(self, *_: object) -> None:
