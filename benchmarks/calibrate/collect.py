@@ -75,7 +75,7 @@ def keep_rows(item: str, kept: str) -> int:
 def _row(one: Sample) -> Row:
     """The verdict as the generators' scorer judges it, and the features of each statement."""
     truth = in_report_terms(one.truth, one.twin)
-    also = {'also_right': truth['also_right']}
+    also = {'also_right': truth['also_right'], 'planted': truth['planted']}
     try:
         # All that the selection names, also what an earlier fit holds for improbable.
         found = diagnose([one.session], [], one.twin, least_probability=0.0)

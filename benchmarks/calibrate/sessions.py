@@ -10,6 +10,7 @@ from typing import Any
 
 from benchmarks.blind import cases as blind
 from benchmarks.blind.machine import NOMINAL
+from benchmarks.blind.plant import SUBSTEPS
 from benchmarks.blind.session import as_session, run_machine, visible
 from benchmarks.blind.suites import case
 from benchmarks.generators import cases
@@ -73,5 +74,11 @@ def own_truth(one: blind.Case) -> Truth:
         'kind': one.kind,
         'truth': list(one.expected),
         'also_right': [sorted({*one.expected, *hidden})] if hidden else [],
-        'planted': [{'name': n, 'parameters': v, 'shape': {}} for n, v in one.truth.items()],
+        'planted': [{'name': n, 'parameters': _made(v)} for n, v in one.truth.items()],
     }
+
+
+def _made(values: dict[str, float]) -> dict[str, float]:
+    """Parameters as the machine has them: it delays by whole steps of its integration."""
+    step = NOMINAL['control_period'] / SUBSTEPS
+    return {k: round(v / step) * step if k == 'delay' else v for k, v in values.items()}
