@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import runpy
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ from benchmarks.calibrate.page import markdown, write_weights
 from benchmarks.calibrate.sessions import own_truth, samples
 from benchmarks.calibrate.spread import spread_of, widened
 from benchmarks.calibrate.truth import in_report_terms
-from gap_diagnosis.evidence.judgement import Cause
+from gap_diagnosis.diagnose import _weakest
+from gap_diagnosis.evidence.judgement import READ, Cause
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from stage_core.twin_file import TwinFile
 
@@ -82,6 +84,21 @@ def test_one_statement_leaves_its_rest_to_the_others() -> None:
     found = with_probabilities([named], others, scene)
     assert found[0] is named and 0.5 < named.probability < 1.0
     assert sum(c.probability for c in found) == pytest.approx(1.0)
+
+
+def test_the_least_probable_name_is_left_out_and_what_is_read_stays() -> None:
+    def cause(name: str, probability: float, strength: float) -> Cause:
+        found = Cause(name, probability, {}, 5.0, 1.0, (0.1, 0.9), 'accepted')
+        found.strength = strength
+        return found
+
+    causes = [cause('backlash.x', 0.9, 30.0), cause('scale_error.x', 0.4, 3.0)]
+    causes += [cause('encoder_quantisation.x', 0.1, READ), cause('unknown', 0.3, 0.0)]
+    found = SimpleNamespace(causes=causes, accepted=[c.effect for c in causes[:3]])
+    assert _weakest(found, 0.5) == 'scale_error.x'
+    assert _weakest(found, 0.4) is None
+    causes[0].refuted = True
+    assert _weakest(found, 0.5) == 'backlash.x'
 
 
 def test_truths_are_put_in_the_terms_of_a_report() -> None:
