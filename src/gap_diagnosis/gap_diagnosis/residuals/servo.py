@@ -71,6 +71,7 @@ class Servo(ForceRows):
             self.floor(),
             not any_held_session,
             signatures=effects.signatures(candidates),
+            signal=float(np.mean(self.columns(force) ** 2)),
         )
 
     def _nominal(self, without: tuple[str, ...]) -> Array:

@@ -176,9 +176,24 @@ class Selector:
         for name in self.problem.terms:
             if name in accepted or self._barred(name, accepted):
                 continue
-            fit = self.with_effect(base, name, self._replaced(name, accepted))
-            out[name] = (self._evidence(name, base, fit), fit)
+            out[name] = self._trial(base, name, self._replaced(name, accepted))
         return out
+
+    def _trial(self, base: Fit, name: str, without: tuple[str, ...]) -> tuple[Evidence, Fit]:
+        """An effect in its plain shape or, where that shows nothing, in its richest one."""
+        fit = self.with_effect(base, name, without)
+        evidence = self._evidence(name, base, fit)
+        plain = self.problem.terms[name]
+        if plain.richer is None or self._counts(evidence, base):
+            return evidence, fit
+        while (richer := self.problem.terms[name].richer) is not None:
+            self.problem.terms[name] = richer()
+        rich = self.with_effect(base, name, without)
+        found = self._evidence(name, base, rich)
+        if self._counts(found, base):
+            return found, rich
+        self.problem.terms[name] = plain
+        return evidence, fit
 
     def _simplest(
         self, good: list[tuple[float, str]], trials: dict[str, tuple[Evidence, Fit]]
