@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,29 +28,12 @@ from gap_diagnosis.evidence.describe import (
 )
 from gap_diagnosis.evidence.localise import Condition, conditions, features
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
-from gap_diagnosis.input import coarse
 from gap_diagnosis.input.checks import turns
-from gap_diagnosis.input.data import Record, held_out_windows, load_record
-from gap_diagnosis.input.stepper import load_stepper_record
-from gap_diagnosis.residuals.controller import controller_findings
-from gap_diagnosis.residuals.kinematics import Kinematics
-from gap_diagnosis.residuals.nominal import merged, sensor_frame, with_counted_steps
-from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.input.data import Record, held_out_windows
+from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
+from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.selection.contained import contained
-from gap_diagnosis.selection.parts import (
-    KINEMATIC_RULES,
-    LEAST_RESTS,
-    LEAST_ROWS,
-    REST_RULES,
-    Part,
-    fit_part,
-    fit_servo,
-    rest_scatter,
-    with_mean_points,
-    with_noise,
-    with_steps,
-)
-from stage_core.errors import StageError
+from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
@@ -58,7 +41,6 @@ from stage_twin.effects import effect_of, link_of
 from stage_twin.packing import pack
 
 Array = NDArray[np.float64]
-Progress = Callable[[str], None]
 
 
 @dataclass
@@ -135,9 +117,10 @@ def diagnose(
         If a session cannot be diagnosed; see :func:`gap_diagnosis.input.data.load_record`.
     """
     pack(twin)  # refuses effects that there are not
-    barred = list(without)
+    barred, memory = list(without), Memory()
+    prepared = prepare(sessions, holdout, twin, without)
     while True:
-        result = _diagnose(sessions, holdout, twin, twin_name, seed, progress, barred)
+        result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
         name = _excluded_by_tracker(result) or _weakest(result, least_probability)
         if name is None:
             return result
@@ -168,53 +151,22 @@ def _excluded_by_tracker(result: Diagnosis) -> str | None:
 
 
 def _diagnose(
-    sessions: Sequence[Session],
-    holdout: Sequence[Session],
-    twin: TwinFile,
+    before: Prepared,
     twin_name: str,
     seed: int,
     progress: Progress,
     without: Sequence[str],
+    memory: Memory,
 ) -> Diagnosis:
     """One pass from the records to a verdict, some effects taken out of the library."""
-    counted_twin = with_counted_steps(twin)
-    stepper = twin.kind == 'stepper'
-    load = load_stepper_record if stepper else load_record
-    records = [load(s, twin) for s in sessions]
-    records += [load(s, twin, held_out=True) for s in holdout]
-    axes = records[0].axes
-    if any(r.axes != axes for r in records):
-        raise StageError('the sessions have different axes: diagnose them one by one')
-    parts: list[Part] = []
-    counted = stepper or 'encoder_quantisation' in without
-    quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
-    stepped = with_steps(counted_twin, quantisation)
-    seen = with_mean_points(with_noise(stepped, records), records)
-    # Read from the record itself; no residual has to be explained for them.
-    direct = {**quantisation, **_allowed(controller_findings(records, twin), without)}
-    for axis in axes:
-        if stepper or not any(r.moving[records[0].column(axis)] for r in records):
-            continue
-        progress(f'command -> encoder of axis {axis}: reading the equation of motion backwards')
-        problem = Servo(records, stepped, axis).problem()
-        parts.append(fit_servo(axis, problem, records, twin, direct, seed, without))
-        parts[-1].row_axis = np.full(len(parts[-1].problem.target), records[0].column(axis))
-    if all(r.tracker is not None for r in records):
-        progress('encoder -> table -> tracker: residual of the measurement')
-        frame = sensor_frame(twin)
-        records = [replace(coarse.moved_back(r, frame), frame=frame) for r in records]
-        if not set(without) & {'tracker_misalignment', 'tracker_latency'}:
-            moved = coarse.find(records)
-            records = [replace(coarse.moved_back(r, moved), coarse=moved) for r in records]
-        servo = [describe(p.selection, p.selector.regression) for p in parts]
-        kinematics = Kinematics(
-            records, seen, plain_values({k: v for f in servo for k, v in f.items()})
-        )
-        rules, least = (REST_RULES, LEAST_RESTS) if stepper else (KINEMATIC_RULES, LEAST_ROWS)
-        known = stepper and rest_scatter(twin, records) is not None
-        part = fit_part('tracker', kinematics.problem(), rules, seed, without, least, known)
-        part.row_axis = kinematics.row_axis()
-        parts.append(part)
+    twin = before.twin
+    direct = _allowed(before.direct, without)
+    parts = [
+        servo_part(before, axis, direct, seed, without, memory, progress)
+        for axis in before.moving_axes
+    ]
+    records, tracker = tracker_part(before, parts, seed, without, memory, progress)
+    parts += tracker
     parameters: dict[str, dict[str, tuple[float, float]]] = dict(direct)
     for part in parts:
         found = describe(part.selection, part.selector.regression)
@@ -222,7 +174,10 @@ def _diagnose(
             axis = part.name[-1]
             progress(f'closed loop of axis {axis}: refining {", ".join(found)}')
             own = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
-            found = polish(records, twin, axis, found, own)
+            found = memory.once(
+                ('polish', axis, repr((found, own))),
+                lambda axis=axis, found=found, own=own: polish(records, twin, axis, found, own),  # type: ignore[misc]
+            )
         for name, values in found.items():
             parameters[name] = surer(parameters.get(name, {}), values)
     progress('closed-loop replay of the nominal and of the corrected twin')
@@ -231,7 +186,7 @@ def _diagnose(
     return _conclude(
         records,
         twin,
-        seen,
+        before.seen,
         twin_name,
         parts,
         parameters,

@@ -58,7 +58,7 @@ class Law:
     left: float  # RMS of the force increments that stay unexplained [N]
 
     def error(self, nominal: ServoAxis, name: str) -> tuple[float, float]:
-        """Relative error of a gain and its standard deviation; that of a feed-forward is absolute."""
+        """Error of a gain and its standard deviation, relative; of a feed-forward absolute."""
         own, base = float(getattr(self.gains, name)), float(getattr(nominal, name))
         scale = base if base > 0.0 and name != 'velocity_feedforward' else 1.0
         return (own - base) / scale, self.deviations.get(name, 0.0) / scale

@@ -32,6 +32,8 @@ class Rules:
     ----------
     of_gap : least share of the whole gap's mean square above the noise
     of_rest : least share of what the set without the effect leaves above the noise
+    of_signal : least share of the mean square of the whole signal; the step of another
+        integrator leaves 1e-4 of the force
     of_noise : least share of the noise's mean square
     of_own_noise : the same for effects whose columns hold the target's noise
     level : of the bootstrap interval
@@ -43,6 +45,7 @@ class Rules:
 
     of_gap: float = 1e-4
     of_rest: float = 0.10
+    of_signal: float = 1e-4
     of_noise: float = 0.03
     of_own_noise: float = 0.3
     level: float = 0.98
@@ -271,7 +274,8 @@ class Selector:
         """Least mean-square gain of an effect, whatever else is in the set."""
         rules = self.rules
         noise = rules.of_own_noise if self.problem.terms[name].noisy else rules.of_noise
-        return max(rules.of_gap * self.gap, noise * self.noise, 1e-300)
+        signal = rules.of_signal * self.problem.signal
+        return max(rules.of_gap * self.gap, noise * self.noise, signal, 1e-300)
 
     def _simplify(self, accepted: list[str], base: Fit) -> tuple[list[str], Fit]:
         """Drop plain effects that a later, richer one holds as special cases."""

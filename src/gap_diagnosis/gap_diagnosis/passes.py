@@ -1,0 +1,183 @@
+"""From records to fitted parts, for as many passes as the acceptance asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from gap_diagnosis.evidence import judgement as judge
+from gap_diagnosis.evidence.describe import describe, plain_values
+from gap_diagnosis.input import coarse
+from gap_diagnosis.input.data import Record, load_record
+from gap_diagnosis.input.stepper import load_stepper_record
+from gap_diagnosis.residuals.controller import controller_findings
+from gap_diagnosis.residuals.kinematics import Kinematics
+from gap_diagnosis.residuals.nominal import sensor_frame, with_counted_steps
+from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.selection.parts import (
+    KINEMATIC_RULES,
+    LEAST_RESTS,
+    LEAST_ROWS,
+    REST_RULES,
+    Part,
+    fit_part,
+    fit_servo,
+    rest_scatter,
+    with_mean_points,
+    with_noise,
+    with_steps,
+)
+from stage_core.errors import StageError
+from stage_core.quantities import split_effect
+from stage_core.session import Session
+from stage_core.twin_file import TwinFile
+
+Progress = Callable[[str], None]
+Parameters = dict[str, dict[str, tuple[float, float]]]
+Made = TypeVar('Made')
+
+
+class Memory:
+    """Results of earlier passes, kept by all that they depend on."""
+
+    def __init__(self) -> None:
+        self._kept: dict[Hashable, Any] = {}
+
+    def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """What `make` gives, made once for each key."""
+        if key not in self._kept:
+            self._kept[key] = make()
+        kept: Made = self._kept[key]
+        return kept
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What every pass starts from.
+
+    Attributes
+    ----------
+    records : arrays of all sessions
+    twin : the nominal twin
+    stepped : the twin with the encoder steps that the records have
+    seen : the twin with all the noise that they have
+    direct : effects read from the record itself; no residual has to be explained for them
+    """
+
+    records: list[Record]
+    twin: TwinFile
+    stepped: TwinFile
+    seen: TwinFile
+    direct: Parameters
+
+    @property
+    def stepper(self) -> bool:
+        """Whether the twin is that of a stepper."""
+        return self.twin.kind == 'stepper'
+
+    @property
+    def moving_axes(self) -> list[str]:
+        """Axes whose force balance can be judged."""
+        axes = self.records[0].axes
+        if self.stepper:
+            return []
+        return [a for i, a in enumerate(axes) if any(r.moving[i] for r in self.records)]
+
+
+def prepare(
+    sessions: Sequence[Session],
+    holdout: Sequence[Session],
+    twin: TwinFile,
+    without: Sequence[str],
+) -> Prepared:
+    """Load the sessions and read from them what needs no fit.
+
+    Raises
+    ------
+    StageError
+        If a session cannot be diagnosed, or the sessions have different axes.
+    """
+    counted_twin = with_counted_steps(twin)
+    load = load_stepper_record if twin.kind == 'stepper' else load_record
+    records = [load(s, twin) for s in sessions]
+    records += [load(s, twin, held_out=True) for s in holdout]
+    if any(r.axes != records[0].axes for r in records):
+        raise StageError('the sessions have different axes: diagnose them one by one')
+    counted = twin.kind == 'stepper' or 'encoder_quantisation' in without
+    quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
+    stepped = with_steps(counted_twin, quantisation)
+    seen = with_mean_points(with_noise(stepped, records), records)
+    direct = {**quantisation, **controller_findings(records, twin)}
+    return Prepared(records, twin, stepped, seen, direct)
+
+
+def servo_part(
+    before: Prepared,
+    axis: str,
+    direct: Parameters,
+    seed: int,
+    without: Sequence[str],
+    memory: Memory,
+    progress: Progress,
+) -> Part:
+    """The force balance of one axis."""
+    problem = memory.once(
+        ('servo', axis), lambda: Servo(before.records, before.stepped, axis).problem()
+    )
+    barred = tuple(sorted(n for n in without if _concerns(n, list(problem.terms))))
+
+    def fit() -> Part:
+        progress(f'command -> encoder of axis {axis}: reading the equation of motion backwards')
+        own = replace(problem, terms=dict(problem.terms))
+        part = fit_servo(axis, own, before.records, before.twin, direct, seed, barred)
+        column = before.records[0].column(axis)
+        return replace(part, row_axis=np.full(len(problem.target), column))
+
+    return memory.once(('servo', axis, barred, repr(direct)), fit)
+
+
+def tracker_part(
+    before: Prepared,
+    servo: list[Part],
+    seed: int,
+    without: Sequence[str],
+    memory: Memory,
+    progress: Progress,
+) -> tuple[list[Record], list[Part]]:
+    """The tracker's residual, if there is a tracker, and the records with its points in place."""
+    if any(r.tracker is None for r in before.records):
+        return before.records, []
+    movable = not set(without) & {'tracker_misalignment', 'tracker_latency'}
+    records = memory.once(('points', movable), lambda: _in_place(before, movable))
+    found = [describe(p.selection, p.selector.regression) for p in servo]
+    values = plain_values({k: v for f in found for k, v in f.items()})
+
+    def fit() -> Part:
+        progress('encoder -> table -> tracker: residual of the measurement')
+        kinematics = Kinematics(records, before.seen, values)
+        rules, least = (
+            (REST_RULES, LEAST_RESTS) if before.stepper else (KINEMATIC_RULES, LEAST_ROWS)
+        )
+        known = before.stepper and rest_scatter(before.twin, records) is not None
+        part = fit_part('tracker', kinematics.problem(), rules, seed, without, least, known)
+        return replace(part, row_axis=kinematics.row_axis())
+
+    return records, [memory.once(('tracker', tuple(sorted(without)), repr(values)), fit)]
+
+
+def _in_place(before: Prepared, movable: bool) -> list[Record]:
+    """Records whose tracker points are in the twin's frame and, if they may be, moved back."""
+    frame = sensor_frame(before.twin)
+    records = [replace(coarse.moved_back(r, frame), frame=frame) for r in before.records]
+    if not movable:
+        return records
+    moved = coarse.find(records)
+    return [replace(coarse.moved_back(r, moved), coarse=moved) for r in records]
+
+
+def _concerns(barred: str, terms: list[str]) -> bool:
+    """Whether an effect that is taken out, of one axis or of all, is among the candidates."""
+    return any(barred in (term, split_effect(term)[0]) for term in terms)

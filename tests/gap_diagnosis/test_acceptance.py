@@ -1,0 +1,38 @@
+"""What a name has to show before it stands in a report."""
+
+from __future__ import annotations
+
+import pytest
+
+from gap_diagnosis.evidence.acceptance import Shrink, refuted
+
+PLAY = {'width': (8e-6, 1e-7)}
+
+
+def shrink(before: float, after: float, low: float, unit: str = 'm') -> Shrink:
+    return Shrink(unit, before, after, (low, 1.0), floor=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('found', 'stands'),
+    [
+        (shrink(3e-6, 1e-6, 0.5), True),
+        (shrink(3e-6, 1e-6, -0.01), False),  # by chance
+        (shrink(1.05e-6, 1e-6, 0.02), False),  # nobody would see it
+        (shrink(50e-6, 49e-6, 0.01), True),  # little of a large gap, and much beside the noise
+        (shrink(1.2, 1.1, 0.05, unit='N'), False),
+        (shrink(1.2, 0.8, 0.2, unit='N'), True),
+    ],
+)
+def test_a_name_stands_only_where_the_gap_shrinks_by_it(found: Shrink, stands: bool) -> None:
+    assert refuted('backlash.x', found, PLAY) is not stands
+
+
+def test_a_name_that_makes_a_channel_worse_goes() -> None:
+    found = Shrink('m', 3e-6, 1e-6, (0.5, 0.7), 1e-6, worse=('encoder.y',))
+    assert refuted('backlash.x', found, PLAY)
+
+
+@pytest.mark.parametrize('width', [(1e-7, 1e-7), (1e-3, 1e-6)])
+def test_a_parameter_at_nothing_or_at_its_bound_is_no_finding(width: tuple[float, float]) -> None:
+    assert refuted('backlash.x', shrink(3e-6, 1e-6, 0.5), {'width': width})
