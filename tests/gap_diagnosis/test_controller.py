@@ -48,6 +48,14 @@ def test_other_gains_are_named_with_their_values(planted: Maker, change: dict[st
     assert result.after < 0.2 * result.before
 
 
+def test_the_error_of_a_feedforward_is_absolute(planted: Maker) -> None:
+    result = found(planted({}, duration=10.0), {'velocity_feedforward': 0.8})
+    true = TwinFile.nominal_servo().servo('x').velocity_feedforward
+    value, _ = result.parameters['controller_mismatch.x']['velocity_feedforward_error']
+    assert value == pytest.approx(true - 0.8, abs=0.01)
+    assert result.after < 0.2 * result.before
+
+
 def test_an_effect_is_found_beside_other_gains(planted: Maker) -> None:
     session = planted({'coulomb_friction.x': {'coulomb': 15.0}}, duration=20.0)
     result = found(session, {'velocity_gain': 2400.0, 'integral_gain': 60000.0})

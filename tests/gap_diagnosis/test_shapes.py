@@ -56,6 +56,14 @@ def test_a_guide_bent_like_no_polynomial_of_third_order(planted: Maker) -> None:
         assert deviation < 0.1 * abs(value)
 
 
+def test_a_guide_that_is_bent_in_high_orders_alone(planted: Maker) -> None:
+    bend = {'quadratic': 0.0, 'p7': 8e-6, **{'centre': -0.0032, 'half_range': 0.0267}}
+    session = planted({'straightness.x': bend}, axes=('x', 'y'))
+    found = diagnose([session], [], TWIN)
+    assert found.verdict == ['straightness.x']
+    assert found.after < 1.2 * found.noise_floor
+
+
 def test_the_load_that_the_tracker_sees_swing(planted: Maker) -> None:
     swing = {'frequency': 12.0, 'damping': 0.03, 'mass_ratio': 0.3, 'table_share': 1.0}
     found = diagnose([planted({'structural_resonance.x': swing})], [], ALONE)
