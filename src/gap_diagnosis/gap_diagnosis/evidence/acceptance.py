@@ -39,12 +39,6 @@ class Sides:
     unit: str
     floor: float
 
-    @property
-    def change(self) -> float:
-        """By how much the effect moves the RMS, in floors."""
-        ends = [float(np.sqrt(s.mean())) for s in (self.without, self.with_it)]
-        return abs(ends[0] - ends[1]) / self.floor if self.floor > 0.0 else np.inf
-
 
 @dataclass(frozen=True)
 class Shrink:
@@ -76,21 +70,29 @@ class Shrink:
 def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
     """How far an effect shrinks the gap, from the channels without and with it.
 
-    Positions count all together, as `gap.before` does. The force of the effect's axis counts in
-    their place where the effect moves no position by a tenth of its floor.
+    Positions count all together, as `gap.before` does. Where a servo effect moves none of them
+    that a user would see, the force of its axis counts: the controller takes the effect up.
     """
     positions = [s for s in sides.values() if s.unit == 'm']
+    worse = tuple(n for n, s in sides.items() if s.unit == 'm' and _interval([s], seed)[1] < 0.0)
     force = sides.get(f'force.{split_effect(name)[1]}')
-    hidden = all(s.change < 0.1 for s in positions)
-    counted = [force] if hidden and force is not None and link_of(name) == 'servo' else positions
-    low, high = _interval(counted, seed)
-    worse = [n for n, s in sides.items() if s.unit == 'm' and _interval([s], seed)[1] < 0.0]
-    before, after = (
-        float(np.sqrt(np.mean([side.mean() for side in of])))
-        for of in ([s.without for s in counted], [s.with_it for s in counted])
+    seen = _shrink(positions, worse, seed)
+    if seen.matters or force is None or link_of(name) != 'servo':
+        return seen
+    taken_up = _shrink([force], worse, seed)
+    return taken_up if taken_up.matters else seen
+
+
+def _shrink(counted: Sequence[Sides], worse: tuple[str, ...], seed: int) -> Shrink:
+    before, after, floor = (
+        float(np.sqrt(np.mean(squares)))
+        for squares in (
+            [s.without.mean() for s in counted],
+            [s.with_it.mean() for s in counted],
+            [s.floor**2 for s in counted],
+        )
     )
-    floor = float(np.sqrt(np.mean([s.floor**2 for s in counted])))
-    return Shrink(counted[0].unit, before, after, (low, high), floor, tuple(worse))
+    return Shrink(counted[0].unit, before, after, _interval(counted, seed), floor, worse)
 
 
 def _interval(sides: Sequence[Sides], seed: int) -> tuple[float, float]:
