@@ -45,7 +45,7 @@ features stand in `evidence/probability.py`. One is taken if it lowers the log-l
 generator that the fit did not see by at least 2 %."""
 HELD = """The estimated deviations hold noise and misfit of the session alone. The widened ones are
 fitted to the two other generators."""
-INTERVALS = """A deviation is widened by what the models of its link get wrong: by a factor, and
+INTERVALS = """A deviation is widened by what models of its kind get wrong: by a factor, and
 by a share of the value (added in squares) for all but places and phases. Both are the narrowest
 that hold 95 % of the truths. The second table is of right names, all generators together: how
 often the stated 95 % interval holds the truth, its median width over the true value, the median
@@ -105,7 +105,7 @@ def _coverage(rows: Sequence[Row]) -> str:
 
 def _spread(spread: Spread) -> str:
     lines = [[link, f'{f:.2f}', f'{100.0 * share:.2g} %'] for link, (f, share) in spread.items()]
-    return table(['link', 'factor', 'share of the value'], lines)
+    return table(['models of', 'factor', 'share of the value'], lines)
 
 
 def _held(rows: Sequence[Row]) -> str:

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from benchmarks.calibrate.truth import belongs_to_machine
 from gap_diagnosis.evidence.acceptance import SIGMAS
-from gap_diagnosis.evidence.describe import is_magnitude
+from gap_diagnosis.evidence.describe import is_magnitude, model_of
 from stage_core.quantities import LINKS
-from stage_twin.effects import link_of
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -25,22 +24,22 @@ SHARES = np.concatenate([[0.0], np.geomspace(1e-5, 0.1, 60)])
 
 
 def spread_of(rows: Sequence[Row]) -> Spread:
-    """Per link: factor on a deviation, and share of the value that is added in squares.
+    """Per kind of model: factor on a deviation, and share of the value that is added in squares.
 
     Of the pairs with which 95 % of the truths are held, the one with the narrowest intervals
     (geometric mean of their widths) counts. Few intervals ask for more: of n the share held is
     0.95 (n + 1) / n, at most all (conformal prediction; Vovk et al., 2005).
     """
-    return {link: _narrowest(_of_link(rows, link)) for link in LINKS}
+    return {model: _narrowest(_of_model(rows, model)) for model in ('friction', *LINKS)}
 
 
-def _of_link(rows: Sequence[Row], link: str) -> Array:
+def _of_model(rows: Sequence[Row], model: str) -> Array:
     """Relative error, relative deviation, whether a share of the value counts: (n, 3)."""
     found = [
         (sigmas * width / (2.0 * SIGMAS), width / (2.0 * SIGMAS), is_magnitude(name, parameter))
         for row in rows
         for name, parameter, sigmas, width in row.get('intervals', [])
-        if link_of(name) == link and belongs_to_machine(name, parameter)
+        if model_of(name) == model and belongs_to_machine(name, parameter)
     ]
     return np.array(found, dtype=float).reshape(-1, 3)
 
@@ -71,7 +70,7 @@ def widened(rows: Sequence[Row], spread: Spread) -> list[Row]:
 
 def _wider(interval: Sequence[Any], spread: Spread) -> tuple[str, str, float, float]:
     name, parameter, sigmas, width = interval
-    factor, share = spread[link_of(name)]
+    factor, share = spread[model_of(name)]
     share = 2.0 * SIGMAS * share if is_magnitude(name, parameter) else 0.0
     wider = math.hypot(factor * width, share)
     return name, parameter, sigmas * width / wider, wider

@@ -12,6 +12,7 @@ WEIGHTS: dict[str, dict[str, float]] = {
 }
 SPREAD: dict[str, tuple[float, float]] = {
     'servo': (1.0, 0.0),
+    'friction': (1.0, 0.0),
     'kinematic': (1.0, 0.0),
     'sensor': (1.0, 0.0),
 }

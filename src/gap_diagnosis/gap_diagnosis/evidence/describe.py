@@ -45,11 +45,20 @@ def is_magnitude(name: str, parameter: str) -> bool:
     return known.neutral is not None or known.minimum >= 0.0
 
 
+def model_of(name: str) -> str:
+    """Whose error an effect's parameters share: its link's, or that of all frictions.
+
+    Models of a reversal (pre-sliding) are cruder than the rest of the servo link.
+    """
+    reverses = any(p.name == 'presliding' for p in effect_of(name).parameters)
+    return 'friction' if reverses else link_of(name)
+
+
 def with_model_error(
     name: str, values: dict[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Parameters whose deviations hold what the models of a link get wrong (`SPREAD`)."""
-    factor, share = SPREAD[link_of(name)]
+    """Parameters whose deviations hold what models of their kind get wrong (`SPREAD`)."""
+    factor, share = SPREAD[model_of(name)]
     return {
         k: (v, std and math.hypot(factor * std, share * abs(v) if is_magnitude(name, k) else 0.0))
         for k, (v, std) in values.items()
