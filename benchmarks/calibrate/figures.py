@@ -10,10 +10,14 @@ import numpy as np
 from benchmarks.calibrate.fit import CANDIDATES, left_out, statements
 from benchmarks.calibrate.truth import belongs_to_machine
 from benchmarks.generators.score import BINS, judged
+from gap_diagnosis.evidence.describe import is_magnitude
 from stage_core.quantities import split_effect
 
 Row = dict[str, Any]
 Pairs = list[tuple[float, bool]]
+
+#: Widths from here on are relative to a truth of 0.
+NO_SHARE = 1e3
 
 
 def verdicts(rows: Sequence[Row]) -> dict[str, float]:
@@ -108,11 +112,17 @@ def coverage(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
         out[key] = {
             'count': known,
             'holds': float(np.mean(np.abs(values[:, 0]) <= 1.96)) if known else np.nan,
-            'width': float(np.median(values[:, 1])) if known else np.nan,
-            'bias': float(np.median(values[:, 0])) if known else np.nan,
+            'width': _median(values[:, 1]),
+            'bias': _median(values[:, 0]),
             'open': open_.get(key, 0) / named if named else np.nan,
         }
     return out
+
+
+def _median(values: np.ndarray) -> float:
+    """Median of what is finite and not relative to a truth of 0."""
+    counted = values[np.abs(values) < NO_SHARE]
+    return float(np.median(counted)) if len(counted) else np.nan
 
 
 def unidentified(rows: Sequence[Row]) -> dict[str, int]:
@@ -121,7 +131,7 @@ def unidentified(rows: Sequence[Row]) -> dict[str, int]:
     for row in rows:
         for s in row['statements']:
             for parameter, (_, std) in s['parameters'].items() if s['true'] else ():
-                if not belongs_to_machine(s['effect'], parameter):
+                if not is_magnitude(s['effect'], parameter):
                     continue
                 if not (np.isfinite(std) and std > 0.0):
                     key = f'{split_effect(s["effect"])[0]}.{parameter}'

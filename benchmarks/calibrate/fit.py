@@ -100,19 +100,30 @@ def left_out(found: Sequence[Row], names: Sequence[str]) -> Array:
     return out
 
 
-def choose(found: Sequence[Row], candidates: Sequence[str]) -> list[str]:
-    """Features taken one by one while the left-out log-loss falls by `WORTHWHILE`."""
+def losses(found: Sequence[Row], names: Sequence[str]) -> Array:
+    """Log-loss on each generator (g,) by the statements of the others."""
+    p = left_out(found, names)
     true = np.array([s['true'] for s in found], dtype=float)
-    if not len(found):
-        return []
+    of = np.array([s['generator'] for s in found])
+    return np.array([log_loss(p[of == g], true[of == g]) for g in sorted({*of.tolist()})])
+
+
+def choose(found: Sequence[Row], candidates: Sequence[str]) -> list[str]:
+    """Features taken one by one while the left-out log-loss falls by `WORTHWHILE`.
+
+    The mean over the generators has to fall, and that of none may rise by as much.
+    """
     chosen: list[str] = []
-    best = log_loss(left_out(found, chosen), true)
+    best = losses(found, chosen)
     while len(chosen) < len(candidates):
-        losses = {
-            n: log_loss(left_out(found, [*chosen, n]), true) for n in candidates if n not in chosen
+        trials = {n: losses(found, [*chosen, n]) for n in candidates if n not in chosen}
+        good = {
+            n: t
+            for n, t in trials.items()
+            if t.sum() < (1.0 - WORTHWHILE) * best.sum() and np.all(t < (1.0 + WORTHWHILE) * best)
         }
-        name = min(losses, key=lambda n: losses[n])
-        if losses[name] > (1.0 - WORTHWHILE) * best:
+        if not good:
             break
-        chosen, best = [*chosen, name], losses[name]
+        name = min(good, key=lambda n: float(good[n].sum()))
+        chosen, best = [*chosen, name], good[name]
     return chosen

@@ -41,8 +41,8 @@ def markdown(rows: Sequence[Row], weights: Weights, spread: Spread, facts: Row) 
 
 UNSEEN = """The probabilities of each generator come from a fit to the two others."""
 WEIGHED = """Weights of the features of each kind of statement, and of the constant (`1`). The
-features stand in `evidence/probability.py`. One is taken if it lowers the log-loss on the
-generator that the fit did not see by at least 2 %."""
+features stand in `evidence/probability.py`. One is taken if it lowers the log-loss on generators
+that the fit did not see by at least 2 % in the mean, and raises it on none by as much."""
 HELD = """The estimated deviations hold noise and misfit of the session alone. The widened ones are
 fitted to the two other generators."""
 INTERVALS = """A deviation is widened by what models of its kind get wrong: by a factor, and

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.calibrate.figures import NO_SHARE
 from benchmarks.calibrate.truth import belongs_to_machine
 from gap_diagnosis.evidence.acceptance import SIGMAS
 from gap_diagnosis.evidence.describe import is_magnitude, model_of
@@ -39,7 +40,7 @@ def _of_model(rows: Sequence[Row], model: str) -> Array:
         (sigmas * width / (2.0 * SIGMAS), width / (2.0 * SIGMAS), is_magnitude(name, parameter))
         for row in rows
         for name, parameter, sigmas, width in row.get('intervals', [])
-        if model_of(name) == model and belongs_to_machine(name, parameter)
+        if model_of(name) == model and belongs_to_machine(name, parameter) and width < NO_SHARE
     ]
     return np.array(found, dtype=float).reshape(-1, 3)
 
