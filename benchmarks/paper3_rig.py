@@ -122,7 +122,7 @@ def designed(tuned: Tuned) -> LearningSettings:
 def printed(tuned: Tuned) -> LearningSettings:
     """Learning of scheme 3 as printed: no lead, a rate that a fixed one over-learns with."""
     rate = first_rate(tuned.base.position[0])
-    return LearningSettings((rate, rate), PLAIN_CUTOFF, 0, divergence=0.0)
+    return LearningSettings((rate, rate), PLAIN_CUTOFF, 0, floor=0.1, divergence=0.0)
 
 
 @dataclass(frozen=True)

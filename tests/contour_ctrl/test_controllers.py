@@ -281,16 +281,39 @@ def test_literal_regulator_freezes_at_zero() -> None:
     assert factors[2:] == [0.0, 0.0, 0.0]
 
 
-def test_learner_returns_to_the_best_signal_when_it_diverges() -> None:
-    learner = Learner(2000, 1e-3, LearningSettings(reinforced=False, divergence=2.0))
-    error = 1e-5 * np.sin(2 * np.pi * 2e-3 * np.arange(2000))[:, None] * np.ones(2)
-    learner.learn(error)
-    best = learner.learned.copy()
-    learner.learn(0.5 * error)
-    learner.learn(3.0 * error)
-    assert learner.restored[-1] == (True, True)
-    assert learner.learned == pytest.approx(best)
-    broken = error.copy()
+def test_learner_returns_to_the_best_iteration_when_its_own_signal_makes_the_error_grow() -> None:
+    rng = np.random.default_rng(3)
+    learner = Learner(2000, 1e-3, LearningSettings(reinforced=False, divergence=1.2))
+    weights = np.ones((1, 2, 2))
+    shape = ilc.zero_phase_lowpass(rng.normal(size=(2000, 2)), 20.0, 1e-3)
+    learner.learn(1e-5 * shape, weights)
+    # What the signal does arrives 30 ticks later and twice as strong as needed, reversed.
+    first = np.roll(learner.learned, 30, axis=0)
+    weights[:] = 2.0
+    learner.learn(
+        1e-5 * shape - 1e-5 * 3.0 * first / np.abs(first).max() * np.abs(shape).max(), weights
+    )
+    assert learner.returns == [False, True]
+    assert learner.rate == 0.5 and np.all(weights == 1.0)
+    assert learner.lead == pytest.approx([30, 30], abs=1)
+    broken = shape.copy()
     broken[4] = np.nan
     with pytest.raises(StageError, match='without a measurement'):
-        learner.learn(broken)
+        learner.learn(broken, weights)
+
+
+def test_a_push_is_no_divergence_and_another_machine_is_learned_anew() -> None:
+    rng = np.random.default_rng(4)
+    learner = Learner(2000, 1e-3, LearningSettings())
+    weights = np.zeros((1, 2, 2))
+    error = 1e-6 * ilc.zero_phase_lowpass(rng.normal(size=(2000, 2)), 20.0, 1e-3)
+    push = 1e-5 * np.sin(2 * np.pi * 3.0 * 1e-3 * np.arange(2000))[:, None] * np.ones(2)
+    learner.learn(error, weights)
+    signal = learner.learn(0.9 * error, weights).copy()
+    assert np.array_equal(learner.learn(error + push, weights), signal)
+    learner.learn(0.8 * error, weights)
+    assert not any(learner.returns) and learner.rate == 1.0
+    for _ in range(5):
+        learner.learn(error + push, weights)
+    assert learner.best is not None
+    assert learner.best.rms == pytest.approx(np.sqrt(np.mean((error + push) ** 2, axis=0)))

@@ -90,8 +90,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         'rilc_reading', 'recommended', 'reading of eqs. 12-16', choices=reinforcement.READINGS
     ),
-    Parameter('rilc_floor', 0.1, 'smallest share of L_initial', '', 1e-3, 1.0),
-    Parameter('divergence', 3.0, 'times the best RMS that restores it; 0 is off', '', 0.0),
+    Parameter('rilc_floor', 0.2, 'smallest share of L_initial', '', 1e-3, 1.0),
+    Parameter('divergence', 1.2, 'times the best RMS that is growth; 0 is off', '', 0.0),
     Parameter('start_tolerance', 1e-4, 'distance from the start to begin at', 'm', 1e-7),
     Parameter('approach_timeout', 30.0, 'to reach the start', 's', 0.1),
     Parameter(

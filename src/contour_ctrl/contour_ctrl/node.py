@@ -63,16 +63,16 @@ class ContourCtrl(StreamingNode):
         folder = self.value('session_folder')
         if not (course.success and folder):
             return
-        signal = np.zeros_like(course.controller.learned)
-        if course.learner is not None:
-            signal = course.learner.best
+        signal, weights = np.zeros_like(course.controller.learned), course.best_weights
+        if course.learner is not None and course.learner.best is not None:
+            signal, weights = course.learner.best.signal, course.learner.best.weights
         storage.save(
             Path(folder) / storage.FILE_NAME,
             storage.Learned(
                 course.controller.reference.digest(),
                 self.value('machine'),
                 signal,
-                course.best_weights,
+                weights,
             ),
             {'scheme': self.value('scheme'), 'result': course.message},
         )

@@ -127,5 +127,5 @@ class Rehearsal:
         for index in range(iterations):
             results.append(self.run(controller, None if external is None else external[index]))
             if learner is not None and index + 1 < iterations:
-                controller.learned[:] = learner.learn(controller.record[:, EX : EX + 2])
+                learner.after(controller)
         return results

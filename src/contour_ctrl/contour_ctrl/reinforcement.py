@@ -54,7 +54,7 @@ class LearningRate:
     """
 
     reading: str = 'recommended'
-    floor: float = 0.1
+    floor: float = 0.2
     change_scale: float = 0.1
     limit: float = 0.01
     reward_gain: float = 5.0

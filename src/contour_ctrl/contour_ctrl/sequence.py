@@ -20,6 +20,7 @@ from contour_ctrl.reference import plan
 from contour_ctrl.tick import EX, QX, Controller, Gains
 from stage_core import topics
 from stage_core.clocks import NANOSECONDS
+from stage_core.errors import StageError
 
 FloatArray = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -336,7 +337,10 @@ class ContourRun:
             self.best = len(self.results) - 1
             self.best_weights[:] = self.controller.weights
         if self.learner is not None:
-            self.controller.learned[:] = self.learner.learn(record[:, EX : EX + 2].copy())
+            try:
+                self.learner.after(self.controller)
+            except StageError as error:
+                self._reason = self._reason or str(error)
         if self.report is not None:
             self.report(len(self.results), result)
 

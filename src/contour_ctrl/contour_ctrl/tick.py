@@ -201,6 +201,10 @@ class Controller:
         """Return the number of ticks."""
         return len(self.table)
 
+    def freeze_cmac(self) -> None:
+        """Keep the CMAC's weights as they are from now on."""
+        self.settings[RATE], self.settings[KEEP] = 0.0, 1.0
+
     def tick(self, k: int, qx: float, qy: float) -> FloatArray:
         """Return vc (2,) [m/s] of tick k; the array is overwritten by the next tick."""
         tick(
