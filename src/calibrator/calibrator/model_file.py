@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +16,7 @@ from calibrator.models import model_from_dict
 from calibrator.models.base import Array, CalibrationModel
 from stage_core.errors import StageError
 from stage_core.untrusted import file_text, json_object
+from stage_core.whole_file import write_whole
 
 FORMAT = 'stage-calibration-model'
 FORMAT_VERSION = 1
@@ -138,16 +137,7 @@ def save(stored: StoredModel, path: str | Path) -> None:
     )
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(prefix=f'.{target.name}.', dir=target.parent)
-        try:
-            with os.fdopen(handle, 'w', encoding='utf-8') as stream:
-                stream.write(text)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.replace(temporary, target)
-        except OSError:
-            os.unlink(temporary)
-            raise
+        write_whole(target, text)
     except OSError as error:
         raise StageError(
             f'{target} cannot be written ({error.strerror}): choose another folder'

@@ -19,6 +19,7 @@ from calibrator.prepare import Samples
 from calibrator.training import Metrics, Training, train
 from session_bags.archive import Where, map_items
 from stage_core.errors import StageError
+from stage_core.whole_file import replacing
 
 _NUMBERS = ('seconds', 'samples', 'held_out', 'wild')
 _METRICS = ('before', 'after', 'train_before', 'train_after')
@@ -109,5 +110,6 @@ def _save(samples: Samples, folder: Path) -> Path:
         digest.update(np.ascontiguousarray(values).tobytes())
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f'samples-{digest.hexdigest()[:16]}.npz'
-    np.savez(path, text=np.array(text), **arrays)
+    with replacing(path) as stream:
+        np.savez(stream, text=np.array(text), **arrays)
     return path

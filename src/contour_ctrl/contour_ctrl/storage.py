@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from stage_core.errors import StageError
 from stage_core.untrusted import json_object
+from stage_core.whole_file import replacing
 
 FloatArray = NDArray[np.float64]
 
@@ -42,15 +43,13 @@ def save(path: str | Path, learned: Learned, notes: dict[str, str] | None = None
     target = Path(path)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        part = target.with_suffix('.part')
-        with part.open('wb') as file:
+        with replacing(target) as file:
             np.savez(
                 file,
                 header=np.array(json.dumps(header)),
                 signal=learned.signal,
                 weights=learned.weights,
             )
-        part.replace(target)
     except OSError as error:
         raise StageError(
             f'cannot write the learned signal {path} ({error.strerror}): check session_folder'

@@ -12,6 +12,7 @@ from typing import Any
 from gap_diagnosis import service
 from session_bags.archive import Outcome, Where, find_bags, map_bags
 from stage_core.errors import StageError
+from stage_core.whole_file import write_whole
 
 
 def diagnose_archive(
@@ -52,7 +53,7 @@ def diagnose_archive(
         {'bag': name, **(outcome.result or {'skipped': outcome.error})}
         for name, outcome in zip(names, outcomes, strict=True)
     ]
-    (out / 'summary.json').write_text(json.dumps(rows, indent=1) + '\n', encoding='utf-8')
+    write_whole(out / 'summary.json', json.dumps(rows, indent=1) + '\n')
     if not any(outcome.result for outcome in outcomes):
         raise StageError(f'no bag can be diagnosed; {names[0]}, for one: {outcomes[0].error}')
     return table(names, outcomes)

@@ -20,6 +20,7 @@ from typing import Any
 from tqdm import tqdm
 
 from stage_core.errors import StageError
+from stage_core.whole_file import write_whole
 
 #: Takes an item, for example the path of a bag, and returns what JSON can hold. A module's
 #: function (or a `functools.partial` of one), so that other processes find it.
@@ -194,10 +195,7 @@ def _kept(item: str, path: Path) -> Outcome | None:
 
 
 def _keep(path: Path, outcome: Outcome) -> None:
-    temporary = path.with_suffix('.tmp')
-    content = {'item': outcome.item, 'result': outcome.result}
-    temporary.write_text(json.dumps(content), encoding='utf-8')
-    os.replace(temporary, path)
+    write_whole(path, json.dumps({'item': outcome.item, 'result': outcome.result}))
 
 
 def _on_this_machine(function: ItemFunction, items: Sequence[str], jobs: int) -> Stream:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ import yaml
 
 from stage_core.errors import StageError
 from stage_core.untrusted import file_text, yaml_mapping, yaml_value
+from stage_core.whole_file import write_whole
 
 VERSION = 9
 FILE_NAME = 'metadata.yaml'
@@ -97,9 +97,7 @@ class BagMetadata:
 
     def save(self, directory: Path) -> None:
         """Write ``metadata.yaml``; a reader sees the old file or the new one, never a part."""
-        temporary = directory / (FILE_NAME + '.tmp')
-        temporary.write_text(dump({_OUTER_KEY: self.content()}), encoding='utf-8')
-        os.replace(temporary, directory / FILE_NAME)
+        write_whole(directory / FILE_NAME, dump({_OUTER_KEY: self.content()}))
 
 
 class _Dumper(yaml.SafeDumper):

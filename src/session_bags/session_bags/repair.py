@@ -72,7 +72,9 @@ def _repair_file(path: Path) -> Repaired:
         if not container.message_count:
             target.unlink()
             raise StageError(f'{path} holds no complete chunk of messages: nothing can be saved')
-        os.replace(path, path.with_name(path.name + KEPT_SUFFIX))
+        kept = path.with_name(path.name + KEPT_SUFFIX)
+        kept.unlink(missing_ok=True)
+        os.link(path, kept)
         os.replace(target, path)
     except OSError as error:
         target.unlink(missing_ok=True)

@@ -17,6 +17,7 @@ from stage_bringup.keep_awake import KeepAwake
 from stage_bringup.processes import Processes
 from stage_bringup.progress import Progress
 from stage_core.errors import StageError, command_line
+from stage_core.whole_file import write_whole
 
 #: Nodes of this machine find each other well within this time [s].
 LOOKOUT = 1.5
@@ -110,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         result = run_steps(options, processes)
         print(result.text)
-        (options.out / 'session.json').write_text(json.dumps(result.data, indent=1))
+        write_whole(options.out / 'session.json', json.dumps(result.data, indent=1))
         from stage_bringup.report import write_report
 
         print(f'report: {write_report(options, result)}')

@@ -16,6 +16,7 @@ from typing import Any
 
 from stage_core import theme
 from stage_core.errors import StageError
+from stage_core.whole_file import replacing, write_whole
 
 #: A picture wider than this (inches) gets a row of its own.
 _WIDE = 7.0
@@ -214,7 +215,7 @@ class Page:
         target = Path(path)
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(self.render(), encoding='utf-8')
+            write_whole(target, self.render())
         except OSError as error:
             raise StageError(f'cannot write {target}: {error.strerror}') from error
         return target
@@ -222,15 +223,14 @@ class Page:
     def save_pictures(self, folder: Path, name: str) -> None:
         """Write each picture as ``<name>_<number>.png`` on white."""
         for number, (_, figure) in enumerate(self.figures, 1):
-            figure.savefig(folder / f'{name}_{number:02d}.png', dpi=110, facecolor='white')
+            with replacing(folder / f'{name}_{number:02d}.png') as stream:
+                figure.savefig(stream, format='png', dpi=110, facecolor='white')
 
 
 def add_navigation(path: Path, entries: Sequence[Entry]) -> None:
     """Put links into a page that another program has written without any."""
     text = path.read_text(encoding='utf-8')
-    path.write_text(
-        text.replace('<body><main>', f'<body>{_navigation(entries)}<main>', 1), encoding='utf-8'
-    )
+    write_whole(path, text.replace('<body><main>', f'<body>{_navigation(entries)}<main>', 1))
 
 
 def _navigation(entries: Sequence[Entry]) -> str:

@@ -15,6 +15,7 @@ from stage_core.errors import StageError
 from stage_core.names import refuse_unknown_keys
 from stage_core.quantities import AXES
 from stage_core.untrusted import file_text, yaml_mapping
+from stage_core.whole_file import write_whole
 
 KINDS = ('servo', 'stepper', 'measured_force')
 
@@ -206,7 +207,7 @@ class TwinFile:
 
     def save(self, path: str | Path) -> None:
         """Write the twin file."""
-        Path(path).write_text(self.to_yaml(), encoding='utf-8')
+        write_whole(path, self.to_yaml())
 
     def with_effects(self, effects: Mapping[str, Mapping[str, float]]) -> TwinFile:
         """The same machine with these effects added; one of the same name is replaced."""

@@ -9,6 +9,7 @@ import numpy as np
 from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.input.checks import EXCITATION_HINT
 from stage_core.quantities import UNKNOWN
+from stage_core.whole_file import write_whole
 from stage_twin.effects import separating
 
 REFERENCE_FILE = 'next_reference.yaml'
@@ -76,7 +77,7 @@ def write_reference(diagnosis: Diagnosis, directory: Path) -> Path | None:
         'points:',
         *(f'- [{x:.9f}, {y:.9f}]' for x, y in points),
     ]
-    path.write_text('\n'.join(lines) + '\n', encoding='utf-8')
+    write_whole(path, '\n'.join(lines) + '\n')
     return path
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence.judgement import Cause
 from stage_core.quantities import split_effect
+from stage_core.whole_file import write_whole
 from stage_twin.effects import EFFECTS
 
 SCHEMA = 'gap-report/1'
@@ -136,7 +137,7 @@ def write(diagnosis: Diagnosis, directory: Path) -> Path:
     diagnosis.corrected_twin.save(directory / 'corrected_twin.yaml')
     path = directory / 'report.json'
     text = json.dumps(_finite(as_dict(diagnosis)), indent=2, allow_nan=False)
-    path.write_text(text + '\n', encoding='utf-8')
+    write_whole(path, text + '\n')
     return path
 
 
