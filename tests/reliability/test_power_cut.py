@@ -1,4 +1,4 @@
-"""Killed (SIGKILL, or by the kernel) at each write: a file is old or new, a bag loses one chunk."""
+"""Killed at each write, by itself or the kernel: a file is old or new, a bag loses one chunk."""
 
 from __future__ import annotations
 
