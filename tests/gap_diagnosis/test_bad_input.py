@@ -52,11 +52,6 @@ def frozen_tracker(session: Session) -> Session:
     return changed(session, topics.TRACKER_POINT, x=constant)
 
 
-def other_sign(session: Session) -> Session:
-    effort = session.series[topics.COMMAND].values['effort.x']
-    return changed(session, topics.COMMAND, effort_x=-effort)
-
-
 def cut(session: Session, seconds: float) -> Session:
     start = session.start_ns
     stop = start + int(seconds * 1e9)
@@ -69,7 +64,6 @@ CASES: list[tuple[str, Callable[[Session], Session], str]] = [
     ('no encoder', lambda s: without(s, topics.JOINT_STATES), topics.JOINT_STATES),
     ('NaN', nan_encoder, 'NaN|not.*number'),
     ('no motion', still, 'motion is missing'),
-    ('effort of the wrong sign', other_sign, 'sign or unit'),
     ('frozen tracker', frozen_tracker, 'frozen'),
     ('too short', lambda s: cut(s, 3.0), 'too short'),
     ('tracker at another time', lambda s: shifted(s, topics.TRACKER_POINT, 900.0), 'overlap'),

@@ -91,3 +91,23 @@ def test_velocities_of_setpoints_are_inputs_and_others_are_findings(planted: Mak
     )
     undeclared = replace(plain, series={**plain.series, topics.SETPOINT: silent})
     assert found(undeclared, change).verdict == ['controller_mismatch.x']
+
+
+@pytest.mark.parametrize(('factor', 'magnitude'), [(-1.0, 0.0), (0.01 / 6.2832, 0.0), (1.0, 1.0)])
+def test_an_effort_that_is_no_force_in_newtons_is_said_and_mended(
+    planted: Maker, factor: float, magnitude: float
+) -> None:
+    convention = {'factor': factor, 'magnitude': magnitude}
+    effects = {'effort_convention.x': convention, 'coulomb_friction.x': {'coulomb': 15.0}}
+    result = found(planted(effects, duration=16.0), {})
+    assert set(result.verdict) == set(effects)
+    values = result.parameters['effort_convention.x']
+    assert values['factor'][0] == pytest.approx(factor, rel=1e-3)
+    assert values['magnitude'][0] == magnitude
+    assert result.parameters['coulomb_friction.x']['coulomb'][0] == pytest.approx(15.0, rel=0.05)
+
+
+def test_an_effort_that_the_twin_says_of_itself_is_no_finding(planted: Maker) -> None:
+    convention = {'effort_convention.x': {'factor': 0.01, 'magnitude': 0.0}}
+    session = planted(convention, duration=10.0)
+    assert diagnose([session], [], other_gains({}).with_effects(convention)).verdict == []

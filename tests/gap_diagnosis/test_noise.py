@@ -139,7 +139,11 @@ def test_noise_in_the_acceleration_is_no_lighter_mass(
 def test_a_right_twin_is_not_blamed_for_noise(planted: Maker, white: float, jitter: float) -> None:
     session = with_read_noise(planted({}, axes=('x', 'y'), duration=12.0), white, jitter)
     found = diagnose([session], [], TwinFile.nominal_servo())
-    assert found.verdict == []
+    assert found.verdict == (['sample_jitter'] if jitter > 0.0 else [])
+    if jitter > 0.0:
+        std, deviation = found.parameters['sample_jitter']['std']
+        assert std == pytest.approx(jitter, rel=0.05)
+        assert abs(std - jitter) < 4.0 * deviation
     noise = as_dict(found)['noise']
     measured = found.records[0].noise
     assert measured is not None

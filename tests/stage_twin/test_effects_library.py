@@ -19,6 +19,7 @@ from stage_twin.simulate import simulate
 
 PERIOD = 1e-3
 TIMES = np.arange(1500) * PERIOD
+CHANNELS = ('encoder', 'table', 'tracker_points', 'tracker_stamps', 'times', 'force')
 PARAMETERS = [
     (effect.name, parameter.name) for effect in EFFECTS.values() for parameter in effect.parameters
 ]
@@ -82,6 +83,8 @@ def test_every_effect_moves_its_link(name, nominal):
     table = np.abs(result.table - nominal.table).max()
     points = np.abs(result.tracker_points - nominal.tracker_points).max()
     stamps = np.abs(result.tracker_stamps - nominal.tracker_stamps).max()
+    stamps = max(stamps, np.abs(result.times - nominal.times).max())
+    force = np.abs(result.force - nominal.force).max()
     link = EFFECTS[name].link
     if link == 'servo' or name.startswith('encoder'):
         assert encoder > 1e-6
@@ -90,7 +93,7 @@ def test_every_effect_moves_its_link(name, nominal):
         assert table > 1e-7
     else:
         assert encoder == table == 0.0
-        assert points > 1e-7 or stamps > 1e-6
+        assert points > 1e-7 or stamps > 1e-6 or force > 1.0
 
 
 @pytest.mark.parametrize(('effect', 'parameter'), PARAMETERS)
@@ -106,7 +109,7 @@ def test_every_parameter_moves_the_output(effect, parameter):
         second = run({named(effect): {**values, parameter: other}})
         changes += [
             np.abs(getattr(first, channel) - getattr(second, channel)).max()
-            for channel in ('encoder', 'table', 'tracker_points', 'tracker_stamps')
+            for channel in CHANNELS
         ]
     assert max(changes) > 1e-10
 

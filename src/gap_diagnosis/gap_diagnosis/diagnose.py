@@ -32,6 +32,7 @@ from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record, held_out_windows
 from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
 from gap_diagnosis.residuals.nominal import merged
+from gap_diagnosis.residuals.recording import jitter_findings
 from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import UNKNOWN, split_effect
@@ -180,6 +181,7 @@ def _diagnose(
             )
         for name, values in found.items():
             parameters[name] = surer(parameters.get(name, {}), values)
+    parameters.update(_allowed(jitter_findings(records, twin, parameters), without))
     progress('closed-loop replay of the nominal and of the corrected twin')
     effects = plain_values(parameters)
     channels = gap_channels(records, twin, effects, parts)

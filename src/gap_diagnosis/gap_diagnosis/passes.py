@@ -16,6 +16,7 @@ from gap_diagnosis.input.stepper import load_stepper_record
 from gap_diagnosis.residuals.controller import controller_findings
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.nominal import sensor_frame, with_counted_steps
+from gap_diagnosis.residuals.recording import in_newtons
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.parts import (
     KINEMATIC_RULES,
@@ -106,11 +107,12 @@ def prepare(
     records += [load(s, twin, held_out=True) for s in holdout]
     if any(r.axes != records[0].axes for r in records):
         raise StageError('the sessions have different axes: diagnose them one by one')
+    records, conventions = in_newtons(records, twin, without)
     counted = twin.kind == 'stepper' or 'encoder_quantisation' in without
     quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
     stepped = with_steps(counted_twin, quantisation)
     seen = with_mean_points(with_noise(stepped, records), records)
-    direct = {**quantisation, **controller_findings(records, twin)}
+    direct = {**quantisation, **conventions, **controller_findings(records, twin)}
     return Prepared(records, twin, stepped, seen, direct)
 
 

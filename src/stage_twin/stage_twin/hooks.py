@@ -33,8 +33,9 @@ Compiled, of the machine: ``plane`` takes x and y and gives the table's x and y.
 
 In Python: ``prepare(axis)`` changes the fields of an axis; ``stiffness()`` is that of a friction
 before it slides; ``command(force, velocity, step)`` inverts ``drive`` for forces (n,);
-``stamp(times)`` and ``true_time(stamps)`` carry times (n,) to the tracker's stamps and back;
-``seen(points)`` carries table positions (m, 3) to its frame.
+``recorded(force)`` is the effort that is recorded of forces (n,), ``tick_stamp(times)`` the
+stamps of ticks; ``stamp(times)`` and ``true_time(stamps)`` carry times (n,) to the tracker's
+stamps and back; ``seen(points)`` carries table positions (m, 3) to its frame.
 """
 
 from __future__ import annotations
@@ -205,6 +206,16 @@ def couples(effect: str) -> bool:
     """Whether an effect's force depends on the motion of the other axis."""
     asked = getattr(MODULES[effect], 'force', None)
     return asked is not None and any(name.startswith('other_') for name in _asked(asked))
+
+
+def recorded(row: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Effort (n,) that is recorded of a force (n,) [N]."""
+    return np.asarray(_applied('recorded', row, force, 'force'))
+
+
+def tick_stamp(common: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Stamps (n,) [s] of ticks at some times of the session [s]."""
+    return np.asarray(_applied('tick_stamp', common, times, 'times'))
 
 
 def stamp(common: np.ndarray, times: np.ndarray) -> np.ndarray:

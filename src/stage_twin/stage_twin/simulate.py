@@ -8,6 +8,7 @@ import numpy as np
 
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
+from stage_twin import hooks
 from stage_twin.geometry import table_path
 from stage_twin.packing import columns, pack
 from stage_twin.session_kernel import run_session
@@ -21,7 +22,7 @@ class SimulationResult:
     Attributes
     ----------
     times : (n,)
-        t_k = k * control_period.
+        Stamps: t_k = k * control_period.
     encoder, velocity, velocity_command, force : (n, n_axes)
         q_k, vf_k, vc_k and F_k of docs/interfaces.md, "Servo controller".
     table : (n, n_axes)
@@ -117,11 +118,13 @@ def simulate(
     table_path(arrays.axes, arrays.common, channels[3], channels[4], rise, table)
     stamps, points = measure(twin, arrays, table, tracker_times, seed, noise)
     return SimulationResult(
-        times=np.arange(count) * arrays.period,
+        times=hooks.tick_stamp(arrays.common, np.arange(count) * arrays.period),
         encoder=channels[0],
         velocity=channels[1],
         velocity_command=channels[2],
-        force=np.ascontiguousarray(force.T),
+        force=np.column_stack(
+            [hooks.recorded(row, own) for row, own in zip(arrays.axes, force, strict=True)]
+        ),
         table=table,
         temperatures=rise + twin.temperature_reference,
         tracker_stamps=stamps,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.nominal import merged
+from gap_diagnosis.residuals.recording import CONVENTION
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ForceAxis, TwinFile
 from stage_twin.effects import link_of
@@ -55,7 +56,11 @@ def replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]
         and (link_of(name) == 'servo' or name.startswith('encoder'))
     }
     machine = replace(twin, axes={a: twin.axes[a] for a in record.axes}, tracker=None)
-    own = {n: v for n, v in twin.effects.items() if split_effect(n)[1] in (None, *record.axes)}
+    own = {
+        n: v
+        for n, v in twin.effects.items()
+        if split_effect(n)[1] in (None, *record.axes) and split_effect(n)[0] != CONVENTION
+    }
     machine = merged(replace(machine, effects=own), mine)
     if twin.kind == 'measured_force':
         units = [axis.effort_unit for axis in machine.axes.values() if isinstance(axis, ForceAxis)]

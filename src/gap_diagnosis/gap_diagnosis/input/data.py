@@ -13,7 +13,6 @@ from scipy.interpolate import CubicSpline
 
 from gap_diagnosis.input.checks import (
     MINIMUM_TRAVEL,
-    check_controller,
     check_duration,
     check_excitation,
     check_forces,
@@ -21,7 +20,13 @@ from gap_diagnosis.input.checks import (
     finite,
 )
 from gap_diagnosis.input.grid import Grid, control_period
-from gap_diagnosis.input.noise import AxisNoise, Noise, axis_noise, tracker_noise, white_part
+from gap_diagnosis.input.noise import (
+    Noise,
+    axis_noise,
+    sampling_jitter,
+    tracker_noise,
+    white_part,
+)
 from gap_diagnosis.input.ticks import Clock
 from stage_core import topics
 from stage_core.clocks import to_seconds
@@ -209,26 +214,20 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         gaps=grid.gaps,
         setpoint_velocity=_declared(session, axes, grid),
     )
-    record = replace(record, noise=Noise(_axes_noise(record, resolution)))
+    record = replace(record, noise=_noise(record, resolution, grid.offset))
     check_excitation(record)
     check_forces(record)
-    if twin.kind == 'servo':
-        check_controller(record, twin)
     return _with_tracker_noise(_with_tracker(record, session))
 
 
-def _axes_noise(record: Record, resolution: Array) -> tuple[AxisNoise, ...]:
+def _noise(record: Record, resolution: Array, offset: Array) -> Noise:
     whole = record.whole(record.time)
-    return tuple(
-        axis_noise(
-            record.encoder[:, i],
-            record.period,
-            float(resolution[i]),
-            whole,
-            white_part(record.force[:, i], whole),
-        )
-        for i in range(len(record.axes))
-    )
+    own, sampling = [], []
+    for i, step in enumerate(resolution.tolist()):
+        q, force = record.encoder[:, i], record.force[:, i]
+        own.append(axis_noise(q, record.period, step, whole, white_part(force, whole)))
+        sampling.append(sampling_jitter(q, offset, record.period, step, whole))
+    return Noise(tuple(own), sampling=tuple(sampling))
 
 
 def _with_tracker_noise(record: Record) -> Record:

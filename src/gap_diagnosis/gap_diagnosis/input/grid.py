@@ -54,6 +54,7 @@ class Grid:
     numbers : of the ticks (n,)
     time : machine's time of the ticks (n,) [s]
     clock : map from stamps to that time; None where they are the same
+    offset : stamps of the states from their ticks (n,) [s]; 0 where ticks were lost
     gaps : stretches [s] in which a topic lost more than `LONG` ticks in a row
 
     Raises
@@ -94,6 +95,7 @@ class Grid:
         self.numbers = np.arange(first, last + 1)
         slope = float(line[-1] - line[0]) / max(int(numbers[-1] - numbers[0]), 1)
         self.time = np.asarray(line[0] + slope * (self.numbers - numbers[0]), dtype=np.float64)
+        self.offset = self._offset(to_seconds(states.stamps, start), self.ticks[states.topic])
         self.gaps = self._gaps()
         self._check_missing()
 
@@ -106,6 +108,14 @@ class Grid:
             f'{self.path}: the stamps of {", ".join(s.topic for s in series)} do not overlap in '
             'time: all of them must be stamped by the same clock'
         )
+
+    def _offset(self, seconds: Array, ticks: Ints) -> Array:
+        offset = np.zeros(len(self.numbers))
+        if self.clock is None:
+            at = ticks - self.numbers[0]
+            own = (at >= 0) & (at < len(offset))
+            offset[at[own]] = seconds[own] - self.time[at[own]]
+        return offset
 
     def _gaps(self) -> tuple[tuple[float, float], ...]:
         found = set()

@@ -10,6 +10,7 @@ taken δ late is v δ off.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,11 @@ SURE = 5.0  # standard deviations of a jitter above zero
 QUIET = 0.3  # share of a session's slowest points that tell a tracker's noise
 WILD = 5.0  # times the expected power, from which on a block is a knock and no noise
 TRACKER_BLOCK = 10  # points
+#: Shares of a control period: least jitter about the stamps that is named, and one beyond which
+#: ticks would change places. Clocks of good loops are within 0.02.
+LEAST_JITTER, MOST_JITTER = 0.05, 0.5
+#: Between the jitters that two axes of a machine show.
+AGREE = 1.5
 
 
 @dataclass(frozen=True)
@@ -60,10 +66,15 @@ class AxisNoise:
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of a session: of each axis, and of the tracker [m] (None without one)."""
+    """Noise of a session: of each axis, and of the tracker [m] (None without one).
+
+    `sampling` is that of the moments of reading about their stamps [s] and its own standard
+    deviation, as each axis shows it; None where it is too slow.
+    """
 
     axes: tuple[AxisNoise, ...]
     tracker: float | None = None
+    sampling: tuple[tuple[float, float] | None, ...] = ()
 
 
 def axis_noise(
@@ -82,12 +93,59 @@ def axis_noise(
     chosen = fast if np.count_nonzero(fast) >= LEAST_BLOCKS else np.ones(len(power), dtype=bool)
     if np.count_nonzero(chosen) < LEAST_BLOCKS:
         return AxisNoise(least, 0.0, effort, quantum)
-    white, jitter, sure = _speed_fit(power[chosen], square[chosen])
-    if not sure or jitter * float(np.mean(square[chosen])) < least**2:
+    white, jitter, deviation = _speed_fit(power[chosen], square[chosen])
+    if jitter <= SURE * deviation or jitter * float(np.mean(square[chosen])) < least**2:
         white, jitter = float(np.median(power[chosen])), 0.0
     if white < CLEARLY * least**2:
         white = least**2
     return AxisNoise(math.sqrt(white), math.sqrt(jitter), effort, quantum)
+
+
+def sampling_jitter(
+    position: Array, offset: Array, period: float, quantum: float, whole: Mask
+) -> tuple[float, float] | None:
+    """Standard deviation [s] of the moments of reading about their stamps, and its own.
+
+    Parameters
+    ----------
+    position, period, quantum, whole : as for :func:`axis_noise`
+    offset : (n,) of the stamps from the ticks [s]
+
+    0 where none is shown, None where the axis is too slow to show `LEAST_JITTER`.
+    """
+    on_tick = position - np.gradient(position, period) * offset
+    power, square, moved = _blocks(on_tick, period, whole)
+    fast = moved > FAST * quantum / period
+    if np.count_nonzero(fast) < LEAST_BLOCKS:
+        return None
+    white, jitter, deviation = _speed_fit(power[fast], square[fast])
+    if LEAST_JITTER * period * np.quantile(moved, 0.95) < math.sqrt(max(white, quantum**2 / 12)):
+        return None
+    if jitter <= SURE * deviation:
+        return 0.0, 0.0
+    return math.sqrt(jitter), 0.5 * deviation / math.sqrt(jitter)
+
+
+def jitter_finding(
+    noises: Sequence[Noise], period: float, doubted: Sequence[bool]
+) -> tuple[float, float] | None:
+    """Jitter [s] of the samples about their stamps, and its standard deviation; None without.
+
+    All axes that can tell must show the same, those left out whose encoder errs (`doubted`).
+    """
+    told = [
+        own
+        for noise in noises
+        for own, doubt in zip(noise.sampling, doubted, strict=True)
+        if own is not None and not doubt
+    ]
+    values = np.array([value for value, _ in told])
+    if not told or values.min() < LEAST_JITTER * period or values.max() > MOST_JITTER * period:
+        return None
+    if values.max() > AGREE * values.min():
+        return None
+    spread = float(np.ptp(values)) if len(values) > 1 else 0.0
+    return float(values.mean()), math.hypot(max(std for _, std in told), 0.5 * spread)
 
 
 def _blocks(position: Array, period: float, whole: Mask) -> tuple[Array, Array, Array]:
@@ -140,8 +198,11 @@ def tracker_noise(difference: Array, speed: Array, encoder: float) -> float:
     return math.sqrt(max(float(np.mean(calm)) - encoder**2, 0.0))
 
 
-def _speed_fit(power: Array, square: Array) -> tuple[float, float, bool]:
-    """Power = white + jitter · speed², each block weighed by its own expected scatter."""
+def _speed_fit(power: Array, square: Array) -> tuple[float, float, float]:
+    """Power = white + jitter · speed², each block weighed by its own expected scatter.
+
+    White noise [m²], squared jitter [s²] and the standard deviation of the latter.
+    """
     matrix = np.column_stack([np.ones_like(square), square])
     expected = np.full_like(power, float(np.median(power)) + 1e-300)
     solution = np.zeros(2)
@@ -152,5 +213,5 @@ def _speed_fit(power: Array, square: Array) -> tuple[float, float, bool]:
     scaled = matrix / expected[:, None]
     scatter = np.var(power / expected)
     covariance = np.linalg.pinv(scaled.T @ scaled) * scatter
-    sure = solution[1] > SURE * math.sqrt(max(float(covariance[1, 1]), 0.0))
-    return float(solution[0]), float(solution[1]), bool(sure)
+    deviation = math.sqrt(max(float(covariance[1, 1]), 0.0))
+    return float(solution[0]), float(solution[1]), deviation

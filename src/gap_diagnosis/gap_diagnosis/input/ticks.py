@@ -20,6 +20,7 @@ Ints = NDArray[np.int64]
 JUMP = 1.5  # control periods between two stamps, from which on a tick may be missing
 NEIGHBOURS = 5  # stamps on each side of a jump that may catch up with a late one
 STEADY = 0.1  # control periods by which stamps that jitter may leave a straight line
+BY_CHANCE = 8.0  # standard deviations of a mean; a median has 1.25 of them, a session 1e6 of it
 EXACT = 1e-3  # the same of stamps that do not jitter
 CLEAR = 5.0  # encoder steps by which two answers have to differ to be told apart
 NEAR = 3  # ticks on each side of a jump that tell the speed
@@ -77,10 +78,14 @@ def _jumps(gaps: Array) -> tuple[Ints, Array]:
     excess = gaps[candidates] - 1.0
     if len(candidates) and gaps.min() < 0.999:
         beyond = np.concatenate([[0.0], np.cumsum(gaps - np.maximum(np.rint(gaps), 1.0))])
-        low = np.maximum(candidates - NEIGHBOURS, 0)
-        high = np.minimum(candidates + 1 + NEIGHBOURS, len(gaps))
         own = gaps[candidates] - np.rint(gaps[candidates])
-        excess = excess + beyond[high] - beyond[low] - own
+        # Of some stamps the median: two that jitter may be half a period apart by chance.
+        around = [
+            np.median(beyond[k + 1 : k + 2 + NEIGHBOURS])
+            - np.median(beyond[max(k - NEIGHBOURS, 0) : k + 1])
+            for k in candidates
+        ]
+        excess = excess + np.array(around) - own
     jumps = excess > JUMP - 1.0
     return candidates[jumps], np.rint(gaps[candidates[jumps]])
 
@@ -128,8 +133,10 @@ def machine_clock(seconds: Array, numbers: Ints, period: float) -> tuple[Array, 
     offset = seconds - time
     jitters = float(np.min(np.diff(seconds) / np.diff(numbers))) < 0.999 * period
     size = min(SMOOTHING, len(offset)) if jitters else 1
-    wander = float(np.max(np.abs(median_filter(offset, size, mode='nearest'))))
-    if wander < (STEADY if jitters else EXACT) * period:
+    steady = median_filter(offset, size, mode='reflect')
+    # What the median of so many stamps that jitter strays by chance.
+    chance = BY_CHANCE * float(np.std(offset - steady)) / np.sqrt(size)
+    if np.max(np.abs(steady)) < max((STEADY if jitters else EXACT) * period, chance):
         return time, None
     offset = median_filter(seconds - numbers * period, size, mode='nearest')
     stamps = numbers * period + offset

@@ -18,8 +18,6 @@ from scipy.signal import lfilter
 
 from gap_diagnosis.input.data import Record, held_out_windows, inside
 from gap_diagnosis.residuals.operators import band_limited
-from stage_core import topics
-from stage_core.errors import StageError
 from stage_core.twin_file import ServoAxis, TwinFile
 
 Array = NDArray[np.float64]
@@ -106,13 +104,6 @@ def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Parameters:
     law = fit_law(fitted, i, axis)
     if nominal <= 0.0 or left(judged, i, law.gains) > (1.0 - CLEARLY_BETTER) * nominal:
         return {}
-    factor = law.gains.velocity_gain / axis.velocity_gain
-    if factor < 0.0:
-        raise StageError(
-            f'{judged[0].name}: the effort of axis {judged[0].axes[i]} is {factor:.3g} times the '
-            "force of the twin's controller: its sign or unit is another one; mend it where "
-            f'{topics.COMMAND} is recorded'
-        )
     out: Parameters = {}
     for name in GAINS:
         value, deviation = law.error(axis, name)
@@ -130,7 +121,7 @@ def left(records: list[Record], i: int, axis: ServoAxis) -> float:
     for record in records:
         expected = force_increments(record, i, axis, velocity_law(record, i, axis))
         mask = inside(record.time, held_out_windows(record))[1:] & _free(record, i, axis)
-        wrong = _quiet(record, i, np.diff(record.force[:, i]) - expected)
+        wrong = quiet(record, i, np.diff(record.force[:, i]) - expected)
         squares.append(wrong[mask] ** 2)
     return math.sqrt(float(np.mean(np.concatenate(squares))))
 
@@ -147,7 +138,7 @@ def _of_noise(record: Record, i: int, axis: ServoAxis) -> float:
         record, encoder=pulse, reference=still, reference_velocity=still, setpoint_velocity=None
     )
     made = force_increments(alone, i, axis, velocity_law(alone, i, axis))
-    return float(np.linalg.norm(_quiet(record, i, made)))
+    return float(np.linalg.norm(quiet(record, i, made)))
 
 
 def velocity_law(record: Record, i: int, axis: ServoAxis) -> Array:
@@ -164,7 +155,7 @@ def force_increments(record: Record, i: int, axis: ServoAxis, command: Array) ->
     return axis.velocity_gain * np.diff(error) + axis.integral_gain * record.period * error[:-1]
 
 
-def _quiet(record: Record, i: int, rows: Array) -> Array:
+def quiet(record: Record, i: int, rows: Array) -> Array:
     """Rows (n,) or (n, k) of the linear law, without the frequencies at which noise rules."""
     if record.noise is None or not record.noise.axes[i].beyond_steps:
         return rows
@@ -232,8 +223,8 @@ def _position_loop(
         use &= ~record.declared & np.isfinite(recorded)
         rate = np.nan_to_num(record.reference_velocity[:, i])
         error = record.reference[:, i] - record.encoder[:, i]
-        rows.append(_quiet(record, i, np.column_stack([error, rate]))[use])
-        target.append(_quiet(record, i, np.nan_to_num(recorded))[use])
+        rows.append(quiet(record, i, np.column_stack([error, rate]))[use])
+        target.append(quiet(record, i, np.nan_to_num(recorded))[use])
     matrix, wanted = np.concatenate(rows), np.concatenate(target)
     if len(wanted) < 100:
         return axis, {}
@@ -255,8 +246,8 @@ def _velocity_loop(
         error = command - _filtered(record, i, corner)
         use = _fit_ticks(record, i, axis)
         both = np.column_stack([np.diff(error), record.period * error[:-1]])
-        rows.append(_quiet(record, i, both)[use])
-        target.append(_quiet(record, i, np.diff(record.force[:, i]))[use])
+        rows.append(quiet(record, i, both)[use])
+        target.append(quiet(record, i, np.diff(record.force[:, i]))[use])
     return _least_squares(np.concatenate(rows), np.concatenate(target))
 
 

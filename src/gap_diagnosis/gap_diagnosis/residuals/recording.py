@@ -1,0 +1,216 @@
+"""What a record tells of how it was made: sign and unit of the effort, jitter of its stamps.
+
+The controller reads and writes recorded quantities, so that its law says which force belongs to
+each tick; the motion says which force the mass needed. An effort that is the law's times a factor,
+while the mass needed the law's force itself, is in another unit or of another sign. It is then
+divided by the factor, and the diagnosis goes on with newtons.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.input.checks import check_controller
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.noise import LEAST_JITTER, jitter_finding
+from gap_diagnosis.residuals.controller import (
+    LEAST_SHARE,
+    Parameters,
+    force_increments,
+    quiet,
+    velocity_law,
+)
+from gap_diagnosis.residuals.operators import (
+    central_difference,
+    centred_hold,
+    second_difference,
+    smooth,
+)
+from stage_core.quantities import split_effect
+from stage_core.twin_file import ServoAxis, TwinFile
+
+Array = NDArray[np.float64]
+
+CONVENTION = 'effort_convention'
+#: Share of the recorded increments' mean square that the law times a factor must explain.
+FOLLOWED = 0.9
+#: Of the distance between a factor and 1 (of logarithms) that which effort over needed force may
+#: have from the factor: it is 1 for a controller of other gains.
+NEARER = 0.35
+CORNER = 30.0  # Hz, of the low-pass on forces
+#: Share of ticks of the other sign, from which on a record without signs has lost them.
+BOTH_SIGNS = 0.01
+ROUNDS = 3  # of signs and unit in turn
+
+
+def in_newtons(
+    records: list[Record], twin: TwinFile, without: Sequence[str]
+) -> tuple[list[Record], dict[str, Parameters]]:
+    """The records with their forces in newtons, and `effort_convention` where the twin lacks it.
+
+    Raises
+    ------
+    StageError
+        If a record lacks velocity commands, or holds forces beyond the twin's limit.
+    """
+    if twin.kind != 'servo':
+        return records, {}
+    stated = {n: v for n, v in twin.effects.items() if split_effect(n)[0] == CONVENTION}
+    records = [_converted(r, twin, stated) for r in records]
+    found = _found(records, twin, without)
+    plain = {n: {k: value for k, (value, _) in v.items()} for n, v in found.items()}
+    records = [_converted(r, twin, plain) for r in records]
+    for record in records:
+        check_controller(record, twin)
+    for name, values in found.items():
+        before = stated.get(name, {}).get('factor', 1.0)
+        values['factor'] = (values['factor'][0] * before, values['factor'][1] * abs(before))
+    return records, found
+
+
+def _found(records: list[Record], twin: TwinFile, without: Sequence[str]) -> dict[str, Parameters]:
+    """`effort_convention` of the axes.
+
+    Where the mass of an axis at rest does not tell, the factor of the other axis does.
+    """
+    found: dict[str, Parameters] = {}
+    doubted: dict[str, Parameters] = {}
+    for i, axis in enumerate(records[0].axes):
+        name = f'{CONVENTION}.{axis}'
+        values, sure = _convention(records, i, twin)
+        if values and not {name, CONVENTION} & set(without):
+            (found if sure else doubted)[name] = values
+    factors = [v['factor'][0] for v in found.values()]
+    for name, values in doubted.items():
+        if any(abs(values['factor'][0] / f - 1.0) < LEAST_SHARE for f in factors):
+            found[name] = values
+    return found
+
+
+def jitter_findings(
+    records: list[Record], twin: TwinFile, found: Mapping[str, object]
+) -> dict[str, Parameters]:
+    """`sample_jitter` where the moments of reading scatter otherwise than the twin says.
+
+    An encoder that errs within its period scatters like late samples: it is not asked.
+    """
+    noises = [r.noise for r in records if r.noise is not None]
+    doubted = [f'encoder_interpolation.{axis}' in found for axis in records[0].axes]
+    jitter = jitter_finding(noises, twin.control_period, doubted)
+    stated = twin.effects.get('sample_jitter', {}).get('std', 0.0)
+    if jitter is None or abs(jitter[0] - stated) < LEAST_JITTER * twin.control_period:
+        return {}
+    return {'sample_jitter': {'std': jitter}}
+
+
+def _converted(
+    record: Record, twin: TwinFile, conventions: Mapping[str, Mapping[str, float]]
+) -> Record:
+    """The record with the force [N] behind efforts of these conventions."""
+    force = record.force.copy()
+    noises = list(record.noise.axes) if record.noise is not None else []
+    for i, axis in enumerate(record.axes):
+        values = conventions.get(f'{CONVENTION}.{axis}')
+        if values is None:
+            continue
+        force[:, i] /= values['factor']
+        if values['magnitude'] > 0.5:
+            force[:, i] *= _signs(record, i, twin.servo(axis), force[:, i])
+        if noises:
+            noises[i] = replace(noises[i], effort=noises[i].effort / abs(values['factor']))
+    noise = None if record.noise is None else replace(record.noise, axes=tuple(noises))
+    return replace(record, force=force, noise=noise)
+
+
+def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Parameters, bool]:
+    """`effort_convention` of an axis, empty where its effort is the force; whether it is sure."""
+    judged = [r for r in records if np.isfinite(r.velocity_command[:, i]).all()]
+    if not judged:
+        return {}, False
+    axis = twin.servo(records[0].axes[i])
+    efforts = [r.force[:, i] for r in judged]
+    unsigned = all(effort.min() >= 0.0 for effort in efforts)
+    if unsigned:
+        signs = [_signs(r, i, axis, e) for r, e in zip(judged, efforts, strict=True)]
+        unsigned = float(np.mean(np.concatenate(signs) < 0.0)) > BOTH_SIGNS
+        efforts = [e * s for e, s in zip(efforts, signs, strict=True)] if unsigned else efforts
+    pairs = [_increments(r, i, axis, e) for r, e in zip(judged, efforts, strict=True)]
+    written, law = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    factor = float(written @ law / (law @ law))
+    left = float(np.mean((written - factor * law) ** 2))
+    if left > (1.0 - FOLLOWED) * float(np.mean(written**2)):
+        return {}, False
+    deviation = math.sqrt(left / float(law @ law))
+    if abs(factor - 1.0) < max(LEAST_SHARE, 3.0 * deviation):
+        return ({'factor': (1.0, deviation), 'magnitude': (1.0, 0.0)} if unsigned else {}), True
+    values = {'factor': (factor, deviation), 'magnitude': (float(unsigned), 0.0)}
+    # A loop whose gain has the other sign would run away.
+    if factor < 0.0:
+        return values, True
+    moved = max(_moved_by(judged, i, axis, efforts) / factor, 1e-300)
+    told = abs(math.log(moved)) < NEARER * abs(math.log(factor))
+    return values, told and any(r.moving[i] for r in judged)
+
+
+def _increments(record: Record, i: int, axis: ServoAxis, effort: Array) -> tuple[Array, Array]:
+    """Increments of the effort and those of the law's force [N], where neither is clipped."""
+    law = force_increments(record, i, axis, velocity_law(record, i, axis))
+    size = np.abs(effort)
+    use = (size < 0.999 * size.max()) & record.whole(record.time)
+    use[:5] = False
+    both = use[1:] & use[:-1]
+    return quiet(record, i, np.diff(effort))[both], quiet(record, i, law)[both]
+
+
+def _moved_by(records: list[Record], i: int, axis: ServoAxis, efforts: list[Array]) -> float:
+    """Effort over the force [N] that the nominal motion needs, beside friction and an offset."""
+    rows, target = [], []
+    for record, effort in zip(records, efforts, strict=True):
+        q, period = record.encoder[:, i], record.period
+        speed = central_difference(q, period)
+        needed = axis.mass * second_difference(q, period) + axis.viscous * speed
+        slides = np.sign(smooth(speed, period, CORNER))
+        whole = record.whole(record.time)
+        signals = np.column_stack([needed, slides, np.ones_like(q)])
+        rows.append(smooth(signals, period, CORNER)[whole])
+        target.append(smooth(centred_hold(effort, axis.delay / period), period, CORNER)[whole])
+    return float(np.linalg.lstsq(np.concatenate(rows), np.concatenate(target), rcond=None)[0][0])
+
+
+def _signs(record: Record, i: int, axis: ServoAxis, effort: Array) -> Array:
+    """Sign (n,) of the force of which an effort is the magnitude.
+
+    Of the two signs of each tick those whose increments follow the law best (Viterbi, IEEE Trans.
+    Information Theory 13, 1967).
+    """
+    law = force_increments(record, i, axis, velocity_law(record, i, axis))
+    size, unit = np.abs(effort), 1.0
+    for _ in range(ROUNDS):
+        signs = _path(unit * size, law)
+        written = np.diff(signs * size)
+        unit = float(law @ law) / max(float(written @ law), 1e-300)
+    return signs
+
+
+def _path(size: Array, law: Array) -> Array:
+    """Signs (n,) of sizes (n,) [N] whose increments follow those of a law (n - 1,) best."""
+    before, after = size[:-1], size[1:]
+    # Columns: the sign after is + or -.
+    same = np.column_stack([(after - before - law) ** 2, (before - after - law) ** 2])
+    crossed = np.column_stack([(after + before - law) ** 2, (-after - before - law) ** 2])
+    costs, turned = np.zeros(2), np.zeros((len(law), 2), dtype=bool)
+    for k in range(len(law)):
+        stay, turn = costs + same[k], costs[::-1] + crossed[k]
+        turned[k] = turn < stay
+        costs = np.where(turned[k], turn, stay)
+    signs, state = np.empty(len(size)), int(np.argmin(costs))
+    for k in range(len(law), 0, -1):
+        signs[k] = 1.0 - 2.0 * state
+        state = 1 - state if turned[k - 1, state] else state
+    signs[0] = 1.0 - 2.0 * state
+    return signs

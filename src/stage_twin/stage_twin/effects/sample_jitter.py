@@ -1,0 +1,27 @@
+"""The stamps are not the times of the samples."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.term import Array
+
+EFFECT = Effect(
+    name='sample_jitter',
+    link='sensor',
+    parameters=(
+        Parameter('std', 's', 0.0, 1e-3, 1e-4, 'standard deviation of a stamp about its sample'),
+    ),
+    model='stamp = time of the sample + white noise. Souders et al., "The effects of timing '
+    'jitter in sampling systems", IEEE Trans. Instrumentation and Measurement 39 (1990).',
+    sentence='the stamps are {std} off the times of the samples',
+    excited_by='fast strokes',
+    per_axis=False,
+)
+
+
+def tick_stamp(times: Array, std: float) -> Array:
+    """Stamps (n,) [s] of ticks at some times [s], in order; the same for as many ticks."""
+    noise = std * np.random.default_rng(len(times)).standard_normal(len(times))
+    return np.asarray(np.maximum.accumulate(times + noise))
