@@ -79,6 +79,7 @@ def own_truth(one: blind.Case) -> Truth:
 
 
 def _made(values: dict[str, float]) -> dict[str, float]:
-    """Parameters as the machine has them: it delays by whole steps of its integration."""
+    """Parameters as a report means them: whole steps of delay, an offset that pushes forward."""
     step = NOMINAL['control_period'] / SUBSTEPS
-    return {k: round(v / step) * step if k == 'delay' else v for k, v in values.items()}
+    made = {'delay': lambda v: round(v / step) * step, 'offset': lambda v: -v}
+    return {k: made[k](v) if k in made else v for k, v in values.items()}
