@@ -12,6 +12,8 @@ setup(
         ('share/' + package_name, ['package.xml']),
     ],
     install_requires=['setuptools'],
+    # Models of MuJoCo as twin or plant; URDF needs nothing.
+    extras_require={'mujoco': ['mujoco<4']},
     zip_safe=False,
     maintainer='The maintainers',
     maintainer_email='maintainers@users.noreply.h-seed-275f4c40.example',

@@ -34,7 +34,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--holdout', action='append', default=[], help='held-out session bag, repeatable'
     )
-    parser.add_argument('--twin', required=True, help='twin file of the nominal machine')
+    parser.add_argument(
+        '--twin', required=True, help='twin file of the nominal machine, or a model (MJCF, URDF)'
+    )
+    parser.add_argument(
+        '--controller', help='twin file of the controller, where --twin is a model'
+    )
     parser.add_argument('--out', required=True, help='directory for the report')
     parser.add_argument('--seed', type=int, default=0, help='of bootstrap and permutations')
     parser.add_argument('--quiet', action='store_true', help='no progress on stderr')
@@ -52,10 +57,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(words)
     folders = [path for path in options.bag if Path(path).is_dir() and not is_bag(path)]
     if folders:
-        if len(options.bag) > 1 or options.holdout:
+        if len(options.bag) > 1 or options.holdout or options.controller:
             raise StageError(
                 f'{folders[0]} is a folder of bags, each diagnosed by itself: give it alone, '
-                'without another --bag or --holdout'
+                'without another --bag, --holdout or --controller'
             )
         how = {'seed': options.seed, 'without': options.without, 'with_page': not options.no_page}
         where = where_from(options, progress=not options.quiet)
@@ -70,6 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         quiet=options.quiet,
         without=options.without,
         with_page=not options.no_page,
+        controller=options.controller,
     )
     print(verdict)
     return 0

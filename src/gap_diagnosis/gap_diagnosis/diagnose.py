@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,9 @@ from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of, link_of
 from stage_twin.packing import pack
 
+if TYPE_CHECKING:
+    from gap_diagnosis.report.model import Mended
+
 Array = NDArray[np.float64]
 
 
@@ -68,6 +72,8 @@ class Diagnosis:
     unexplained: float
     structured: bool
     warnings: list[str] = field(default_factory=list)
+    #: What became of the user's own model, where the twin was read from one.
+    model: Mended | None = None
 
     @property
     def effects(self) -> dict[str, dict[str, float]]:

@@ -8,10 +8,13 @@ from pathlib import Path
 from gap_diagnosis.diagnose import diagnose, silent, to_stderr
 from gap_diagnosis.evidence import experiments
 from gap_diagnosis.report import document as report
+from gap_diagnosis.report import model as own_model
 from session_bags.reader import read_session
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
+from stage_twin.models import is_model, read_model
+from stage_twin.models.plant import as_twin
 
 TOPICS = (
     topics.REFERENCE,
@@ -32,10 +35,12 @@ def run(
     quiet: bool = False,
     without: Sequence[str] = (),
     with_page: bool = True,
+    controller: str | None = None,
 ) -> str:
     """Diagnose, write the report into `out`, and return the verdict line.
 
-    `without` takes effects out of the library; `with_page` false leaves out report.html.
+    `without` takes effects out of the library; `with_page` false leaves out report.html;
+    `controller` is the twin file beside a `twin_path` that is a model file.
 
     Raises
     ------
@@ -44,9 +49,19 @@ def run(
     """
     progress = silent if quiet else to_stderr
     # A report of an earlier run must not stand for an input that fails.
-    for name in ('report.json', 'report.html', 'corrected_twin.yaml', experiments.REFERENCE_FILE):
+    for name in ('report.json', 'report.html', 'corrected_twin.yaml', experiments.REFERENCE_FILE,
+                 own_model.MODEL, own_model.PATCH):  # fmt: skip
         (out / name).unlink(missing_ok=True)
-    twin = TwinFile.load(twin_path)
+    if is_model(twin_path) != bool(controller):
+        raise StageError(
+            f'--twin {twin_path} is a model, which has no controller: name its twin file with '
+            '--controller'
+            if is_model(twin_path)
+            else '--controller goes with a model: give --twin MODEL.xml'
+        )
+    rig = TwinFile.load(controller or twin_path)
+    model = read_model(twin_path) if controller else None
+    twin = rig if model is None else as_twin(model.plants, rig)
     sessions = []
     for path in (*bags, *holdout):
         if not Path(path).exists():
@@ -62,6 +77,9 @@ def run(
         progress=progress,
         without=without,
     )
+    if model is not None:
+        progress('mending the model')
+        found.model = own_model.mend(model, rig, found, out)
     progress('writing the report')
     report.write(found, out)
     if with_page:

@@ -95,12 +95,19 @@ class ServoPlant:
         external : (n_axes,), optional
             Force on the moving masses from outside [N].
         """
-        arrays = self._arrays
         if dt is not None and dt != self._period:
             self._change_period(dt)
         for axis in range(len(force)):
             self._forces[axis, self._tick % self._forces.shape[1]] = force[axis]
             self._external[axis] = 0.0 if external is None else external[axis]
+        self._advance()
+        self._tick += 1
+        self._time += self._period
+        self._history[self._tick % self._history.shape[0]] = self.table()
+
+    def _advance(self) -> None:
+        """Move on by one tick under the forces of the ring."""
+        arrays = self._arrays
         kernel.advance(
             arrays.axes,
             arrays.transitions,
@@ -110,9 +117,6 @@ class ServoPlant:
             self._tick,
             self._external,
         )
-        self._tick += 1
-        self._time += self._period
-        self._history[self._tick % self._history.shape[0]] = self.table()
 
     def encoder(self) -> np.ndarray:
         """Encoder readings q (n_axes,) [m]."""

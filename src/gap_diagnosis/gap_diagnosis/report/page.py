@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence import experiments
-from gap_diagnosis.report import figures
+from gap_diagnosis.report import figures, model
 from gap_diagnosis.report.causes import causes_section, contained_section, found_section
 from gap_diagnosis.report.leftovers import leftovers
 from gap_diagnosis.report.words import link_words
@@ -21,6 +21,8 @@ def make(diagnosis: Diagnosis) -> Page:
     _headline(page, diagnosis)
     _conditions(page, diagnosis)
     found_section(page, diagnosis)
+    if diagnosis.model is not None:
+        model.section(page, diagnosis.model)
     _gap(page, diagnosis)
     _where(page, diagnosis)
     causes_section(page, diagnosis)
