@@ -18,6 +18,7 @@ from gap_diagnosis.closed_loop.replay import declared_commands
 from gap_diagnosis.input.data import Record, held_out_windows, inside, scored_ticks
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
+from stage_core.whole_file import write_whole
 from stage_twin.models.mjcf import Mjcf, differs
 from stage_twin.models.plant import Plant
 from stage_twin.mujoco_plant import MujocoPlant
@@ -125,4 +126,4 @@ def _first(record: Record, seconds: float) -> Record:
 def save(path: Path, text: str) -> None:
     """Write a model with the line ends that it has."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(text.encode())
+    write_whole(path, text)
