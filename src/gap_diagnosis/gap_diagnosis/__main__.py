@@ -40,6 +40,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--controller', help='twin file of the controller, where --twin is a model'
     )
+    parser.add_argument(
+        '--sim-bag',
+        action='append',
+        default=[],
+        help="a simulator's run of the same command, in place of the twin's prediction; one for "
+        'each --bag and --holdout',
+    )
     parser.add_argument('--out', required=True, help='directory for the report')
     parser.add_argument('--seed', type=int, default=0, help='of bootstrap and permutations')
     parser.add_argument('--quiet', action='store_true', help='no progress on stderr')
@@ -57,10 +64,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(words)
     folders = [path for path in options.bag if Path(path).is_dir() and not is_bag(path)]
     if folders:
-        if len(options.bag) > 1 or options.holdout or options.controller:
+        if len(options.bag) > 1 or options.holdout or options.controller or options.sim_bag:
             raise StageError(
                 f'{folders[0]} is a folder of bags, each diagnosed by itself: give it alone, '
-                'without another --bag, --holdout or --controller'
+                'without another --bag, --holdout, --controller or --sim-bag'
             )
         how = {'seed': options.seed, 'without': options.without, 'with_page': not options.no_page}
         where = where_from(options, progress=not options.quiet)
@@ -76,6 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         without=options.without,
         with_page=not options.no_page,
         controller=options.controller,
+        sim_bags=options.sim_bag,
     )
     print(verdict)
     return 0

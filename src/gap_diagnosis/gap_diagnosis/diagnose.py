@@ -76,6 +76,11 @@ class Diagnosis:
     model: Mended | None = None
 
     @property
+    def simulators(self) -> list[str]:
+        """The bags of a simulator that stand in place of the twin's prediction."""
+        return [r.simulated.name for r in self.records if r.simulated is not None]
+
+    @property
     def effects(self) -> dict[str, dict[str, float]]:
         """The accepted effects as a twin file holds them."""
         return {n: {k: v for k, (v, _) in self.parameters[n].items()} for n in self.accepted}
@@ -107,8 +112,9 @@ def diagnose(
     progress: Progress = silent,
     without: Sequence[str] = (),
     least_probability: float = 0.5,
+    simulated: Sequence[Session] = (),
 ) -> Diagnosis:
-    """Diagnose the gap between sessions and a twin.
+    """Diagnose the gap between sessions and a twin, or a simulator's runs of their commands.
 
     Parameters
     ----------
@@ -117,6 +123,7 @@ def diagnose(
     seed : of the bootstrap and of the permutations
     without : effects taken out of the library (for the leave-one-effect-out check)
     least_probability : below it an effect is not named, and the others are fitted without it
+    simulated : of each session and each held-out one, what stands for the twin's prediction
 
     Raises
     ------
@@ -125,7 +132,7 @@ def diagnose(
     """
     pack(twin)  # refuses effects that there are not
     barred, memory = list(without), Memory()
-    prepared = prepare(sessions, holdout, twin, without)
+    prepared = prepare(sessions, holdout, twin, without, simulated)
     while True:
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
         name = _excluded_by_tracker(result) or _weakest(result, least_probability)

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simulated
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.input import coarse
@@ -93,14 +94,19 @@ def prepare(
     holdout: Sequence[Session],
     twin: TwinFile,
     without: Sequence[str],
+    simulated: Sequence[Session] = (),
 ) -> Prepared:
     """Load the sessions and read from them what needs no fit.
+
+    With runs of a simulator beside them the twin is the rig that it simulates.
 
     Raises
     ------
     StageError
         If a session cannot be diagnosed, or the sessions have different axes.
     """
+    if simulated:
+        twin = of_simulator(twin, simulated)
     counted_twin = with_counted_steps(twin)
     load = load_stepper_record if twin.kind == 'stepper' else load_record
     records = [load(s, twin) for s in sessions]
@@ -108,10 +114,13 @@ def prepare(
     if any(r.axes != records[0].axes for r in records):
         raise StageError('the sessions have different axes: diagnose them one by one')
     records, conventions = in_newtons(records, twin, without)
+    if simulated:
+        runs = zip(records, simulated, strict=True)
+        records = [beside(r, load(s, twin), twin) for r, s in runs]
     counted = twin.kind == 'stepper' or 'encoder_quantisation' in without
     quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
     stepped = with_steps(counted_twin, quantisation)
-    seen = with_mean_points(with_noise(stepped, records), records)
+    seen = with_simulated(with_mean_points(with_noise(stepped, records), records), records)
     direct = {**quantisation, **conventions, **controller_findings(records, twin)}
     return Prepared(records, twin, stepped, seen, direct)
 

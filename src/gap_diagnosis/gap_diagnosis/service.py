@@ -36,11 +36,13 @@ def run(
     without: Sequence[str] = (),
     with_page: bool = True,
     controller: str | None = None,
+    sim_bags: Sequence[str] = (),
 ) -> str:
     """Diagnose, write the report into `out`, and return the verdict line.
 
     `without` takes effects out of the library; `with_page` false leaves out report.html;
-    `controller` is the twin file beside a `twin_path` that is a model file.
+    `controller` is the twin file beside a `twin_path` that is a model file; `sim_bags` are a
+    simulator's runs of `bags` and `holdout`, in this order.
 
     Raises
     ------
@@ -59,23 +61,29 @@ def run(
             if is_model(twin_path)
             else '--controller goes with a model: give --twin MODEL.xml'
         )
+    if sim_bags and (controller or len(sim_bags) != len(bags) + len(holdout)):
+        raise StageError(
+            'give one --sim-bag for each --bag and --holdout, in their order, beside a twin '
+            'file as --twin'
+        )
     rig = TwinFile.load(controller or twin_path)
     model = read_model(twin_path) if controller else None
     twin = rig if model is None else as_twin(model.plants, rig)
     sessions = []
-    for path in (*bags, *holdout):
+    for path in (*bags, *holdout, *sim_bags):
         if not Path(path).exists():
             raise StageError(f'there is no bag {path}: give the directory of a recorded session')
         progress(f'reading {path}')
         sessions.append(read_session(path, topics=TOPICS))
     found = diagnose(
         sessions[: len(bags)],
-        sessions[len(bags) :],
+        sessions[len(bags) : len(bags) + len(holdout)],
         twin,
         twin_name=str(twin_path),
         seed=seed,
         progress=progress,
         without=without,
+        simulated=sessions[len(bags) + len(holdout) :],
     )
     if model is not None:
         progress('mending the model')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -78,6 +79,9 @@ class Record:
     setpoint_velocity: Mask | None = None
     gaps: tuple[tuple[float, float], ...] = ()  # stretches of `time` [s] without any ticks
     noise: Noise | None = None  # measured; None where the ticks are no samples of a motion
+    #: A simulator's run of the same command on these ticks; by channel, twin minus that run.
+    simulated: Record | None = None
+    offset: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:

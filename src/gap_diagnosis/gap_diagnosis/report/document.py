@@ -56,6 +56,7 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         'unexplained': {'share': diagnosis.unexplained, 'structured': diagnosis.structured},
         'noise': _noise(diagnosis),
         'warnings': diagnosis.warnings,
+        **({'simulated': ', '.join(diagnosis.simulators)} if diagnosis.simulators else {}),
         **({} if diagnosis.model is None else {'model': diagnosis.model.as_dict()}),
     }
 

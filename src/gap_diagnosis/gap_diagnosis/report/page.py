@@ -17,7 +17,7 @@ from stage_core.wording import effect_words, measure
 
 def make(diagnosis: Diagnosis) -> Page:
     """The page of a diagnosis."""
-    page = Page('Where the twin and the machine differ')
+    page = Page(f'Where the {_name(diagnosis)} and the machine differ')
     _headline(page, diagnosis)
     _conditions(page, diagnosis)
     found_section(page, diagnosis)
@@ -41,19 +41,25 @@ def write(diagnosis: Diagnosis, directory: Path) -> None:
     make(diagnosis).save(directory / 'report.html')
 
 
+def _name(diagnosis: Diagnosis) -> str:
+    """What the machine is compared with."""
+    return 'simulator' if diagnosis.simulators else 'twin'
+
+
 def _headline(page: Page, diagnosis: Diagnosis) -> None:
     before, after = diagnosis.before, diagnosis.after
     floor = f'Noise and resolution alone make {measure(diagnosis.noise_floor)}.'
     if not diagnosis.verdict:
         page.headline(
             f'no cause named, gap {measure(before)} RMS',
-            f'No effect of the library explains the gap between twin and machine better. {floor}',
+            f'No effect of the library explains the gap between {_name(diagnosis)} and machine '
+            f'better. {floor}',
         )
         return
     names = ', '.join(effect_words(name) for name in diagnosis.verdict)
     page.headline(
         f'gap {measure(before)} → {measure(after)} RMS',
-        f'The twin lacks: {names}. With these effects the gap shrinks by '
+        f'The {_name(diagnosis)} lacks: {names}. With these effects the gap shrinks by '
         f'{100.0 * (1.0 - after / before):.0f} %, on stretches of the session that no fit has '
         f'seen. {floor}',
         warn=UNKNOWN in diagnosis.verdict,
@@ -66,6 +72,7 @@ def _conditions(page: Page, diagnosis: Diagnosis) -> None:
         [
             ('Recording', ', '.join(Path(name).name for name in diagnosis.sessions)),
             ('Twin', Path(diagnosis.twin_name).stem),
+            *(('Simulator', Path(name).name) for name in diagnosis.simulators),
             ('Judged on', f'{len(diagnosis.windows)} held-out windows'),
             ('Unexplained', f'{100 * diagnosis.unexplained:.1f} % of the squared gap, {left}'),
         ]

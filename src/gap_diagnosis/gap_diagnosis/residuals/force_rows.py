@@ -46,6 +46,24 @@ class ForceRows:
         self._predictions = [Prediction(r, twin) for r in records] if twin.effects else []
         self.keep = [self._sliding(r, s) for r, s in zip(records, self._signals, strict=True)]
         self.cut = self._quiet_cut()
+        self.simulated = self._of_simulator(twin)
+
+    def _of_simulator(self, twin: TwinFile) -> ForceRows | None:
+        """The same rows of a simulator's run of these commands; None without one."""
+        runs = [r.simulated for r in self.records if r.simulated is not None]
+        if not runs:
+            return None
+        rows = ForceRows(runs, twin, self.axis)
+        rows.keep, rows.cut = self.keep, self.cut
+        return rows
+
+    def balance(self) -> Array:
+        """Force (n,) [N] that the nominal motion does not need."""
+        force, a, v = self.applied(), self.acceleration(), self.velocity()
+        rows = self.columns(
+            [f - self.mass * ai - self.viscous * vi for f, ai, vi in zip(force, a, v, strict=True)]
+        )[:, 0]
+        return rows if self.simulated is None else rows - self.simulated.balance()
 
     @property
     def rest_step(self) -> float:

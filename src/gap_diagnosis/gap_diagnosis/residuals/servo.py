@@ -9,6 +9,8 @@ controller needs no model here, and no effect is judged by an open-loop simulati
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,10 +31,7 @@ class Servo(ForceRows):
 
     def problem(self) -> Problem:
         """The regression problem: target in N."""
-        force, a, v = self.applied(), self.acceleration(), self.velocity()
-        target = self.columns(
-            [f - self.mass * ai - self.viscous * vi for f, ai, vi in zip(force, a, v, strict=True)]
-        )[:, 0]
+        target = self.balance()
         there = any(reverses(r, r.column(self.axis)) for r in self.records)
         servo = [
             e.name
@@ -71,7 +70,7 @@ class Servo(ForceRows):
             self.floor(),
             not any_held_session,
             signatures=effects.signatures(candidates),
-            signal=float(np.mean(self.columns(force) ** 2)),
+            signal=float(np.mean(self.columns(self.applied()) ** 2)),
         )
 
     def _nominal(self, without: tuple[str, ...]) -> Array:
@@ -84,4 +83,7 @@ class Servo(ForceRows):
 
     def floor(self) -> float:
         """Standard deviation of the residual that the encoder's noise makes [N]."""
-        return self.response(self.mass, self.viscous) * self.encoder_noise()
+        noise = self.encoder_noise()
+        if self.simulated is not None:
+            noise = math.hypot(noise, self.simulated.encoder_noise())
+        return self.response(self.mass, self.viscous) * noise
