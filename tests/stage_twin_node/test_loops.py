@@ -47,6 +47,14 @@ def machine():
     return ServoMachine(TwinFile.nominal_servo(), seed=3)
 
 
+MODEL = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody>
+<body><joint name="x" type="slide" axis="1 0 0"/>
+<inertial pos="0 0 0" mass="18" diaginertia="1 1 1"/></body>
+<body><joint name="y" type="slide" axis="0 1 0"/>
+<inertial pos="0 0 0" mass="8" diaginertia="1 1 1"/></body>
+</worldbody><actuator><motor joint="x"/><motor joint="y"/></actuator></mujoco>"""
+
+
 @contextlib.contextmanager
 def running(loop):
     loop.start()
@@ -257,3 +265,19 @@ def test_a_plant_that_fails_is_told_and_not_silent(machine):
     level, message, _ = loop.status()
     loop.stop()
     assert level == 2 and 'broken clock' in message and 'start stage_twin again' in message
+
+
+def test_a_model_of_mujoco_moves_behind_the_same_wire(tmp_path):
+    pytest.importorskip('mujoco', reason='the optional package mujoco is not installed')
+    (tmp_path / 'stage.xml').write_text(MODEL)
+    machine = ServoMachine(TwinFile.nominal_servo(), model=str(tmp_path / 'stage.xml'))
+    with running(lockstep(machine)) as loop:
+        seen = push_constant_force(loop, 100)
+    # F/m over 0.1 s, in whole steps of a millisecond.
+    expected = (0.5 * 20.0 / 18.0 * 0.01, -0.5 * 5.0 / 8.0 * 0.01)
+    assert seen[-1].values == pytest.approx(expected, rel=0.02)
+    assert seen[-1].stamp == LOCKSTEP_START_NS + 100 * 10**6
+    assert len(loop.tracker.points) == 11
+    machine.reset()
+    assert machine.positions() == (0.0, 0.0)
+    assert machine.at_rest

@@ -87,7 +87,11 @@ def run(
     )
     if model is not None:
         progress('mending the model')
-        found.model = own_model.mend(model, rig, found, out)
+        try:
+            found.model = own_model.mend(model, rig, found, out)
+        except StageError as error:
+            # The diagnosis stands, whatever the file can hold of it.
+            found.warnings.append(str(error))
     progress('writing the report')
     report.write(found, out)
     if with_page:

@@ -30,6 +30,7 @@ class Options:
     diagnose: bool = True
     reality: Path | None = None
     nominal: Path | None = None
+    model: Path | None = None
     live: bool = True
     composed: bool = False
 
@@ -84,6 +85,9 @@ def nominal_twin(options: Options) -> Path:
 def reality_twin(options: Options) -> Path:
     """Twin file of the machine that is emulated."""
     kind = 'stepper_' if options.backend == 'zaber' else ''
+    if options.model and not options.reality:
+        # The model is the machine: what the file says of another one does not count.
+        return nominal_twin(options)
     return options.reality or config_folder() / f'twin_{kind}reality.yaml'
 
 
@@ -114,6 +118,7 @@ def commands(options: Options) -> list[NodeCommand]:
                 'drive_port': drive_port,
                 'tracker_port': tracker_port,
                 'pty_link': pty,
+                **({'engine': 'mujoco', 'model': options.model} if options.model else {}),
             },
             (config / 'stage_twin.yaml',),
         ),

@@ -57,6 +57,7 @@ def parse(arguments: Sequence[str] | None) -> Options:
     )
     parser.add_argument('--no-diagnosis', action='store_true', help='skip the gap diagnosis')
     parser.add_argument('--reality', type=Path, help='twin file of the machine that is emulated')
+    parser.add_argument('--model', type=Path, help='MuJoCo model that moves as the machine')
     parser.add_argument('--nominal', type=Path, help='twin file of the nominal machine')
     parser.add_argument(
         '--composed', action='store_true', help='driver and contour controller in one process'
@@ -80,6 +81,7 @@ def parse(arguments: Sequence[str] | None) -> Options:
         diagnose=not given.no_diagnosis,
         reality=given.reality,
         nominal=given.nominal,
+        model=given.model and given.model.resolve(),
         # The world in lockstep waits for its slowest node, and live mode reads every topic of
         # every tick: the session is diagnosed from its bag.
         live=given.clock != 'lockstep',

@@ -47,6 +47,7 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
     parser.add_argument('--out', type=Path, help='folder of logs and models (default bags/<time>)')
     parser.add_argument('--page-port', type=int, default=8766, help='port of the live page')
     parser.add_argument('--reality', type=Path, help='twin file of the machine that is emulated')
+    parser.add_argument('--model', type=Path, help='MuJoCo model that moves as the machine')
     parser.add_argument('--nominal', type=Path, help='twin file of the nominal machine')
     given = parser.parse_args(arguments)
     real = bool(given.port or given.tracker)
@@ -58,6 +59,7 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
         out=(given.out or Path('bags') / time.strftime('%Y%m%d-%H%M%S')).resolve(),
         reality=given.reality,
         nominal=given.nominal,
+        model=given.model and given.model.resolve(),
         live=given.clock == 'realtime',
     )
     nodes = [_changed(node, given.port, given.tracker) for node in commands(options)]

@@ -10,6 +10,7 @@ from stage_core.clocks import NANOSECONDS
 from stage_core.drive_link import SENSORS
 from stage_core.errors import StageError
 from stage_core.twin_file import ServoAxis, TwinFile
+from stage_twin.mujoco_plant import MujocoPlant
 from stage_twin.plant import ServoPlant
 
 # A servo motor with shorted windings stops like viscous friction; mass / (this time) [s].
@@ -30,14 +31,16 @@ class ServoMachine:
         Seed of the tracker's noise.
     noise
         Whether the tracker is noisy.
+    model
+        MuJoCo model whose joints move in place of the kernel's; empty for the kernel.
 
     Raises
     ------
     StageError
-        When the twin is of another kind or names an unknown effect.
+        When the twin is of another kind or names an unknown effect, or the model cannot be used.
     """
 
-    def __init__(self, twin: TwinFile, seed: int = 0, noise: bool = True) -> None:
+    def __init__(self, twin: TwinFile, seed: int = 0, noise: bool = True, model: str = '') -> None:
         if twin.kind != 'servo':
             raise StageError(f'the twin is of kind {twin.kind}: the drive link needs kind servo')
         self.twin = twin
@@ -53,14 +56,20 @@ class ServoMachine:
         self._damping = np.array([twin.servo(axis).mass / BRAKING_TIME for axis in self.axes])
         limits = [a.force_limit for a in twin.axes.values() if isinstance(a, ServoAxis)]
         self._limit = np.array(limits)
-        self._plant = ServoPlant(twin, seed=seed)
+        self._model = model
+        self._plant = self._new_plant()
         self._plant.warm_up()
 
     def reset(self) -> None:
         """Put the stage at rest at zero and its time to zero; the noise starts anew."""
-        self._plant = ServoPlant(self.twin, seed=self._seed)
+        self._plant = self._new_plant()
         self._points = 0
         self._ticks = 0
+
+    def _new_plant(self) -> ServoPlant:
+        if self._model:
+            return MujocoPlant(self.twin, self._model, seed=self._seed)
+        return ServoPlant(self.twin, seed=self._seed)
 
     def positions(self) -> tuple[float, ...]:
         """Return the encoder readings [m]."""

@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 from stage_core import topics
 from stage_core.clocks import NANOSECONDS, split_stamp
 from stage_core.drive_link import DEFAULT_PORT
+from stage_core.errors import StageError
 from stage_core.parameters import THREAD_PRIORITY, Parameter, Value
 from stage_core.ros.node import ERROR, OK, WARN, StageNode, run
 from stage_core.twin_file import TwinFile
@@ -28,6 +29,14 @@ SWITCH_INTERVAL = 2e-4
 
 PARAMETERS = (
     Parameter('twin', '', 'YAML file of the emulated machine; empty: the nominal servo twin'),
+    Parameter(
+        'engine',
+        'kernel',
+        "what moves the stage: the twin file's plant, or the MuJoCo model `model`",
+        choices=('kernel', 'mujoco'),
+        read_only=True,
+    ),
+    Parameter('model', '', 'MJCF file of engine mujoco', read_only=True),
     Parameter(
         'clock',
         'realtime',
@@ -117,7 +126,7 @@ class StageTwin(StageNode):
 
     def _make_servo(self, twin: TwinFile) -> RealTimeLoop | LockstepLoop:
         # Everything is compiled before a socket opens: the first client meets a ready machine.
-        machine = ServoMachine(twin, seed=self.value('seed'), noise=self.value('noise'))
+        machine = ServoMachine(twin, self.value('seed'), self.value('noise'), self._model(twin))
         drive = DriveSocket(len(machine.axes), self.value('drive_port'))
         self._tracker = self._open_tracker(twin)
         if self.value('clock') == 'realtime':
@@ -130,6 +139,13 @@ class StageTwin(StageNode):
             self.value('lockstep_watchdog'),
             self.value('clock_interval'),
         )
+
+    def _model(self, twin: TwinFile) -> str:
+        """The MuJoCo model that moves the stage; empty for the kernel."""
+        model = str(self.value('model'))
+        if (self.value('engine') == 'mujoco') != bool(model):
+            raise StageError('engine mujoco and the parameter model go together: set both or none')
+        return model
 
     def _make_stepper(self, twin: TwinFile) -> StepperLoop:
         self._tracker = self._open_tracker(twin)
