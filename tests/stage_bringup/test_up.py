@@ -50,6 +50,17 @@ def test_real_hardware_takes_the_place_of_the_emulated_one(tmp_path: Path) -> No
             parse([*out, *wrong])
 
 
+def test_a_model_of_mujoco_is_the_machine(tmp_path: Path) -> None:
+    out, rig = ['--out', str(tmp_path)], tmp_path / 'rig.yaml'
+    _, nodes = parse([*out, '--model', str(tmp_path / 'stage.xml'), '--nominal', str(rig)])
+    twin = next(node for node in nodes if node.name == 'stage_twin').parameters
+    assert (twin['engine'], twin['model']) == ('mujoco', tmp_path / 'stage.xml')
+    # The other emulated machine's effects would be a second plant.
+    assert twin['twin'] == rig
+    _, nodes = parse(out)
+    assert 'engine' not in next(n for n in nodes if n.name == 'stage_twin').parameters
+
+
 @pytest.mark.timeout(200)
 def test_ctrl_c_ends_all(tmp_path: Path, ros_env: dict[str, str]) -> None:
     with socket.socket() as free:
