@@ -8,7 +8,7 @@ export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell cat src/*/*/*.py src/*/
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: setup kernels session test check lint bench calibrate-diagnosis clean reference docs-figures
+.PHONY: setup kernels session test check lint bench soak calibrate-diagnosis clean reference docs-figures
 
 setup:
 	@bash tools/setup.sh
@@ -43,6 +43,11 @@ bench: setup
 SESSIONS ?= 300
 calibrate-diagnosis: kernels
 	$(PYTHON_ENV) -m benchmarks.calibrate --sessions $(SESSIONS)
+
+# What takes hours; the results go into docs/results/soak.md.
+MINUTES ?= 60
+soak: kernels
+	nice -n 15 $(PYTHON_ENV) benchmarks/soak.py --minutes $(MINUTES)
 
 reference: setup
 	$(PYTHON_ENV) -m stage_bringup.reference docs/reference.md

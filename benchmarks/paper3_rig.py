@@ -116,7 +116,7 @@ def designed(tuned: Tuned) -> LearningSettings:
     """Learning of scheme 3 with lead and Q by `ilc.design` and L_initial = K_p."""
     gain = tuned.base.position[0]
     lead, cutoff = ilc.design(nominal_impulse('x', gain), gain, PERIOD)
-    return LearningSettings((gain, gain), cutoff, lead, divergence=0.0)
+    return LearningSettings((gain, gain), cutoff, lead, floor=0.1, divergence=0.0)
 
 
 def printed(tuned: Tuned) -> LearningSettings:

@@ -135,7 +135,8 @@ def duel(tuned: rig.Tuned, seeds: int) -> None:
         'load of the whole mass': rig.Situation(load=1.0),
         'pushed in iteration 9': rig.Situation(extra={8: push}),
     }
-    protected = replace(rig.designed(tuned), divergence=LearningSettings().divergence)
+    usual = LearningSettings()
+    protected = replace(rig.designed(tuned), divergence=usual.divergence, floor=usual.floor)
     patient = rig.change_weight(tuned.feed_forward)
     eager = rig.change_weight(tuned.feed_forward, 4)
     print(
