@@ -95,6 +95,9 @@ def follow(
             client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=keep)
             for service in ('/contour_ctrl/run', '/stage_driver/home', '/calibrator/retrain'):
                 client.wait_for_service(service, PATIENCE)
+            client.wait_for(
+                lambda: client.node.get_clock().now().nanoseconds > 0, PATIENCE, 'a plant'
+            )
             client.trigger('/stage_driver/home', PATIENCE)
             answer = None
             steps = (0, 0)

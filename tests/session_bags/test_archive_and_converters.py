@@ -88,8 +88,11 @@ def test_a_bad_item_is_its_own(place: str, tmp_path: Path, request: pytest.Fixtu
     if place == 'cluster':
         items.append(DIES)
         where = Where(scheduler=request.getfixturevalue('dask_cluster'), progress=False)
+    # The first to start: items that wait behind it are none the worse for it.
+    items.reverse()
     outcomes = map_items(eval, items, tmp_path, where=where)
     assert [outcome.item for outcome in outcomes] == items
+    outcomes.reverse()
     assert [outcome.result for outcome in outcomes][:5] == [2, None, [1.5, None], None, 9]
     assert outcomes[1].error == 'ZeroDivisionError: division by zero'
     assert 'NameError' in outcomes[3].error

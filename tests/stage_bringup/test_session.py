@@ -101,17 +101,16 @@ def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
         assert [str(f) for f in check_bag(first / bag) if f.level != OK] == []
 
 
-@pytest.mark.timeout(200)
+@pytest.mark.timeout(600)
 def test_interrupted_session_leaves_nothing(tmp_path: Path, ros_env: dict[str, str]) -> None:
     out = tmp_path / 'interrupted'
     process = start(out, ros_env)
     try:
-        deadline = time.monotonic() + 90.0
         while not (out / 'log' / 'gap_diagnosis.log').exists():
-            assert time.monotonic() < deadline and process.poll() is None
+            assert process.poll() is None
             time.sleep(0.2)
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=90)
+        output, _ = process.communicate()
     finally:
         process.kill()
     assert process.returncode == 130, output

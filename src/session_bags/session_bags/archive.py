@@ -203,15 +203,22 @@ def _on_this_machine(function: ItemFunction, items: Sequence[str], jobs: int) ->
         for item in items:
             yield item, apply(function, item)
         return
+    yield from _each_alone(lambda some: _in_pool(function, some, jobs), items)
+
+
+def _each_alone(
+    outcomes: Callable[[Sequence[str]], Iterator[tuple[str, Outcome | None]]],
+    items: Sequence[str],
+) -> Stream:
+    """Outcomes of items; a process that dies takes others along: each is tried again alone."""
     broken = []
-    for item, outcome in _in_pool(function, items, jobs):
+    for item, outcome in outcomes(items):
         if outcome is None:
             broken.append(item)
         else:
             yield item, outcome
-    # A process that dies takes all pending items of its pool along: each gets one of its own.
     for item in broken:
-        for _, outcome in _in_pool(function, [item], 1):
+        for _, outcome in outcomes([item]):
             yield item, outcome or Outcome(item, error=ENDED)
 
 
@@ -244,14 +251,17 @@ def _on_cluster(function: ItemFunction, items: Sequence[str], address: str) -> S
         client = Client(address, timeout=10, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise StageError(f'no Dask scheduler answers at {address}: check the address') from error
-    with client:
-        futures = {client.submit(apply, function, item, pure=False): item for item in items}
+
+    def outcomes(some: Sequence[str]) -> Iterator[tuple[str, Outcome | None]]:
+        """Outcomes as they come; None for items whose worker died."""
+        futures = {client.submit(apply, function, item, pure=False): item for item in some}
         for future in as_they_come(list(futures), loop=client.loop):
             item = futures.pop(future)
+            outcome = None
             try:
                 outcome = future.result()
             except KilledWorker:
-                outcome = Outcome(item, error=ENDED)
+                pass
             except Exception as error:
                 if future.status == 'cancelled' or client.status != 'running':
                     raise StageError(
@@ -261,3 +271,6 @@ def _on_cluster(function: ItemFunction, items: Sequence[str], address: str) -> S
                 outcome = Outcome(item, error=f'{type(error).__name__}: {error}')
             yield item, outcome
             future.release()
+
+    with client:
+        yield from _each_alone(outcomes, items)
