@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.sparse.linalg import LinearOperator, cg
 
 from contour_ctrl import curves, ilc, reference
 from contour_ctrl.cmac import CmacSettings
@@ -13,7 +16,10 @@ from contour_ctrl.learning import Learner, LearningSettings
 from contour_ctrl.reference import Reference
 from contour_ctrl.rehearsal import Rehearsal
 from contour_ctrl.tick import EX, Controller, Gains
+from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
+
+FloatArray = NDArray[np.float64]
 
 PERIOD = 0.001
 RADIUS, FEED = 0.03, 0.06
@@ -29,6 +35,43 @@ PLAIN_CUTOFF = 50.0
 #: Somebody pushes the table along x: largest force [N] and duration [s].
 PULSE_FORCE, PULSE_TIME = 60.0, 0.3
 NOMINAL = TwinFile.nominal_servo()
+
+
+def norm_optimal_update(
+    learned: FloatArray,
+    error: FloatArray,
+    impulse: FloatArray,
+    effort_weight: float,
+    change_weight: float,
+    tolerance: float = 1e-10,
+) -> FloatArray:
+    """Return the u that minimises |e - G (u - u_j)|^2 + w_u |u|^2 + w_d |u - u_j|^2.
+
+    The quadratic criterion of norm-optimal learning (Bristow, Tharayil, Alleyne, IEEE Control
+    Systems 26, 2006), one axis: `learned` u_j (n,) [m/s], `error` e_j (n,) [m], `impulse`
+    (<= n,) as in `ilc.convergence_factor`. G and its transpose are convolutions by FFT and the
+    normal equations are solved by conjugate gradients, so no (n, n) matrix is made.
+    """
+    count = len(error)
+    size = next_fast_len(count + len(impulse))
+    spectrum = rfft(impulse, size)
+
+    def forward(u: FloatArray) -> FloatArray:
+        return np.asarray(irfft(rfft(u, size) * spectrum, size)[:count])
+
+    def adjoint(e: FloatArray) -> FloatArray:
+        return np.asarray(irfft(rfft(e, size) * np.conj(spectrum), size)[:count])
+
+    def normal(u: FloatArray) -> FloatArray:
+        u = np.ravel(u)
+        return adjoint(forward(u)) + (effort_weight + change_weight) * u
+
+    operator = LinearOperator((count, count), matvec=normal, dtype=float)
+    right = adjoint(error + forward(learned)) + change_weight * learned
+    solution, info = cg(operator, right, x0=learned, rtol=tolerance, maxiter=2000)
+    if info != 0:
+        raise StageError('norm-optimal learning did not converge: raise effort_weight')
+    return np.asarray(solution)
 
 
 def contour() -> Reference:
@@ -222,7 +265,7 @@ def norm_optimal(
     for index in range(iterations):
         results.append(rig.run(controller, forces[index]))
         for axis in range(2):
-            controller.learned[:, axis] = ilc.norm_optimal_update(
+            controller.learned[:, axis] = norm_optimal_update(
                 controller.learned[:, axis].copy(),
                 controller.record[:, EX + axis].copy(),
                 models[axis],

