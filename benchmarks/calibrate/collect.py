@@ -77,8 +77,7 @@ def _row(one: Sample) -> Row:
     truth = in_report_terms(one.truth, one.twin)
     also = {'also_right': truth['also_right'], 'planted': truth['planted']}
     try:
-        # All that the selection names, also what an earlier fit holds for improbable.
-        found = diagnose([one.session], [], one.twin, least_probability=0.0)
+        found = diagnose([one.session], [], one.twin)
     except StageError as error:
         return {**judged(one.name, truth, None, ' '.join(str(error).split())), **also, **NOTHING}
     report = as_dict(replace(found, causes=[_as_estimated(c, found) for c in found.causes]))

@@ -53,10 +53,7 @@ def _unseen(rows: Sequence[Row], kind: str, weights: dict[str, float]) -> list[t
 
 
 def without_doubtful(rows: Sequence[Row], weights: dict[str, dict[str, float]]) -> list[Row]:
-    """The sessions judged without the names that a fit to the other generators doubts (p < 1/2).
-
-    The diagnosis fits the rest again without such a name, this does not.
-    """
+    """The sessions judged without names that have less than 1/2 by a fit to the others."""
     doubtful = {
         (s['generator'], s['session'], s['effect'])
         for s, probability in _unseen(rows, 'named', weights['named'])

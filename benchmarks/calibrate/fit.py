@@ -20,11 +20,11 @@ Row = dict[str, Any]
 #: Features that may tell true statements of a kind from false ones.
 CANDIDATES: dict[str, tuple[str, ...]] = {
     'named': (
-        'strength', 'shrink', 'surely', 'away', 'gap', 'left', 'turns', 'rivals', 'beside',
-        'structured', 'servo', 'kinematic',
+        'strength', 'shrink', 'surely', 'away', 'gap', 'left', 'turns', 'rivals', 'structured',
+        'servo', 'kinematic',
     ),
-    'passed': ('strength', 'rival', 'gap', 'left', 'beside', 'structured', 'unknown'),
-    'unknown': ('share', 'gap', 'left', 'beside'),
+    'passed': ('strength', 'rival', 'gap', 'left', 'structured', 'unknown'),
+    'unknown': ('share', 'gap', 'left'),
     'none': ('gap', 'left', 'turns'),
 }  # fmt: skip
 #: Least share by which a feature lowers the log-loss, so that chance adds none.

@@ -23,8 +23,9 @@ sessions of each (`--sessions 300`); this page says how many there were.
 """
 RULES = """A verdict is exact if it holds the true names and no other, or is one of the other right
 verdicts that the truth lists. A refused session has no report and is not exact. The first pair of
-columns takes all names that the selection gives. The second leaves out those that have less than
-one half by a fit to the two other generators, as the diagnosis does (it fits the rest again)."""
+columns is the diagnosis as it is: no probability changes its verdict. The second pair says what it
+would be worth to leave out the names that have less than one half by a fit to the two other
+generators."""
 
 
 def markdown(rows: Sequence[Row], weights: Weights, spread: Spread, facts: Row) -> str:
@@ -47,7 +48,8 @@ HELD = """The estimated deviations hold noise and misfit of the session alone. T
 fitted to the two other generators."""
 INTERVALS = """A deviation is widened by what models of its kind get wrong: by a factor, and
 by a share of the value (added in squares) for all but places and phases. Both are the narrowest
-that hold 95 % of the truths. The second table is of right names, all generators together: how
+that hold 95 % of the truths in sessions with an exact verdict (of a handful of intervals, all).
+The second table is of right names, all generators together: how
 often the stated 95 % interval holds the truth, its median width over the true value, the median
 error in standard deviations, and the share of parameters that are stated without a deviation (not
 identifiable). Phases and offsets of a session are not counted, nor parameters whose truth the
@@ -74,7 +76,7 @@ def _verdicts(rows: Sequence[Row], weights: Weights) -> str:
             v = verdicts([r for r in found if name in ('all', r['generator'])])
             cells += [f'{v["exact"]:.2f}', f'{v["false"]:.1f}']
         lines.append([name, f'{v["sessions"]}', f'{v["refused"]}', *cells])
-    head = ['generator', 'sessions', 'refused', 'all names: exact', 'false in 100']
+    head = ['generator', 'sessions', 'refused', 'exact', 'false in 100']
     return table([*head, 'without the doubtful: exact', 'false in 100'], lines)
 
 

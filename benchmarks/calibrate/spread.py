@@ -29,7 +29,8 @@ def spread_of(rows: Sequence[Row]) -> Spread:
 
     Of the pairs with which 95 % of the truths are held, the one with the narrowest intervals
     (geometric mean of their widths) counts. Few intervals ask for more: of n the share held is
-    0.95 (n + 1) / n, at most all (conformal prediction; Vovk et al., 2005).
+    0.95 (n + 1) / n, at most all (conformal prediction; Vovk et al., 2005). Sessions whose verdict
+    is not exact are left out: beside a wrong name no interval of a right one can hold.
     """
     return {model: _narrowest(_of_model(rows, model)) for model in ('friction', *LINKS)}
 
@@ -39,6 +40,7 @@ def _of_model(rows: Sequence[Row], model: str) -> Array:
     found = [
         (sigmas * width / (2.0 * SIGMAS), width / (2.0 * SIGMAS), is_magnitude(name, parameter))
         for row in rows
+        if row['exact']
         for name, parameter, sigmas, width in row.get('intervals', [])
         if model_of(name) == model and belongs_to_machine(name, parameter) and width < NO_SHARE
     ]

@@ -111,7 +111,6 @@ def diagnose(
     seed: int = 0,
     progress: Progress = silent,
     without: Sequence[str] = (),
-    least_probability: float = 0.5,
     simulated: Sequence[Session] = (),
 ) -> Diagnosis:
     """Diagnose the gap between sessions and a twin, or a simulator's runs of their commands.
@@ -122,7 +121,6 @@ def diagnose(
     twin : the nominal twin; effects that it has are part of its prediction
     seed : of the bootstrap and of the permutations
     without : effects taken out of the library (for the leave-one-effect-out check)
-    least_probability : below it an effect is not named, and the others are fitted without it
     simulated : of each session and each held-out one, what stands for the twin's prediction
 
     Raises
@@ -135,22 +133,13 @@ def diagnose(
     prepared = prepare(sessions, holdout, twin, without, simulated)
     while True:
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
-        name = _excluded_by_tracker(result) or _weakest(result, least_probability)
-        if name is None:
+        failed = [c for c in result.causes if c.refuted]
+        beside = _excluded_by_tracker(result)
+        if not failed and not beside:
             return result
-        progress(f'{name} does not hold: without it')
+        name = beside or min(failed, key=lambda c: c.interval[0]).effect
+        progress(f'{name} does not hold in the twin as it is run: without it')
         barred.append(name)
-
-
-def _weakest(result: Diagnosis, least: float) -> str | None:
-    """What the twin as it is run refutes most, else what is the least probable of the doubtful."""
-    refuted_ones = [c for c in result.causes if c.refuted]
-    if refuted_ones:
-        return min(refuted_ones, key=lambda c: c.interval[0]).effect
-    # What is read from the record itself (strength `READ`) is there, whatever its probability.
-    named = [c for c in result.causes if c.effect in result.accepted and c.strength < judge.READ]
-    doubtful = [c for c in named if c.probability < least]
-    return min(doubtful, key=lambda c: c.probability).effect if doubtful else None
 
 
 def _excluded_by_tracker(result: Diagnosis) -> str | None:

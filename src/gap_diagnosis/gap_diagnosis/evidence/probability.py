@@ -64,7 +64,6 @@ def features(cause: Cause, causes: list[Cause], scene: Scene) -> Features:
         'turns': math.log1p(min(turns, default=0)),
         'rivals': float(len(cause.alternatives)),
         'rival': float(any(cause.effect in c.alternatives for c in causes)),
-        'beside': float(len(causes)),
         'structured': float(scene.structured),
         'servo': float(link == 'servo'),
         'kinematic': float(link == 'kinematic'),
