@@ -6,8 +6,8 @@ import math
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.structural_resonance import HIGHEST_MOUNT, carried_mass
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.structural_resonance import HIGHEST_MOUNT, mode, swinging
+from stage_twin.effects.term import Array, Term
 
 EFFECT = Effect(
     name='base_resonance',
@@ -78,20 +78,9 @@ def force(
 
 def term(rows: ForceRows) -> Term:
     """The reaction of the base; θ is its frequency and damping."""
-
-    def columns(theta: Theta) -> Array:
-        accelerations = zip(rows.limited_acceleration(), rows.periods, strict=True)
-        return rows.columns(
-            [rows.mass * carried_mass(a, period, *theta) for a, period in accelerations]
-        )
-
     return Term(
-        columns,
-        lambda theta, c: {
-            'frequency': theta[0],
-            'damping': theta[1],
-            'mass_ratio': float(c[0]),
-        },
+        swinging(rows),
+        mode,
         grid=tuple((f, z) for f in (4.0, 6.0, 9.0, 13.0, 19.0, 27.0) for z in (0.02, 0.1)),
         lower=(2.0, 0.0),
         upper=(40.0, 0.4),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from scipy.signal import lfilter
@@ -73,13 +74,8 @@ def carried_mass(acceleration: Array, period: float, frequency: float, damping: 
     return np.asarray(lfilter(b, a, acceleration))
 
 
-#: Frequencies [Hz] and damping ratios from which a search starts, and their bounds.
-_GRID = tuple((f, z) for f in (12.0, 18.0, 25.0, 35.0, 50.0, 70.0) for z in (0.02, 0.1))
-_LOWER, _UPPER = (8.0, 0.0), (90.0, 0.3)
-
-
-def term(rows: ForceRows) -> Term:
-    """Force on the mass behind the spring; θ is its frequency and damping."""
+def swinging(rows: ForceRows) -> Callable[[Theta], Array]:
+    """Column of the force on all of the moving mass, if it swung at θ: frequency and damping."""
 
     def columns(theta: Theta) -> Array:
         accelerations = zip(rows.limited_acceleration(), rows.periods, strict=True)
@@ -87,13 +83,24 @@ def term(rows: ForceRows) -> Term:
             [rows.mass * carried_mass(a, period, *theta) for a, period in accelerations]
         )
 
+    return columns
+
+
+def mode(theta: Theta, coefficients: Array) -> dict[str, float]:
+    """Parameters of a share of the moving mass that swings."""
+    return {'frequency': theta[0], 'damping': theta[1], 'mass_ratio': float(coefficients[0])}
+
+
+#: Frequencies [Hz] and damping ratios from which a search starts, and their bounds.
+_GRID = tuple((f, z) for f in (12.0, 18.0, 25.0, 35.0, 50.0, 70.0) for z in (0.02, 0.1))
+_LOWER, _UPPER = (8.0, 0.0), (90.0, 0.3)
+
+
+def term(rows: ForceRows) -> Term:
+    """Force on the mass behind the spring; θ is its frequency and damping."""
     return Term(
-        columns,
-        lambda theta, c: {
-            'frequency': theta[0],
-            'damping': theta[1],
-            'mass_ratio': float(c[0]),
-        },
+        swinging(rows),
+        mode,
         grid=_GRID,
         lower=_LOWER,
         upper=_UPPER,
@@ -119,12 +126,7 @@ def table_term(rows: TrackerRows) -> Term | None:
 
     return Term(
         columns,
-        lambda theta, c: {
-            'frequency': theta[0],
-            'damping': theta[1],
-            'mass_ratio': 0.0,
-            'table_share': float(c[0]),
-        },
+        lambda theta, c: {**mode(theta, np.zeros(1)), 'table_share': float(c[0])},
         grid=((known['frequency'], known['damping']),) if known else _GRID,
         lower=_LOWER,
         upper=_UPPER,
