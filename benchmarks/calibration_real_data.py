@@ -20,7 +20,8 @@ import numpy as np
 from calibrator.compare import compare, table
 from calibrator.models import make_model
 from calibrator.phase_table import PhaseTable
-from calibrator.prepare import Samples, approach_direction
+from calibrator.prepare import approach_direction
+from calibrator.samples import Samples
 
 METHODS = (
     'identity affine polynomial structured it2fls perceptron gaussian_process gradient_boosting '

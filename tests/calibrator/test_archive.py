@@ -15,9 +15,10 @@ import pytest
 
 from calibrator import model_file
 from calibrator.gather import gather
-from calibrator.prepare import concatenate, prepare
+from calibrator.prepare import prepare
 from calibrator.restarts import train_restarts
 from calibrator.retrain_offline import main
+from calibrator.samples import concatenate
 from calibrator.training import train
 from session_bags.archive import Where
 from session_bags.reader import read_session

@@ -10,12 +10,8 @@ from hypothesis import strategies as st
 from calibrator import model_file
 from calibrator.clock_shift import estimate_shift
 from calibrator.compare import compare, table
-from calibrator.prepare import (
-    approach_direction,
-    concatenate,
-    prepare,
-    splits,
-)
+from calibrator.prepare import approach_direction, prepare, splits
+from calibrator.samples import concatenate
 from calibrator.thermal import derivatives_at
 from calibrator.training import Metrics, find_bags, stored, train, twin_leads
 from stage_core import topics

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from calibrator.models import METHODS
-from calibrator.prepare import Samples, approach_direction
+from calibrator.prepare import approach_direction
+from calibrator.samples import Samples
 from calibrator.training import predict, train
 from stage_core.errors import StageError
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 from calibrator.live_buffer import LiveBuffer
 from calibrator.model_file import StoredModel
 from calibrator.online import OnlineAdapter
-from calibrator.prepare import Array, Samples, rest_samples
+from calibrator.prepare import Array, rest_samples
+from calibrator.samples import Samples
 
 NEWEST = 20_000
 """Messages per topic that are looked through for new rests."""

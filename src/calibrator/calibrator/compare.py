@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from calibrator.models import METHODS
-from calibrator.prepare import Samples
+from calibrator.samples import Samples
 from calibrator.training import Training, train
 from stage_core.errors import StageError
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from calibrator.prepare import Samples, concatenate, prepare
+from calibrator.prepare import prepare
+from calibrator.samples import Samples, concatenate
 from calibrator.training import find_bags, twin_leads
 from session_bags.archive import ItemFunction, Where, is_bag, map_bags
 from session_bags.reader import read_session

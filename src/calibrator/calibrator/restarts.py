@@ -15,7 +15,7 @@ import numpy as np
 from calibrator.gain import Gain
 from calibrator.gather import ARRAYS
 from calibrator.models import METHODS
-from calibrator.prepare import Samples
+from calibrator.samples import Samples
 from calibrator.training import Metrics, Training, train
 from session_bags.archive import Where, map_items
 from stage_core.errors import StageError

@@ -14,8 +14,9 @@ from calibrator.compare import compare, table
 from calibrator.gather import gather, read_training_session
 from calibrator.models import METHODS
 from calibrator.phase_table import PhaseTable
-from calibrator.prepare import INPUTS, TARGETS, Samples, prepare
+from calibrator.prepare import INPUTS, TARGETS, prepare
 from calibrator.restarts import train_restarts
+from calibrator.samples import Samples
 from calibrator.training import (
     Metrics,
     Training,

@@ -18,7 +18,8 @@ from calibrator.models.base import CalibrationModel
 from calibrator.models.structured import Structured
 from calibrator.outliers import wild
 from calibrator.places import judged_places
-from calibrator.prepare import Samples, splits
+from calibrator.prepare import splits
+from calibrator.samples import Samples
 from stage_core.quantities import AXES
 from stage_core.session import Session
 

@@ -21,7 +21,8 @@ from typing import Any
 
 from calibrator import model_file
 from calibrator.live_buffer import load_session
-from calibrator.prepare import ENOUGH_RESTS, Samples, prepare
+from calibrator.prepare import ENOUGH_RESTS, prepare
+from calibrator.samples import Samples
 from calibrator.training import Training, default_options, stored, train, twin_leads
 from stage_core.errors import StageError
 from stage_core.priority import to_background

@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ros2_standin import bag, param, services, topic
+from ros2_standin import bag, param_node, services, topic
 from ros2_standin.executables import command, find, packages
 from ros2_standin.install import real_ros2
 from stage_core.errors import StageError, command_line
@@ -27,7 +27,7 @@ def make_parser() -> argparse.ArgumentParser:
     bag.add_verbs(commands.add_parser('bag', help='Various rosbag related sub-commands'))
     services.add_node_verbs(commands.add_parser('node', help='Various node related sub-commands'))
     services.add_service_verbs(commands.add_parser('service', help='Various service sub-commands'))
-    param.add_verbs(commands.add_parser('param', help='Various param related sub-commands'))
+    param_node.add_verbs(commands.add_parser('param', help='Various param related sub-commands'))
     topic.add_verbs(commands.add_parser('topic', help='Various topic related sub-commands'))
     run = commands.add_parser('run', help='Run a package specific executable')
     run.add_argument('package_name')

@@ -13,11 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
     SetParametersResult,
 )
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
@@ -35,8 +32,10 @@ from stage_core.names import nearest
 from stage_core.parameters import Parameter, Value, check
 from stage_core.priority import to_real_time
 from stage_core.ros import parameter_files
+from stage_core.ros.descriptor_node import descriptor
+from stage_core.ros.diagnostics_node import Diagnostics
 from stage_core.ros.joint_state_wire import JointSample, JointStateLayout
-from stage_core.ros.peers import PEERS, PeerWatch, process_name, speaker
+from stage_core.ros.peers import PEERS, PeerWatch, speaker
 
 #: Measurements are recorded for science: reliable, with a second of depth (docs/interfaces.md).
 STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -49,49 +48,10 @@ LATCHED_QOS = QoSProfile(
 
 OK, WARN, ERROR, STALE = b'\x00', b'\x01', b'\x02', b'\x03'
 
-#: A diagnostic task returns (level, message, values).
-DiagnosticTask = Callable[[], tuple[bytes, str, dict[str, Any]]]
-
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
 #: Parameters that ROS itself declares.
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
-
-
-class Diagnostics:
-    """Publishes one status per task on /diagnostics, once a second of wall time."""
-
-    def __init__(self, node: StageNode, hardware_id: str) -> None:
-        self.hardware_id = hardware_id
-        self._node = node
-        self._tasks: dict[str, DiagnosticTask] = {}
-        self._process = process_name()
-        self._publisher = node.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
-        # A steady clock: replayed or stalled time must not silence the diagnostics.
-        clock = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
-        self._timer = node.create_timer(1.0, self.publish, clock=clock)
-
-    def task(self, name: str, function: DiagnosticTask) -> None:
-        """Add a task; its status is named ``node: name``."""
-        self._tasks[name] = function
-
-    def publish(self) -> None:
-        """Publish the status of every task now."""
-        message = DiagnosticArray()
-        set_stamp(message.header, self._node.now())
-        message.header.frame_id = self._process
-        for name, function in self._tasks.items():
-            level, text, values = function()
-            message.status.append(
-                DiagnosticStatus(
-                    level=level,
-                    name=f'{self._node.get_name()}: {name}',
-                    message=text,
-                    hardware_id=self.hardware_id,
-                    values=[KeyValue(key=str(k), value=str(v)) for k, v in values.items()],
-                )
-            )
-        self._publisher.publish(message)
 
 
 class StageNode(Node):
@@ -205,35 +165,6 @@ class StageNode(Node):
             changed[change.name] = change.value
         reason = self.parameters_changed(changed) if changed and self._started else None
         return SetParametersResult(successful=reason is None, reason=reason or '')
-
-
-def descriptor(parameter: Parameter) -> ParameterDescriptor:
-    """ROS descriptor of a parameter, with its range where it has one."""
-    result = ParameterDescriptor(
-        name=parameter.name, description=parameter.text, read_only=parameter.read_only
-    )
-    if parameter.choices:
-        result.additional_constraints = 'one of ' + ', '.join(parameter.choices)
-    low, high = parameter.minimum, parameter.maximum
-    if low is None and high is None or isinstance(parameter.default, (str, bool, list)):
-        return result
-    if isinstance(parameter.default, float):
-        result.floating_point_range = [
-            FloatingPointRange(
-                from_value=-1e308 if low is None else float(low),
-                to_value=1e308 if high is None else float(high),
-                step=0.0,
-            )
-        ]
-    else:
-        result.integer_range = [
-            IntegerRange(
-                from_value=-(2**62) if low is None else int(low),
-                to_value=2**62 if high is None else int(high),
-                step=1,
-            )
-        ]
-    return result
 
 
 def stamp_of(header: Any) -> int:
