@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.selection.gains import weights
 from stage_core.quantities import split_effect
 from stage_twin.effects import EFFECTS, effect_of, link_of
 
@@ -21,7 +22,7 @@ Values = Mapping[str, tuple[float, float]]
 
 #: Half width of a 95 % interval in standard deviations.
 SIGMAS = 1.96
-#: Of the bootstrap: a dozen blocks leave the rare reversals of a short session out by chance.
+#: Of the bootstrap.
 BLOCKS, DRAWS = 48, 500
 #: Floors above which a gap is there whatever the selection says; twins without one are at 1.05.
 FAR = 2.0
@@ -102,8 +103,8 @@ def _interval(sides: Sequence[Sides], seed: int) -> tuple[float, float]:
         np.mean([[b.mean() for b in np.array_split(s, blocks)] for s in of], axis=0)
         for of in ([s.without for s in sides], [s.with_it for s in sides])
     )
-    picks = np.random.default_rng(seed).integers(0, blocks, (DRAWS, blocks))
-    ratio = with_it[picks].mean(axis=1) / np.maximum(without[picks].mean(axis=1), 1e-30)
+    drawn = weights(seed, DRAWS, blocks)
+    ratio = drawn @ with_it / np.maximum(drawn @ without, 1e-30)
     low, high = np.percentile(1.0 - np.sqrt(ratio), [2.5, 97.5])
     return float(low), float(high)
 

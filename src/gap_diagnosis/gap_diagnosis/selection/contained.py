@@ -16,6 +16,7 @@ from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import Rung
 from gap_diagnosis.residuals.regression import Fit, Problem, Theta
 from gap_diagnosis.selection.forward import Selection
+from gap_diagnosis.selection.gains import weights
 from gap_diagnosis.selection.parts import Part
 from stage_twin.effects import EFFECTS
 
@@ -38,9 +39,7 @@ class _Ladder:
         rows = problem.judged
         labels = np.unique(problem.block[rows], return_inverse=True)[1]
         sides = np.stack([np.bincount(labels, weights=f.crossed[rows] ** 2) for f in (base, fit)])
-        generator = np.random.default_rng(self.seed)
-        picks = generator.integers(0, sides.shape[1], (DRAWS, sides.shape[1]))
-        before, after = sides[:, picks].sum(axis=2)
+        before, after = sides @ weights(self.seed, DRAWS, sides.shape[1]).T
         low, high = np.percentile(1.0 - np.sqrt(after / before), [2.5, 97.5])
         return Rung(
             effect,

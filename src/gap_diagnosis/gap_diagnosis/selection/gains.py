@@ -32,13 +32,21 @@ def block_rms_gains(problem: Problem, base: Fit, other: Fit) -> Array:
     return np.asarray(before - after)
 
 
+def weights(seed: int, draws: int, count: int) -> Array:
+    """Weights (draws, count) of the Bayesian bootstrap (Rubin, Annals of Statistics 9, 1981).
+
+    They sum to one. No block drops out, so that what shows in two or three blocks alone (a force
+    that is clipped once) is not lost by chance.
+    """
+    raw = np.random.default_rng(seed).standard_exponential((draws, count))
+    return np.asarray(raw / raw.sum(axis=1, keepdims=True))
+
+
 def bootstrap_interval(
     gains: Array, seed: int, draws: int = 500, level: float = 0.95
 ) -> tuple[float, float]:
     """Percentile interval of the mean of block gains."""
-    generator = np.random.default_rng(seed)
-    picks = generator.integers(0, len(gains), (draws, len(gains)))
-    means = gains[picks].mean(axis=1)
     tail = 50.0 * (1.0 - level)
+    means = weights(seed, draws, len(gains)) @ gains
     low, high = np.percentile(means, [tail, 100.0 - tail])
     return float(low), float(high)

@@ -47,7 +47,7 @@ def force(position: float, start: float, stop: float, c: np.ndarray) -> float:
 
 
 def term(rows: ForceRows) -> Term:
-    """The curve of one newton at each knot."""
+    """The curve of one newton at each knot; one that hardly varies is a constant force."""
     path = rows.used(rows.position())
     start, stop = float(path.min()), float(path.max())
     grid = np.linspace(start, stop, 40 * (KNOTS - 1) + 1)
@@ -58,5 +58,5 @@ def term(rows: ForceRows) -> Term:
         lambda theta, c: (
             {'start': start, 'stop': stop} | {f'c{k}': float(value) for k, value in enumerate(c)}
         ),
-        admissible=lambda theta, c: float(np.max(np.abs(c))) < 500.0,
+        admissible=lambda theta, c: 5.0 * float(np.ptp(c)) > float(np.max(np.abs(c))) < 500.0,
     )
