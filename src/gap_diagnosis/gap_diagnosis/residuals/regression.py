@@ -43,7 +43,7 @@ class Problem:
     floor: float  # standard deviation of a row's noise, in the target's unit
     crossable: bool = True  # False where the held-out rows are a session of their own
     signatures: dict[str, Callable[[], Array]] = field(default_factory=dict)
-    #: Mean square of the whole signal of which the target is what the twin leaves, e.g. the force.
+    #: Variance of the whole signal of which the target is what the twin leaves: of the force.
     signal: float = 0.0
     whitening: float = 0.0  # ρ of rows and columns r_k - ρ r_(k-1)
     #: Parts of the gap that were taken out of the target before, by their effect.

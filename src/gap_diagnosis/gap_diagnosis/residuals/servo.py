@@ -70,7 +70,7 @@ class Servo(ForceRows):
             self.floor(),
             not any_held_session,
             signatures=effects.signatures(candidates),
-            signal=float(np.mean(self.columns(self.applied()) ** 2)),
+            signal=float(np.var(self.columns(self.applied()))),
         )
 
     def _nominal(self, without: tuple[str, ...]) -> Array:

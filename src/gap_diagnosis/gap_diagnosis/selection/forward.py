@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: Among effects that gain about the same, the one with fewer parameters is taken.
 ABOUT_THE_SAME = 0.98
+#: Effects whose model is exact, however large they are: a constant, and forces that never acted.
+EXACT = ('force_offset', 'force_saturation')
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Rules:
     ----------
     of_gap : least share of the whole gap's mean square above the noise
     of_rest : least share of what the set without the effect leaves above the noise
-    of_signal : least share of the mean square of the whole signal; the step of another
+    of_signal : least share of the variance of the whole signal; the step of another
         integrator leaves 1e-4 of the force
     of_noise : least share of the noise's mean square
     of_own_noise : the same for effects whose columns hold the target's noise
@@ -120,8 +122,8 @@ class Selector:
                 # A set in which one effect takes an impossible value explains nothing.
                 if all(self.admissible(joint, n) for n in joint.thetas):
                     accepted, base = [*accepted, name], joint
-                    if name.startswith('force_saturation'):
-                        # Forces that never acted are no measure for what did.
+                    if name.partition('.')[0] in EXACT:
+                        # What they explain is no measure for the errors of other models.
                         rest = joint.mean_square(self.problem) - self.noise
                         self.gap = min(self.gap, max(rest, 0.0))
                     break
