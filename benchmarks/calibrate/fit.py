@@ -28,9 +28,10 @@ CANDIDATES: dict[str, tuple[str, ...]] = {
     'none': ('gap', 'left', 'turns'),
 }  # fmt: skip
 #: Least share by which a feature lowers the log-loss, so that chance adds none.
-WORTHWHILE = 0.02
-#: Penalty on squared weights of standardised features: that of a normal prior of deviation 1.
-RIDGE = 1.0
+WORTHWHILE = 0.05
+#: Penalty on squared weights, that of a normal prior of deviation 1/2: features are logarithms,
+#: counts and flags.
+RIDGE = 4.0
 
 
 def statements(rows: Sequence[Row], kind: str) -> list[Row]:
@@ -51,9 +52,7 @@ def weights_of(found: Sequence[Row], names: Sequence[str]) -> Weights:
     """
     matrix = table(found, names)
     mean = matrix.mean(axis=0) if len(matrix) else np.zeros(len(names))
-    scale = matrix.std(axis=0) if len(matrix) else np.ones(len(names))
-    scale[scale == 0.0] = 1.0
-    columns = np.vstack([(matrix - mean) / scale, np.zeros((2, len(names)))])
+    columns = np.vstack([matrix - mean, np.zeros((2, len(names)))])
     true = np.array([s['true'] for s in found] + [True, False], dtype=float)
     count = np.r_[np.ones(len(found)), 0.5, 0.5]
 
@@ -64,9 +63,8 @@ def weights_of(found: Sequence[Row], names: Sequence[str]) -> Weights:
         return float(value), np.r_[slope.sum(), columns.T @ slope + RIDGE * w[1:]]
 
     w = minimize(loss, np.zeros(1 + len(names)), jac=True, method='BFGS').x
-    own = w[1:] / scale
-    constant = float(w[0] - own @ mean)
-    return {'1': constant, **dict(zip(names, (float(v) for v in own), strict=True))}
+    constant = float(w[0] - w[1:] @ mean)
+    return {'1': constant, **dict(zip(names, (float(v) for v in w[1:]), strict=True))}
 
 
 def table(found: Sequence[Row], names: Sequence[str]) -> Array:
@@ -100,30 +98,20 @@ def left_out(found: Sequence[Row], names: Sequence[str]) -> Array:
     return out
 
 
-def losses(found: Sequence[Row], names: Sequence[str]) -> Array:
-    """Log-loss on each generator (g,) by the statements of the others."""
-    p = left_out(found, names)
+def left_out_loss(found: Sequence[Row], names: Sequence[str]) -> float:
+    """Log-loss of statements by those of the other generators."""
     true = np.array([s['true'] for s in found], dtype=float)
-    of = np.array([s['generator'] for s in found])
-    return np.array([log_loss(p[of == g], true[of == g]) for g in sorted({*of.tolist()})])
+    return log_loss(left_out(found, names), true)
 
 
 def choose(found: Sequence[Row], candidates: Sequence[str]) -> list[str]:
-    """Features taken one by one while the left-out log-loss falls by `WORTHWHILE`.
-
-    The mean over the generators has to fall, and that of none may rise by as much.
-    """
+    """Features taken one by one while the left-out log-loss falls by `WORTHWHILE`."""
     chosen: list[str] = []
-    best = losses(found, chosen)
-    while len(chosen) < len(candidates):
-        trials = {n: losses(found, [*chosen, n]) for n in candidates if n not in chosen}
-        good = {
-            n: t
-            for n, t in trials.items()
-            if t.sum() < (1.0 - WORTHWHILE) * best.sum() and np.all(t < (1.0 + WORTHWHILE) * best)
-        }
-        if not good:
+    best = left_out_loss(found, chosen) if found else 0.0
+    while found and len(chosen) < len(candidates):
+        trials = {n: left_out_loss(found, [*chosen, n]) for n in candidates if n not in chosen}
+        name = min(trials, key=lambda n: trials[n])
+        if trials[name] > (1.0 - WORTHWHILE) * best:
             break
-        name = min(good, key=lambda n: float(good[n].sum()))
-        chosen, best = [*chosen, name], good[name]
+        chosen, best = [*chosen, name], trials[name]
     return chosen

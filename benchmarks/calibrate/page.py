@@ -19,7 +19,8 @@ HEAD = """# What the stated probabilities and intervals of the diagnosis are wor
 (`src/gap_diagnosis/gap_diagnosis/evidence/calibrated.py`). The sessions come from three machines
 that share no code: `own` is that of the blind suite (`benchmarks/blind`), `mujoco` and `handmade`
 are those of `benchmarks/generators`. All seeds are development seeds. The command is made for 300
-sessions of each (`--sessions 300`); this page says how many there were.
+sessions of each (`--sessions 300`). This page says how many there were: figures of fewer than 30
+cases say little.
 """
 RULES = """A verdict is exact if it holds the true names and no other, or is one of the other right
 verdicts that the truth lists. A refused session has no report and is not exact. The first pair of
@@ -43,7 +44,7 @@ def markdown(rows: Sequence[Row], weights: Weights, spread: Spread, facts: Row) 
 UNSEEN = """The probabilities of each generator come from a fit to the two others."""
 WEIGHED = """Weights of the features of each kind of statement, and of the constant (`1`). The
 features stand in `evidence/probability.py`. One is taken if it lowers the log-loss on generators
-that the fit did not see by at least 2 % in the mean, and raises it on none by as much."""
+that the fit did not see by at least 5 %."""
 HELD = """The estimated deviations hold noise and misfit of the session alone. The widened ones are
 fitted to the two other generators."""
 INTERVALS = """A deviation is widened by what models of its kind get wrong: by a factor, and

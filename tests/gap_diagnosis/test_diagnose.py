@@ -47,7 +47,7 @@ def test_a_single_planted_effect_is_named(
     estimate, deviation = found.parameters[effect][parameter]
     assert estimate == pytest.approx(value, rel=tolerance)
     assert 0.0 < deviation < 0.2 * value
-    assert found.causes[0].probability > 0.8
+    assert found.causes[0].probability > 0.5
     assert sum(c.probability for c in found.causes) == pytest.approx(1.0)
 
 
@@ -56,7 +56,7 @@ def test_the_nominal_machine_has_no_gap(planted: Maker) -> None:
     assert found.verdict == []
     assert found.after < 2.0 * found.noise_floor
     none = next(c for c in found.causes if c.effect == 'none')
-    assert none.probability > 0.7
+    assert none.probability > 0.5
 
 
 def test_an_effect_outside_the_library_is_unknown(planted: Maker) -> None:
