@@ -28,6 +28,7 @@ setup(
             'convert_xy_circle = session_bags.convert_xy_circle:main',
             'convert_ess_tank = session_bags.convert_ess_tank:main',
             'convert_emps = session_bags.convert_emps:main',
+            'convert_odrive_cogging = session_bags.convert_odrive_cogging:main',
         ],
     },
 )

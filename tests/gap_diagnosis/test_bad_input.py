@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gap_diagnosis.__main__ import main
+from gap_diagnosis.input.checks import check_duration
 from session_bags.writer import write_session
 from stage_core import topics
+from stage_core.errors import StageError
 from stage_core.session import Series, Session
 from stage_core.twin_file import TwinFile
 
@@ -109,3 +113,14 @@ def test_an_axis_or_a_kind_that_the_twin_lacks(
     arguments = ['--bag', str(tmp_path / 'nowhere'), '--twin', str(tmp_path / 'y.yaml')]
     assert main([*arguments, '--out', str(tmp_path / 'out'), '--quiet']) == 2
     assert 'nowhere' in capsys.readouterr().err
+
+
+def test_short_records_count_together() -> None:
+    def lasting(*seconds: float) -> list[Any]:
+        return [SimpleNamespace(name=f'{s:g} s', duration=s) for s in seconds]
+
+    check_duration(lasting(3.0, 3.0, 2.0))
+    with pytest.raises(StageError, match='6.0 s.*at least 8 s'):
+        check_duration(lasting(3.0, 3.0))
+    with pytest.raises(StageError, match='0.5 s is too short.*leave it out'):
+        check_duration(lasting(10.0, 0.5))

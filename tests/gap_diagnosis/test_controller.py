@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.input.data import load_record
+from gap_diagnosis.residuals.controller import controller_findings
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import ServoAxis, TrackerSpec, TwinFile
@@ -46,6 +48,23 @@ def test_other_gains_are_named_with_their_values(planted: Maker, change: dict[st
         value, _ = values[f'{name}_error']
         assert value == pytest.approx(getattr(true, name) / own - 1.0, rel=0.01)
     assert result.after < 0.2 * result.before
+
+
+def test_what_shakes_another_session_hides_no_other_filter(planted: Maker) -> None:
+    """Forces of another source on a held-out session: EMPS with force pulses."""
+    session = planted({}, duration=10.0)
+    old = session.series[topics.COMMAND]
+    shaken = old.values['effort.x'] + np.random.default_rng(2).normal(0.0, 0.5, len(old))
+    series = {
+        **session.series,
+        topics.COMMAND: Series(topics.COMMAND, old.stamps, {**old.values, 'effort.x': shaken}),
+    }
+    twin = other_gains({'velocity_filter': 300.0})
+    records = [load_record(session, twin)]
+    records.append(load_record(replace(session, series=series), twin, held_out=True))
+    values = controller_findings(records, twin)['controller_mismatch.x']
+    true = TwinFile.nominal_servo().servo('x').velocity_filter
+    assert values['velocity_filter_error'][0] == pytest.approx(true / 300.0 - 1.0, rel=0.01)
 
 
 def test_the_error_of_a_feedforward_is_absolute(planted: Maker) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from gap_diagnosis.__main__ import main
 from gap_diagnosis.diagnose import diagnose
-from gap_diagnosis.input.stepper import _repeats
+from gap_diagnosis.input.stepper import _repeats, _Rests, _sides
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
@@ -157,7 +157,43 @@ def test_repeatability_is_that_of_repeated_rests() -> None:
     stops = np.array([[0.0, 0.0], [0.02, 0.01], [0.04, 0.03], [0.01, 0.005]])
     where = np.tile(stops, (30, 1))
     point = where + 2e-6 * generator.standard_normal(where.shape)
-    found = _repeats(point, where, np.full(2, 5e-8))
-    assert found == pytest.approx(2e-6, rel=0.15)
-    # The side from which a place is reached counts: play is no scatter.
-    assert _repeats(point[:4], where[:4], np.full(2, 5e-8)) is None
+    side = np.sign(np.diff(where, axis=0, prepend=where[:1]))
+    rests = _Rests(np.arange(120.0), point, np.ones(120), where, side)
+    assert _repeats(rests, np.full(2, 5e-8)) == pytest.approx(2e-6, rel=0.15)
+    few = _Rests(*(field[:4] for field in (rests.time, point, rests.count, where, side)))
+    assert _repeats(few, np.full(2, 5e-8)) is None
+
+
+def test_the_side_of_an_approach_is_that_of_the_last_motion() -> None:
+    """A place above the last rest that is overshot by 20 um is approached from above."""
+    path = np.array([0.0, 0.0, 0.01, 0.02, 0.02002, 0.02001, 0.02, 0.02, 0.02, 0.03, 0.03])
+    other = np.where(np.arange(len(path)) > 8, 0.001, 0.0)
+    sides = _sides(np.column_stack([path, other]))
+    assert sides[:, 0].tolist() == [0, 0, 1, 1, 1, -1, -1, -1, -1, 1, 1]
+    assert sides[:, 1].tolist() == [0] * 9 + [1, 1]
+
+
+def test_a_count_and_an_encoder_of_one_controller_are_judged_in_motion() -> None:
+    """A slow stroke one way without a rest, both read in one tick (a real rotary axis)."""
+    time = np.arange(0.0, 60.0, 0.01)
+    motor = 0.0005 * time
+    table = motor + 20e-6 * np.sin(2.0 * np.pi * motor / 0.007)
+    table = 1e-7 * np.rint((table + 1e-7 * np.random.default_rng(1).normal(size=6000)) / 1e-7)
+    stamps = START + np.rint(1e9 * time).astype(np.int64)
+    zeros = np.zeros(len(time))
+    series = {
+        topic: Series(topic, stamps, {'position.x': motor})
+        for topic in (topics.REFERENCE, topics.JOINT_STATES)
+    }
+    points = {'x': table, 'y': zeros, 'z': zeros}
+    series[topics.TRACKER_POINT] = Series(topics.TRACKER_POINT, stamps, points)
+    twin = TwinFile('stepper', {'x': StepperAxis()}, 0.01, tracker=TrackerSpec(100.0, 1e-7))
+    found = diagnose([Session('stroke', series)], [], twin)
+    assert found.verdict == ['cyclic_pitch_error.x']
+    own = found.parameters['cyclic_pitch_error.x']
+    assert own['period'][0] == pytest.approx(0.007, rel=0.01)
+    assert own['amplitude'][0] == pytest.approx(20e-6, rel=0.05)
+    # A tracker with a clock of its own says nothing of a stage that moves.
+    late = replace(series[topics.TRACKER_POINT], stamps=stamps + 3_000_000)
+    with pytest.raises(StageError, match='rests'):
+        diagnose([Session('stroke', {**series, topics.TRACKER_POINT: late})], [], twin)

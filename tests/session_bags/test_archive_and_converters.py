@@ -9,7 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from session_bags import convert_emps, convert_ess_tank, convert_xy_circle
+from session_bags import (
+    convert_emps,
+    convert_ess_tank,
+    convert_odrive_cogging,
+    convert_xy_circle,
+)
 from session_bags.archive import (
     ENDED,
     Where,
@@ -137,11 +142,16 @@ def test_without_dask_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_converters_write_session_bags(data_root: Path, tmp_path: Path) -> None:
-    for module in (convert_xy_circle, convert_emps, convert_ess_tank):
+    for module in (
+        convert_xy_circle,
+        convert_emps,
+        convert_ess_tank,
+        convert_odrive_cogging,
+    ):
         assert module.main(['--out', str(tmp_path), '--data', str(data_root)]) == 0
     names = sorted(path.name for path in tmp_path.iterdir())
-    assert len(names) == 11 and 'day2_b' in names and 'emps_pulses' in names
-    for name in ('day1_a', 'emps', 'ess_tank_stroke'):
+    assert len(names) == 18 and 'day2_b' in names and 'slow2_comp_2' in names
+    for name in ('day1_a', 'emps', 'ess_tank_stroke', 'ess_tank_stops', 'slow2_nocomp_0'):
         assert not [f for f in check_bag(tmp_path / name) if f.level == ERROR]
     record = np.load(data_root / 'xy_circle' / 'day1_a.npz')
     session = read_session(tmp_path / 'day1_a')
@@ -153,7 +163,11 @@ def test_converters_write_session_bags(data_root: Path, tmp_path: Path) -> None:
     for axis in ('x', 'y'):
         # Friction is well determined on the lap: between the two axes of the rig, 3 to 9 V·s/m.
         assert 2.0 < twin.axes[axis].viscous < 10.0 and twin.axes[axis].mass > 0.0  # type: ignore[union-attr]
+    # The pulses of the file are a declared input: half of every second, 5 V each.
+    pushed = read_session(tmp_path / 'emps_pulses').series[topics.SETPOINT]
+    assert len(pushed) == 12497 and 'velocity.x' in pushed.values
     emps = read_session(tmp_path / 'emps')
+    assert not emps.has(topics.SETPOINT)
     assert emps.axes == ('x',)
     # The published least-squares model explains the recorded force to 4.1 % (Janot, Gautier,
     # Brunot, EMPS, 2019).

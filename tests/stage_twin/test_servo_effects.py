@@ -120,6 +120,18 @@ def test_force_ripple():
     assert_close(open_loop(twin, swing()), integrate(rates, swing()), 1e-4)
 
 
+def test_a_ripple_of_two_periods():
+    waves = {'wave_amplitude2': 3.0, 'wave_period2': 0.005, 'wave_phase2': -0.4}
+    twin = one_axis({'force_ripple.x': {'amplitude': 4.0, 'period': 0.008, **waves}})
+
+    def rates(state, force):
+        ripple = 4.0 * math.sin(2.0 * math.pi * state[0] / 0.008)
+        ripple += 3.0 * math.sin(2.0 * math.pi * state[0] / 0.005 - 0.4)
+        return [state[1], (force + ripple - VISCOUS * state[1]) / MASS]
+
+    assert_close(open_loop(twin, swing()), integrate(rates, swing()), 1e-4)
+
+
 def test_ripple_period_is_the_lead_by_default():
     given = one_axis({'force_ripple.x': {'amplitude': 4.0, 'period': 0.010}})
     default = one_axis({'force_ripple.x': {'amplitude': 4.0}})

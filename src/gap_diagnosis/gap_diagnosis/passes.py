@@ -12,6 +12,7 @@ from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simul
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.input import coarse
+from gap_diagnosis.input.checks import check_duration
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.input.stepper import load_stepper_record
 from gap_diagnosis.residuals.controller import controller_findings
@@ -111,6 +112,7 @@ def prepare(
     load = load_stepper_record if twin.kind == 'stepper' else load_record
     records = [load(s, twin) for s in sessions]
     records += [load(s, twin, held_out=True) for s in holdout]
+    check_duration(records)
     if any(r.axes != records[0].axes for r in records):
         raise StageError('the sessions have different axes: diagnose them one by one')
     records, conventions = in_newtons(records, twin, without)
@@ -169,10 +171,9 @@ def tracker_part(
     def fit() -> Part:
         progress('encoder -> table -> tracker: residual of the measurement')
         kinematics = Kinematics(records, before.seen, values)
-        rules, least = (
-            (REST_RULES, LEAST_RESTS) if before.stepper else (KINEMATIC_RULES, LEAST_ROWS)
-        )
-        known = before.stepper and rest_scatter(before.twin, records) is not None
+        rests = kinematics.rests
+        rules, least = (REST_RULES, LEAST_RESTS) if rests else (KINEMATIC_RULES, LEAST_ROWS)
+        known = rests and rest_scatter(before.twin, records) is not None
         part = fit_part('tracker', kinematics.problem(), rules, seed, without, least, known)
         return replace(part, row_axis=kinematics.row_axis())
 

@@ -7,36 +7,61 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from session_bags.measured import DAY, EPOCH, convert, drive_session, load
+from session_bags.measured import DAY, EPOCH, Array, convert, drive_session, load, series
+from stage_core import topics
 from stage_core.errors import command_line
 from stage_core.session import Session
-from stage_core.twin_file import ForceAxis, TwinFile
+from stage_core.twin_file import ServoAxis, TwinFile
 
 #: Bag -> file; the second is the run with force pulses.
-_FILES = {'emps': 'DATA_EMPS.mat', 'emps_pulses': 'DATA_EMPS_PULSES.mat'}
+FILES = {'emps': 'DATA_EMPS.mat', 'emps_pulses': 'DATA_EMPS_PULSES.mat'}
 
-#: Published estimate of mass and viscous friction (Janot, Gautier, Brunot 2019, table of the
-#: inverse identification); 0.05 µm encoder, 2.5 mm per motor turn.
-NOMINAL = ForceAxis(mass=95.109, viscous=203.50, encoder_resolution=5.0e-8, lead=0.0025)
+#: Published mass (Janot, Gautier, Brunot 2019, table of the inverse identification) [kg].
+MASS = 95.109
+
+
+def nominal(record: dict[str, Array]) -> TwinFile:
+    """The published mass alone, with the gains of the file: all else is for a diagnosis to find.
+
+    The velocity is the encoder's difference; no limit of the force is published.
+    """
+    axis = ServoAxis(
+        mass=MASS,
+        viscous=0.0,
+        encoder_resolution=5.0e-8,
+        lead=0.0025,
+        position_gain=record['kp'].item(),
+        velocity_gain=record['kv'].item() * record['gtau'].item(),
+        integral_gain=0.0,
+        velocity_filter=1.0e4,
+        force_limit=1.0e4,
+    )
+    return TwinFile(kind='servo', axes={'x': axis}, control_period=0.001)
 
 
 def sessions(folder: Path) -> dict[str, Session]:
-    """Both runs: effort = drive gain · drive voltage [N], velocity command = kp · (qg − qm)."""
-    twin = TwinFile(kind='measured_force', axes={'x': NOMINAL}, control_period=0.001).to_dict()
+    """Both runs: effort = drive gain · drive voltage [N], velocity command = kp · (qg − qm).
+
+    The pulses are added to the drive voltage. They are pulses / kv of velocity command, which the
+    set-points of their ticks declare.
+    """
     found = {}
-    for number, (name, file) in enumerate(_FILES.items()):
+    for number, (name, file) in enumerate(FILES.items()):
         record = load(folder / 'emps' / file)
+        seconds, start = record['t'][:, 0], EPOCH + number * DAY
         reference, encoder = record['qg'], record['qm']
-        session = drive_session(
-            name,
-            record['t'][:, 0],
-            EPOCH + number * DAY,
-            reference,
-            encoder,
-            record['gtau'].item() * record['vir'],
-            record['kp'].item() * (reference - encoder),
-        )
-        found[name] = replace(session, twin=twin)
+        velocity = record['kp'].item() * (reference - encoder)
+        effort = record['gtau'].item() * record['vir']
+        pulses = record.get('pulses_N', 0.0 * velocity)
+        velocity = velocity + pulses / record['kv'].item()
+        session = drive_session(name, seconds, start, reference, encoder, effort, velocity)
+        pushed = pulses[:, 0] != 0.0
+        if pushed.any():
+            wanted = {'position': reference[pushed], 'velocity': velocity[pushed]}
+            session.series[topics.SETPOINT] = series(
+                topics.SETPOINT, seconds[pushed], start, wanted
+            )
+        found[name] = replace(session, twin=nominal(record).to_dict())
     return found
 
 

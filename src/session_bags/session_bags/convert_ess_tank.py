@@ -1,50 +1,100 @@
-"""``ros2 run session_bags convert_ess_tank``: the stepper-driven rotary axis as a session bag."""
+"""``ros2 run session_bags convert_ess_tank``: the stepper-driven rotary axis as session bags."""
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from session_bags.measured import EPOCH, convert, derivative, load
+from session_bags.measured import DAY, EPOCH, Array, convert, derivative, load
 from stage_core import topics
 from stage_core.clocks import to_stamps
 from stage_core.errors import command_line
 from stage_core.session import Series, Session
+from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
+
+#: Least step of the recorded encoder [rad]; the motor's count has finer ones.
+STEP = 2.33e-6
+#: Stops are read once. A bag shows each as a move to its place from the side of its approach, from
+#: `ASIDE` [rad] away, and a rest [s] in which the reading stands, at `RATE` [Hz].
+ASIDE, MOVE, REST, RATE = 0.01, 0.5, 1.0, 20.0
 
 
-def sessions(folder: Path) -> dict[str, Session]:
-    """The long stroke: motor count as commanded position, encoder as the measured table.
+def nominal(period: float) -> TwinFile:
+    """A stepper axis whose metres are radians and whose encoder stands for the tracker."""
+    axes = {'x': StepperAxis(microstep=1.0e-7, max_speed=1.0, acceleration=10.0)}
+    tracker = TrackerSpec(rate=1.0 / period, noise=STEP / math.sqrt(12.0))
+    return TwinFile(kind='stepper', axes=dict(axes), control_period=period, tracker=tracker)
+
+
+def session_of(
+    name: str, start: int, motor_time: Array, motor: Array, time: Array, encoder: Array
+) -> Session:
+    """Motor count as the commanded position, encoder as the measured table.
 
     The axis turns, so that its metres are radians: position x is the motor's angle [rad], the
-    tracker's x the encoder's change of angle since the beginning [rad]. Both keep their own time
-    axis.
+    tracker's x the encoder's, whose zero is that of the motor on average. Both keep their own
+    time axis.
     """
-    record = load(folder / 'ess_tank' / 'stroke.npz')
-    motor_time, motor = record['motor_t'], record['motor']
     velocity = derivative(motor[:, None], motor_time)[:, 0]
-    stamps = to_stamps(motor_time, EPOCH)
+    stamps = to_stamps(motor_time, start)
     columns = {'position.x': motor, 'velocity.x': velocity}
-    encoder = record['encoder'] - record['encoder'][0] + motor[0]
     zeros = np.zeros(len(encoder))
-    points = {'x': encoder, 'y': zeros, 'z': zeros}
+    zero = np.mean(encoder - np.interp(time, motor_time, motor))
+    points = {'x': encoder - zero, 'y': zeros, 'z': zeros}
     found = {
         topics.REFERENCE: Series(topics.REFERENCE, stamps, columns),
         topics.JOINT_STATES: Series(topics.JOINT_STATES, stamps, dict(columns)),
         topics.COMMAND: Series(topics.COMMAND, stamps, {'velocity.x': velocity}),
-        topics.TRACKER_POINT: Series(
-            topics.TRACKER_POINT, to_stamps(record['encoder_t'], EPOCH), points
-        ),
+        topics.TRACKER_POINT: Series(topics.TRACKER_POINT, to_stamps(time, start), points),
     }
-    return {'ess_tank_stroke': Session('ess_tank_stroke', found)}
+    return Session(name, found, nominal(float(np.median(np.diff(motor_time)))).to_dict())
+
+
+def stops(record: Mapping[str, Array]) -> Session:
+    """The stops as moves and rests, those left out whose encoder lost its count.
+
+    Such a stop is further from the motor than a turn.
+    """
+    apart = record['encoder'] - record['motor']
+    kept = np.abs(apart - np.median(apart)) < 2.0 * np.pi
+    place, encoder = record['motor'][kept], record['encoder'][kept]
+    aside = place - np.sign(record['approach'][kept]) * ASIDE
+    length = 2.0 * MOVE + REST
+    knots = np.arange(len(place))[:, None] * length + [0.0, MOVE, 2.0 * MOVE, length - 1e-9]
+    before = np.concatenate([place[:1], place[:-1]])
+    path = np.column_stack([before, aside, place, place])
+    time = np.arange(0.0, len(place) * length, 1.0 / RATE)
+    motor = np.interp(time, knots.ravel(), path.ravel())
+    number = np.minimum((time / length).astype(int), len(place) - 1)
+    still = time - number * length > 2.0 * MOVE - 1e-6
+    name = 'ess_tank_stops'
+    session = session_of(name, EPOCH + DAY, time, motor, time[still], encoder[number[still]])
+    lost = int(np.count_nonzero(~kept))
+    said = f'{lost} stops whose encoder lost its count are left out'
+    return replace(session, warnings=(said,) if lost else ())
+
+
+def sessions(folder: Path) -> dict[str, Session]:
+    """The long stroke, and the stops of the repeatability test."""
+    record = load(folder / 'ess_tank' / 'stroke.npz')
+    name = 'ess_tank_stroke'
+    parts = (record[key] for key in ('motor_t', 'motor', 'encoder_t', 'encoder'))
+    stroke = session_of(name, EPOCH, *parts)
+    return {
+        name: stroke,
+        'ess_tank_stops': stops(load(folder / 'ess_tank' / 'repeatability.npz')),
+    }
 
 
 @command_line
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Convert the stroke."""
-    return convert('A stepper-driven rotary axis as a session bag.', sessions, arguments)
+    """Convert the stroke and the stops."""
+    return convert('A stepper-driven rotary axis as session bags.', sessions, arguments)
 
 
 if __name__ == '__main__':

@@ -109,6 +109,8 @@ def convert(
     for name, session in sessions(folder).items():
         path = write_session(parsed.out / name, session)
         print(f'{path}: {sum(len(s) for s in session.series.values())} messages')
+        for warning in session.warnings:
+            print(f'{path}: {warning}')
     return 0
 
 

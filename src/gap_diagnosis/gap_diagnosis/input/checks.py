@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MINIMUM_DURATION = 8.0  # s; below it no held-out window has a reversal of its own
+MINIMUM_DURATION = 8.0  # s of all records; below it no held-out window has a reversal of its own
+SHORTEST = 1.0  # s of one record, of which the first half is not judged
 MINIMUM_TRAVEL = 2.0e-4  # m; less is no motion for a friction or a pitch error
 OTHER_UNIT = 10.0  # times that one topic moves as far as another: no error of a machine
 STANDSTILL = 2.0  # s in which a tracker must show what the encoder does
@@ -39,13 +41,19 @@ def finite(series: Series, path: str) -> Series:
     return series
 
 
-def check_duration(time: Array, period: float, path: str) -> None:
-    """Refuse a session that is too short."""
-    duration = float(time[-1] - time[0]) + period
+def check_duration(records: Sequence[Record]) -> None:
+    """Refuse records that are too short: one of them, or all of them together."""
+    shortest = min(records, key=lambda r: r.duration)
+    duration = sum(r.duration for r in records)
+    if shortest.duration < SHORTEST:
+        raise StageError(
+            f'{shortest.name} is too short: {shortest.duration:.1f} s, a record needs at least '
+            f'{SHORTEST:.0f} s; leave it out'
+        )
     if duration < MINIMUM_DURATION:
         raise StageError(
-            f'{path} is too short: {duration:.1f} s, a diagnosis needs at least '
-            f'{MINIMUM_DURATION:.0f} s; {EXCITATION_HINT}'
+            f'{shortest.name} is too short: {duration:.1f} s, a diagnosis needs at least '
+            f'{MINIMUM_DURATION:.0f} s; {EXCITATION_HINT}, or give several records of the machine'
         )
 
 

@@ -14,7 +14,6 @@ from scipy.interpolate import CubicSpline
 
 from gap_diagnosis.input.checks import (
     MINIMUM_TRAVEL,
-    check_duration,
     check_excitation,
     check_forces,
     check_tracker_moves,
@@ -173,7 +172,7 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
     ------
     StageError
         If a topic is missing, holds NaNs or does not overlap the others in time, if the twin
-        belongs to another machine, or if the session is too short or lacks excitation.
+        belongs to another machine, or if the session lacks excitation.
     """
     axes = session.axes
     absent = [axis for axis in axes if axis not in twin.axes]
@@ -195,7 +194,6 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
     resolution = np.array([motion_step(twin, axis) for axis in axes])
     series = (reference, command, states)
     grid = Grid(start, period, series, axes, resolution, session.path)
-    check_duration(grid.time, period, session.path)
     effort_unit = np.array([getattr(twin.axes[axis], 'effort_unit', 1.0) for axis in axes])
     encoder = grid.positions(states, axes)
     record = Record(
@@ -221,7 +219,7 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
     record = replace(record, noise=_noise(record, resolution, grid.offset))
     check_excitation(record)
     check_forces(record)
-    return _with_tracker_noise(_with_tracker(record, session))
+    return with_tracker_noise(with_tracker(record, session))
 
 
 def _noise(record: Record, resolution: Array, offset: Array) -> Noise:
@@ -234,7 +232,8 @@ def _noise(record: Record, resolution: Array, offset: Array) -> Noise:
     return Noise(tuple(own), sampling=tuple(sampling))
 
 
-def _with_tracker_noise(record: Record) -> Record:
+def with_tracker_noise(record: Record) -> Record:
+    """The record with the measured noise of its tracker beside that of its axes."""
     if record.tracker_time is None or record.tracker is None or record.noise is None:
         return record
     time, step = record.tracker_time, record.period
@@ -275,7 +274,8 @@ def screw_temperatures(session: Session, axes: tuple[str, ...], time: Array) -> 
     return np.column_stack(columns)
 
 
-def _with_tracker(record: Record, session: Session) -> Record:
+def with_tracker(record: Record, session: Session) -> Record:
+    """The record with the tracker points of its time; as it is where there are none."""
     if not session.has(topics.TRACKER_POINT):
         return record
     series = finite(session.series[topics.TRACKER_POINT], session.path)

@@ -8,19 +8,25 @@ one row.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import (
-    MINIMUM_DURATION,
     MINIMUM_TRAVEL,
     check_excitation,
     check_tracker_moves,
     finite,
 )
-from gap_diagnosis.input.data import Record, screw_temperatures
+from gap_diagnosis.input.data import (
+    Record,
+    screw_temperatures,
+    with_tracker,
+    with_tracker_noise,
+)
+from gap_diagnosis.input.grid import SAME
+from gap_diagnosis.input.noise import Noise, axis_noise
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
@@ -31,7 +37,7 @@ from stage_core.twin_file import StepperAxis, TwinFile
 Array = NDArray[np.float64]
 
 LARGEST_TRAVEL = 20.0  # m; a larger number is a count of motor steps
-STILL = 2.5e-7  # m between counts at rest
+STILL = 2.5e-7  # m between two counts at rest
 LEAST_REST = 0.2  # s
 EDGE = 0.06  # s at both ends of a rest: age of a count, and what rings after a move
 LEAST_POINTS = 5  # of a rest
@@ -42,16 +48,23 @@ HINT = 'record one with at least 18 rests of 0.5 s (`ros2 run stage_bringup sess
 
 @dataclass(frozen=True)
 class _Rests:
-    """Middle [s], mean tracker point [m], number of points and counted place [m] of each rest."""
+    """Rests: middle (m,) [s], mean tracker point (m, a) [m], number of points, counted place.
+
+    `side` (m, a) is the sign of each axis' last motion before the rest, 0 before its first.
+    """
 
     time: Array
     point: Array
     count: Array
     where: Array
+    side: Array
 
 
 def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False) -> Record:
     """Arrays of a session of a stepper stage: its tracker rows are rests.
+
+    A session without enough of them is judged in motion where every point has the stamp of a
+    count: one controller read both.
 
     Raises
     ------
@@ -74,15 +87,14 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
             f'{session.path} holds no message of {topics.TRACKER_POINT}: a stepper stage is '
             'diagnosed against the tracker; record the session again with it'
         )
+    points = finite(session.series[topics.TRACKER_POINT], session.path)
     counted = to_seconds(series.stamps, session.start_ns)
     counted, first = np.unique(counted, return_index=True)
     motion = _metres(series, axes, twin)[first]
-    if len(counted) < 3 or counted[-1] - counted[0] < MINIMUM_DURATION:
-        raise StageError(
-            f'{session.path} is too short: a diagnosis needs at least {MINIMUM_DURATION:.0f} s; '
-            f'{HINT}'
-        )
-    rests = _rests(session, twin, counted, motion, [('x', 'y').index(axis) for axis in axes])
+    if len(counted) < 3:
+        raise StageError(f'{session.path} is too short: it holds {len(counted)} counts; {HINT}')
+    columns = [('x', 'y').index(axis) for axis in axes]
+    rests = _rests(session, twin, counted, motion, columns)
     time = np.arange(counted[0], counted[-1], twin.control_period)
     encoder = np.column_stack([np.interp(time, counted, column) for column in motion.T])
     nothing = np.full_like(encoder, np.nan)
@@ -101,17 +113,42 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
         tracker=rests.point,
         held_out_session=held_out,
         moving=tuple(bool(m) for m in np.ptp(encoder, axis=0) > MINIMUM_TRAVEL),
+        warnings=session.warnings,
+    )
+    if len(rests.time) >= LEAST_RESTS:
+        record = _at_rests(record, rests, np.array([_step(twin, a) for a in axes]))
+    elif np.isin(points.stamps, series.stamps).mean() > SAME:
+        record = _in_motion(record, session, twin)
+    else:
+        raise StageError(
+            f'{session.path} holds {len(rests.time)} rests of the stage that the tracker sees, a '
+            f'diagnosis of a stepper stage needs {LEAST_RESTS}: {HINT}'
+        )
+    check_excitation(record)
+    check_tracker_moves(record)
+    return record
+
+
+def _at_rests(record: Record, rests: _Rests, step: Array) -> Record:
+    return replace(
+        record,
         warnings=(
-            *session.warnings,
+            *record.warnings,
             f'{len(rests.time)} rests are judged, each by the mean of its tracker points; motion '
             'between them is not, nor are the servo link and the tracker clock',
         ),
         points_per_row=float(np.median(rests.count)),
-        rest_scatter=_repeats(rests.point, rests.where, np.array([_step(twin, a) for a in axes])),
+        rest_scatter=_repeats(rests, step),
     )
-    check_excitation(record)
-    check_tracker_moves(record)
-    return record
+
+
+def _in_motion(record: Record, session: Session, twin: TwinFile) -> Record:
+    whole = np.ones(len(record.time), dtype=bool)
+    axes = tuple(
+        axis_noise(column, record.period, _step(twin, axis), whole)
+        for axis, column in zip(record.axes, record.encoder.T, strict=True)
+    )
+    return with_tracker_noise(with_tracker(replace(record, noise=Noise(axes)), session))
 
 
 def _step(twin: TwinFile, axis: str) -> float:
@@ -119,24 +156,38 @@ def _step(twin: TwinFile, axis: str) -> float:
     return own.microstep if isinstance(own, StepperAxis) else STILL
 
 
-def _repeats(point: Array, where: Array, step: Array) -> float | None:
+def _repeats(rests: _Rests, step: Array) -> float | None:
     """Pooled standard deviation [m] of rests at the same place reached from the same side.
 
     Repeatability as ISO 230-2 has it, per coordinate; None where fewer than six rests repeat.
     """
-    side = np.sign(np.diff(where, axis=0, prepend=where[:1]))
-    place = np.hstack([np.rint(where / np.maximum(4.0 * step, STILL)), side])[1:]
+    known = np.all((rests.side != 0.0) | (np.ptp(rests.where, axis=0) == 0.0), axis=1)
+    place = np.hstack([np.rint(rests.where / np.maximum(4.0 * step, STILL)), rests.side])[known]
+    if not len(place):
+        return None
     _, group = np.unique(place, axis=0, return_inverse=True)
     group = group.ravel()
     size = np.bincount(group)
     freedom = int(np.sum(size - 1))
     if freedom < LEAST_REPEATS:
         return None
-    own = point[1:]
+    own = rests.point[known]
     sums = np.zeros((len(size), own.shape[1]))
     np.add.at(sums, group, own)
     rest = own - (sums / size[:, None])[group]
     return float(np.sqrt(np.sum(rest**2) / (freedom * own.shape[1])))
+
+
+def _sides(motion: Array) -> Array:
+    """Sign (n, a) of the last motion of each axis up to each count, 0 before its first.
+
+    An approach from one side overshoots a place that lies on the other (ISO 230-2): where the
+    rest before was says nothing.
+    """
+    moves = np.diff(motion, axis=0, prepend=motion[:1])
+    sign = np.where(np.abs(moves) < STILL, 0.0, np.sign(moves))
+    last = np.maximum.accumulate(np.where(sign != 0.0, np.arange(len(sign))[:, None], 0), axis=0)
+    return np.asarray(np.take_along_axis(sign, last, axis=0))
 
 
 def _refuse_forces(session: Session) -> None:
@@ -167,9 +218,9 @@ def _rests(
     Raises
     ------
     StageError
-        If there are fewer than `LEAST_RESTS`.
+        If the stamps of points and counts do not overlap.
     """
-    series = finite(session.series[topics.TRACKER_POINT], session.path)
+    series = session.series[topics.TRACKER_POINT]
     seconds = to_seconds(series.stamps, session.start_ns)
     points = session.table_points()[:, columns]
     if seconds[-1] < counted[0] or seconds[0] > counted[-1]:
@@ -178,7 +229,8 @@ def _rests(
             'overlap: check the clock of the tracker bridge'
         )
     noise = twin.tracker.noise if twin.tracker is not None else 1.0e-6
-    time, mean, count, where = [], [], [], []
+    sides = _sides(motion)
+    time, mean, count, where, side = [], [], [], [], []
     for start, stop in find_rests(counted, motion, LEAST_REST, STILL):
         first, last = counted[start], counted[stop - 1]
         low, high = np.searchsorted(seconds, (first + EDGE, last - EDGE))
@@ -194,9 +246,12 @@ def _rests(
         mean.append(own[use].mean(axis=0))
         count.append(float(np.count_nonzero(use)))
         where.append(motion[stop - 1])
-    if len(time) < LEAST_RESTS:
-        raise StageError(
-            f'{session.path} holds {len(time)} rests of the stage that the tracker sees, a '
-            f'diagnosis of a stepper stage needs {LEAST_RESTS}: {HINT}'
-        )
-    return _Rests(np.array(time), np.array(mean), np.array(count), np.array(where))
+        side.append(sides[start])
+    shape = (len(time), motion.shape[1])
+    return _Rests(
+        np.array(time),
+        np.array(mean).reshape(shape),
+        np.array(count),
+        np.array(where).reshape(shape),
+        np.array(side).reshape(shape),
+    )

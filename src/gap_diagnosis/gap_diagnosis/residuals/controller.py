@@ -97,12 +97,15 @@ def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:
 
 def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Parameters:
     fitted = [r for r in records if not r.held_out_session]
-    judged = [r for r in records if r.held_out_session] or records
-    nominal = left(judged, i, axis)
-    if nominal < BEYOND_NOISE * max(_of_noise(r, i, axis) for r in judged):
+    held_out = [r for r in records if r.held_out_session]
+    nominal = left(fitted, i, axis)
+    if nominal < BEYOND_NOISE * max(_of_noise(r, i, axis) for r in fitted):
         return {}
     law = fit_law(fitted, i, axis)
-    if nominal <= 0.0 or left(judged, i, law.gains) > (1.0 - CLEARLY_BETTER) * nominal:
+    if nominal <= 0.0 or left(fitted, i, law.gains) > (1.0 - CLEARLY_BETTER) * nominal:
+        return {}
+    # What else pushes in another session (pulses, a disturbance) no law explains.
+    if held_out and left(held_out, i, law.gains) >= left(held_out, i, axis):
         return {}
     out: Parameters = {}
     for name in GAINS:

@@ -187,8 +187,9 @@ class Regression:
     ) -> dict[int, dict[str, Array]]:
         """Refit phases and offsets once per held-out session, on its unscored prefix.
 
-        What is physical carries over: a pair of sine and cosine keeps its amplitude. Changes
-        `residual` on the rows of these sessions.
+        They stay where a prefix is too short to predict its own other half better. What is
+        physical carries over: a pair of sine and cosine keeps its amplitude. Changes `residual`
+        on the rows of these sessions.
         """
         problem = self.problem
         names = [n for n in thetas if problem.terms[n].nuisances]
@@ -196,27 +197,29 @@ class Regression:
         if problem.crossable or not names:
             return found
         prefix = ~(problem.fit | problem.held_out)
+        chosen = [list(problem.terms[n].nuisances) for n in names]
+        columns = np.hstack(
+            [self.columns(n, thetas[n])[:, c] for n, c in zip(names, chosen, strict=True)]
+        )
+        old = np.concatenate([coefficients[n][c] for n, c in zip(names, chosen, strict=True)])
         for number in np.unique(problem.record[problem.held_out]).tolist():
             rows = problem.record == number
-            at = rows & prefix
-            chosen = [list(problem.terms[n].nuisances) for n in names]
-            if np.count_nonzero(at) < max(12, 4 * sum(len(c) for c in chosen)):
+            at = np.flatnonzero(rows & prefix)
+            if len(at) < max(12, 4 * len(old)):
                 continue
-            columns = np.hstack(
-                [self.columns(n, thetas[n])[:, c] for n, c in zip(names, chosen, strict=True)]
-            )
-            old = np.concatenate([coefficients[n][c] for n, c in zip(names, chosen, strict=True)])
-            new = _solve(columns[at], residual[at] + columns[at] @ old)
-            start, found[number] = 0, {}
+            own, target = columns[at], residual[at] + columns[at] @ old
+            if not _predicts(own, target, old):
+                continue
+            new, start, found[number] = _solve(own, target), 0, {}
             for name, which in zip(names, chosen, strict=True):
-                own = slice(start, start + len(which))
+                part = slice(start, start + len(which))
                 start += len(which)
                 if problem.terms[name].phase:
-                    pairs = new[own].reshape(-1, 2)  # a view: sine and cosine of each period
-                    size = np.linalg.norm(old[own].reshape(-1, 2), axis=1)
+                    pairs = new[part].reshape(-1, 2)  # a view: sine and cosine of each period
+                    size = np.linalg.norm(old[part].reshape(-1, 2), axis=1)
                     pairs *= (size / np.maximum(np.linalg.norm(pairs, axis=1), 1e-300))[:, None]
                 changed = coefficients[name].copy()
-                changed[which] = new[own]
+                changed[which] = new[part]
                 found[number][name] = changed
             residual[rows] -= columns[rows] @ (new - old)
         return found
@@ -341,6 +344,18 @@ class Regression:
                 np.array([d for d, at in zip(deviation, layout, strict=True) if at == (name, 1)]),
             )
         return out
+
+
+def _predicts(columns: Array, target: Array, old: Array) -> bool:
+    """Whether coefficients from one half of some rows suit the other half better than old ones."""
+    middle = len(target) // 2
+    first, second = slice(None, middle), slice(middle, None)
+    left = [
+        target[b] - columns[b] @ _solve(columns[a], target[a])
+        for a, b in ((first, second), (second, first))
+    ]
+    kept = target - columns @ old
+    return sum(float(r @ r) for r in left) < float(kept @ kept)
 
 
 def _solve(matrix: Array, target: Array) -> Array:

@@ -61,7 +61,7 @@ def term(rows: TrackerRows) -> Term:
     if rows.rests or low > 2.0 / rows.lead:
         return Term(
             lambda theta: _columns(rows, 1, (1.0 / rows.lead,)),
-            lambda theta, c: periodic.found(1.0 / rows.lead, c),
+            lambda theta, c: periodic.found((1.0 / rows.lead,), c),
             admissible=_small,
             nuisances=(0, 1),
             phase=True,
@@ -70,7 +70,7 @@ def term(rows: TrackerRows) -> Term:
     peaks = periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead))
     whole = Term(
         partial(_columns, rows, 1),
-        lambda theta, c: periodic.found(theta[0], c),
+        lambda theta, c: periodic.found(theta, c),
         grid=((low,),),
         propose=lambda residual: peaks(residual[own]),
         lower=(low,),

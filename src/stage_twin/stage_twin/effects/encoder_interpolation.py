@@ -93,7 +93,7 @@ def term(rows: TrackerRows) -> Term | None:
 
     plain = Term(
         partial(columns, 1),
-        lambda theta, c: periodic.found(theta[0], c),
+        lambda theta, c: periodic.found(theta, c),
         grid=((low,),),
         propose=propose,
         lower=(low,),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from stage_twin.effects import periodic
@@ -18,10 +20,12 @@ EFFECT = Effect(
         PERIOD,
         PHASE,
         *periodic.harmonic_parameters('N', 100.0),
+        *periodic.wave_parameters('N', 50.0),
     ),
-    model='Force amplitude * sin(2 pi p / period + phase) on the moving mass, and harmonics: '
-    'cogging and commutation. Jahns and Soong, "Pulsating torque minimization techniques for '
-    'permanent magnet AC motor drives", IEEE Trans. Industrial Electronics 43 (1996).',
+    model='Force amplitude * sin(2 pi p / period + phase) on the moving mass, harmonics, and '
+    'waves of other periods: cogging and commutation. Jahns and Soong, "Pulsating torque '
+    'minimization techniques for permanent magnet AC motor drives", IEEE Trans. Industrial '
+    'Electronics 43 (1996).',
     sentence='the drive force ripples over position by {amplitude}',
     excited_by='slow strokes over whole periods of the motor',
 )
@@ -36,10 +40,13 @@ def force(
     phase_2: float,
     amplitude_3: float,
     phase_3: float,
+    wave_amplitude: Array,
+    wave_period: Array,
+    wave_phase: Array,
     lead: float,
 ) -> float:
     """Force on the moving mass [N]."""
-    return periodic.wave(
+    total = periodic.wave(
         screw_angle(position, period, lead),
         amplitude,
         phase,
@@ -48,6 +55,11 @@ def force(
         amplitude_3,
         phase_3,
     )
+    for k in range(len(wave_amplitude)):
+        if wave_amplitude[k] != 0.0:
+            angle = screw_angle(position, wave_period[k], lead)
+            total += wave_amplitude[k] * math.sin(angle + wave_phase[k])
+    return total
 
 
 def term(rows: ForceRows) -> Term:
@@ -55,14 +67,16 @@ def term(rows: ForceRows) -> Term:
     path = rows.used(rows.position())
 
     def columns(theta: Theta) -> Array:
-        sessions = [periodic.waves(p, theta[0]) for p in rows.position()]
+        sessions = [
+            [*periodic.waves(p, theta[0]), *periodic.others(p, theta[1:])] for p in rows.position()
+        ]
         signals = [[-wave for wave in same] for same in zip(*sessions, strict=True)]
         return periodic.visible(rows.columns(*signals))
 
     low, high = periodic.bounds(path)
-    return Term(
+    plain = Term(
         columns,
-        lambda theta, c: periodic.found(theta[0], c),
+        lambda theta, c: periodic.found(theta, c),
         grid=((low,),),
         propose=periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead)),
         lower=(low,),
@@ -71,3 +85,4 @@ def term(rows: ForceRows) -> Term:
         nuisances=tuple(range(2 * periodic.HARMONICS)),
         phase=True,
     )
+    return periodic.with_waves(plain, path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numba import njit
@@ -16,6 +17,8 @@ HARMONICS = 3
 PERIODS = 200  # shortest period as a share of the travel: the low-pass leaves no finer one
 ROWS = 6000  # rows of a periodogram; more tell no other peaks
 PEAKS = 4
+WAVES = 4  # of periods of their own, beside the first and its harmonics
+LEAST_TURNS = 3.0  # of such a wave over the travel: a slower one is any smooth curve
 
 
 def harmonic_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
@@ -72,6 +75,21 @@ def with_harmonics(
     )
 
 
+def wave_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
+    """Amplitudes, periods and phases of waves whose periods are their own (magnets and slots)."""
+    shape = ('of wave {}', None)
+    kinds = (
+        ('amplitude', unit, 0.0, largest, False, ('of a wave of another period', 0.0)),
+        ('period', 'm', 0.0, 20.0, False, shape),
+        ('phase', 'rad', -6.2831854, 6.2831854, True, shape),
+    )
+    return tuple(
+        Parameter(f'wave_{kind}{k}', of, low, high, 0.0, said[0].format(k), said[1], nuisance)
+        for kind, of, low, high, nuisance, said in kinds
+        for k in range(1, WAVES + 1)
+    )
+
+
 def bounds(position: Array) -> tuple[float, float]:
     """Least and largest spatial frequency [1/m] of a position (n,): one period is travelled."""
     travel = max(float(np.ptp(position)), 1e-9)
@@ -107,14 +125,74 @@ def waves(position: Array, frequency: float) -> list[Array]:
     return [f(k * angle) for k in range(1, HARMONICS + 1) for f in (np.sin, np.cos)]
 
 
-def found(frequency: float, coefficients: Array) -> dict[str, float]:
-    """Parameters of an effect from its spatial frequency and the coefficients of `waves`."""
-    out = {'period': 1.0 / frequency}
+def others(position: Array, frequencies: Theta) -> list[Array]:
+    """Sine and cosine (n,) of each of some spatial frequencies [1/m]."""
+    return [f(2.0 * np.pi * own * position) for own in frequencies for f in (np.sin, np.cos)]
+
+
+def with_waves(plain: Term, path: Array, number: int = 0) -> Term:
+    """A term of θ = (frequency,) that may have waves of other frequencies beside it, to `WAVES`.
+
+    Each start is that with the highest peak of what the others leave.
+    """
+    low, high = bounds(path)
+    assert plain.propose is not None
+    proposed = starts(path, ())
+
+    def propose(residual: Array) -> tuple[Theta, ...]:
+        assert plain.propose is not None
+        first, left = _best(path, plain.propose(residual), residual)
+        theta = first
+        for _ in range(number):
+            peaks = [f for f in proposed(left) if LEAST_TURNS * low <= f[0] <= high]
+            if not peaks:
+                return ()
+            theta = (*theta, peaks[0][0])
+            left = _left(path, theta, residual)
+        return (theta,)
+
+    def admissible(theta: Theta, c: Array) -> bool:
+        known = [k * theta[0] for k in range(1, HARMONICS + 1)] + list(theta[1:])
+        apart = np.diff(np.sort(known))
+        return plain.admissible(theta, c) and float(apart.min()) > 0.5 * low
+
+    return replace(
+        plain,
+        propose=propose if number else plain.propose,
+        lower=(low, *(LEAST_TURNS * low for _ in range(number))),
+        upper=(high,) * (number + 1),
+        admissible=admissible if number else plain.admissible,
+        nuisances=tuple(range(2 * (HARMONICS + number))),
+        richer=partial(with_waves, plain, path, number + 1) if number < WAVES else None,
+    )
+
+
+def _best(path: Array, thetas: tuple[Theta, ...], residual: Array) -> tuple[Theta, Array]:
+    """That of some θ which leaves least of a residual (n,), and what it leaves."""
+    found = [(theta, _left(path, theta, residual)) for theta in thetas]
+    return min(found, key=lambda pair: float(pair[1] @ pair[1]))
+
+
+def _left(path: Array, theta: Theta, residual: Array) -> Array:
+    columns = np.column_stack(
+        [np.ones(len(path)), *waves(path, theta[0]), *others(path, theta[1:])]
+    )
+    solution, *_ = np.linalg.lstsq(columns, residual, rcond=1e-8)
+    return np.asarray(residual - columns @ solution)
+
+
+def found(theta: Theta, coefficients: Array) -> dict[str, float]:
+    """Parameters of an effect from its spatial frequencies and the coefficients of its waves."""
+    out = {'period': 1.0 / theta[0]}
+    waves_from = len(coefficients) // 2 - len(theta) + 1
     for k in range(len(coefficients) // 2):
         sine, cosine = coefficients[2 * k : 2 * k + 2]
-        suffix = f'_{k + 1}' if k else ''
-        out[f'amplitude{suffix}'] = float(np.hypot(sine, cosine))
-        out[f'phase{suffix}'] = float(np.arctan2(cosine, sine))
+        kind, number = ('', f'_{k + 1}' if k else '')
+        if k >= waves_from:
+            kind, number = 'wave_', f'{k - waves_from + 1}'
+            out[f'wave_period{number}'] = 1.0 / theta[k - waves_from + 1]
+        out[f'{kind}amplitude{number}'] = float(np.hypot(sine, cosine))
+        out[f'{kind}phase{number}'] = float(np.arctan2(cosine, sine))
     return out
 
 

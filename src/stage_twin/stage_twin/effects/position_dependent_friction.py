@@ -24,8 +24,8 @@ EFFECT = Effect(
     name='position_dependent_friction',
     link='servo',
     parameters=(
-        Parameter('start', 'm', -2.0, 2.0, 0.0, 'position of the first knot', neutral=None),
-        Parameter('stop', 'm', -2.0, 2.0, 0.04, 'position of the last knot', neutral=None),
+        Parameter('start', 'm', -20.0, 20.0, 0.0, 'position of the first knot', neutral=None),
+        Parameter('stop', 'm', -20.0, 20.0, 0.04, 'position of the last knot', neutral=None),
         *(friction_force(f'c{k}', 8.0 + k, f'sliding force at knot {k}') for k in range(KNOTS)),
         PRESLIDING,
     ),

@@ -14,8 +14,8 @@ EFFECT = Effect(
     name='position_force',
     link='servo',
     parameters=(
-        Parameter('start', 'm', -2.0, 2.0, 0.0, 'position of the first knot', neutral=None),
-        Parameter('stop', 'm', -2.0, 2.0, 0.01, 'position of the last knot', neutral=None),
+        Parameter('start', 'm', -20.0, 20.0, 0.0, 'position of the first knot', neutral=None),
+        Parameter('stop', 'm', -20.0, 20.0, 0.01, 'position of the last knot', neutral=None),
         *(
             Parameter(f'c{k}', 'N', -500.0, 500.0, 0.5 * (k - 4.5), f'force at knot {k}')
             for k in range(KNOTS)
