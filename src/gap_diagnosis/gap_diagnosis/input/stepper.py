@@ -148,7 +148,9 @@ def _in_motion(record: Record, session: Session, twin: TwinFile) -> Record:
         axis_noise(column, record.period, _step(twin, axis), whole)
         for axis, column in zip(record.axes, record.encoder.T, strict=True)
     )
-    return with_tracker_noise(with_tracker(replace(record, noise=Noise(axes)), session))
+    return with_tracker_noise(
+        with_tracker(replace(record, noise=Noise(axes, sampling=(None,) * len(axes))), session)
+    )
 
 
 def _step(twin: TwinFile, axis: str) -> float:
