@@ -1,9 +1,9 @@
 """Ten laws that no effect of the library has, with exponents and periods drawn from seeds.
 
 Five are forces on x, which the twin runs as the effect `planted_force` of this file
-(`STAGE_EFFECTS`; without a term it is no candidate of the diagnosis); five are errors of the table,
-added to the points that the tracker measures. The file was written before the search, which has not
-been tuned on it.
+(`STAGE_EFFECTS`; without a term it is no candidate of the diagnosis). Five are errors of the
+table, added to the points that the tracker measures. The file was written before the search,
+which has not been tuned on it.
 """
 
 from __future__ import annotations

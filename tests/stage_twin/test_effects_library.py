@@ -115,7 +115,7 @@ def test_every_parameter_moves_the_output(effect, parameter):
 
 
 #: Values in range that make a machine unstable: a loop with other gains, a spring that pushes.
-UNSTABLE = {'controller_mismatch', 'position_force'}
+UNSTABLE = {'controller_mismatch', 'position_force', 'learned_force', 'learned_error'}
 LEAST = {'hardening': 0.0}
 
 

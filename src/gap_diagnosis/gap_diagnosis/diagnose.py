@@ -31,6 +31,7 @@ from gap_diagnosis.evidence.localise import Condition, conditions, features
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record, held_out_windows
+from gap_diagnosis.law.learn import Law, learn
 from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.recording import jitter_findings
@@ -72,6 +73,7 @@ class Diagnosis:
     unexplained: float
     structured: bool
     warnings: list[str] = field(default_factory=list)
+    laws: list[Law] = field(default_factory=list)
     #: What became of the user's own model, where the twin was read from one.
     model: Mended | None = None
 
@@ -87,8 +89,9 @@ class Diagnosis:
 
     @property
     def corrected_twin(self) -> TwinFile:
-        """The nominal twin with the accepted effects in it."""
-        return merged(self.twin, self.effects)
+        """The nominal twin with the accepted effects and the laws of the remainder in it."""
+        laws = {law.effect: law.values for law in self.laws if law.runs}
+        return merged(self.twin, {**self.effects, **laws})
 
 
 def silent(message: str) -> None:
@@ -136,6 +139,16 @@ def diagnose(
         failed = [c for c in result.causes if c.refuted]
         beside = _excluded_by_tracker(result)
         if not failed and not beside:
+            if result.structured:
+                progress('a law of what remains')
+                result.laws = learn(
+                    result.records,
+                    result.twin,
+                    result.parts,
+                    result.effects,
+                    result.channels,
+                    seed,
+                )
             return result
         name = beside or min(failed, key=lambda c: c.interval[0]).effect
         progress(f'{name} does not hold in the twin as it is run: without it')

@@ -137,9 +137,8 @@ def servo_part(
     progress: Progress,
 ) -> Part:
     """The force balance of one axis."""
-    problem = memory.once(
-        ('servo', axis), lambda: Servo(before.records, before.stepped, axis).problem()
-    )
+    rows = memory.once(('rows', axis), lambda: Servo(before.records, before.stepped, axis))
+    problem = memory.once(('servo', axis), rows.problem)
     barred = tuple(sorted(n for n in without if _concerns(n, list(problem.terms))))
 
     def fit() -> Part:
@@ -147,7 +146,7 @@ def servo_part(
         own = replace(problem, terms=dict(problem.terms))
         part = fit_servo(axis, own, before.records, before.twin, direct, seed, barred)
         column = before.records[0].column(axis)
-        return replace(part, row_axis=np.full(len(problem.target), column))
+        return replace(part, row_axis=np.full(len(problem.target), column), rows=rows)
 
     return memory.once(('servo', axis, barred, repr(direct)), fit)
 
@@ -175,7 +174,7 @@ def tracker_part(
         rules, least = (REST_RULES, LEAST_RESTS) if rests else (KINEMATIC_RULES, LEAST_ROWS)
         known = rests and rest_scatter(before.twin, records) is not None
         part = fit_part('tracker', kinematics.problem(), rules, seed, without, least, known)
-        return replace(part, row_axis=kinematics.row_axis())
+        return replace(part, row_axis=kinematics.row_axis(), rows=kinematics)
 
     return records, [memory.once(('tracker', tuple(sorted(without)), repr(values)), fit)]
 

@@ -17,7 +17,7 @@ hook           signals                                            gives
                other_velocity, other_acceleration
 ``sliding``    position, velocity, positive                       level of friction, a sum
 ``start``      position                                           nothing: sets the states
-``follow``     position                                           the position behind it
+``follow``     position, velocity, step, time                     the position behind it
 ``heat``       velocity, step                                     rise of the screw, a sum
 ``along``      motor, played, rise                                displacement, a sum
 ``across``     position                                           that of the other axis, a sum
@@ -128,7 +128,7 @@ force = _sum(
 )
 sliding = _sum('sliding', 'position', 'velocity', 'positive')
 start = _compose('start', ('position',), '{}', 'pass', 'None')
-follow = _chain('follow', 'position')
+follow = _chain('follow', 'position', 'velocity', 'step', 'time')
 heat = _sum('heat', 'velocity', 'step')
 along = _sum('along', 'motor', 'played', 'rise')
 across = _sum('across', 'position')

@@ -28,14 +28,16 @@ def start_plant(axes: np.ndarray, position: np.ndarray, state: np.ndarray) -> No
         own[:] = 0.0
         own[at.POSITION] = position[axis]
         hooks.start(row, own, position[axis])
-        own[at.PLAYED] = hooks.follow(row, own, position[axis])
+        own[at.PLAYED] = hooks.follow(row, own, position[axis], 0.0, 0.0, 0.0)
         own[at.RISE] = hooks.heat(row, own, 0.0, 0.0)
 
 
 @compiled
-def follow(row: np.ndarray, state: np.ndarray, position: float) -> None:
-    """Let what lies behind the motor of one axis follow it to a position [m]."""
-    state[at.PLAYED] = hooks.follow(row, state, position)
+def follow(
+    row: np.ndarray, state: np.ndarray, position: float, velocity: float, step: float, time: float
+) -> None:
+    """Let what lies behind the motor of one axis follow it for a step [s] to a position [m]."""
+    state[at.PLAYED] = hooks.follow(row, state, position, velocity, step, time)
 
 
 @compiled
@@ -142,7 +144,10 @@ def advance_axis(
                 + move[3, 4] * force
             )
             output = state[at.POSITION] + row[at.TABLE_SHARE] * state[at.DEFLECTION]
-            state[at.PLAYED] = hooks.follow(row, state, output) if followed else output
+            if followed:
+                state[at.PLAYED] = hooks.follow(row, state, output, velocity, step, time)
+            else:
+                state[at.PLAYED] = output
             if heated:
                 state[at.RISE] = hooks.heat(row, state, velocity, step)
             time += step

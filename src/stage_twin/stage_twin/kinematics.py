@@ -51,8 +51,8 @@ def play_and_heat(
         rise[0, axis] = own[layout.RISE]
         for k in range(1, motor.shape[0]):
             position = motor[k, axis]
-            played[k, axis] = hooks.follow(row, own, position)
             velocity = (position - motor[k - 1, axis]) / period
+            played[k, axis] = hooks.follow(row, own, position, velocity, period, k * period)
             rise[k, axis] = hooks.heat(row, own, velocity, period)
 
 

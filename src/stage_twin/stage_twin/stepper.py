@@ -131,7 +131,7 @@ class StepperPlant:
             while motion.pieces:
                 piece = motion.pieces[0]
                 motion.steps, motion.velocity = piece.at(time)
-                self._follow(index)
+                self._follow(index, min(time, piece.end))
                 if time < piece.end:
                     break
                 motion.pieces.pop(0)
@@ -182,14 +182,21 @@ class StepperPlant:
         wanted = limit if speed is None else min(abs(speed), limit)
         return wanted, own.acceleration / own.microstep if accel is None else accel
 
-    def _follow(self, index: int) -> None:
+    def _follow(self, index: int, time: float) -> None:
         motion = self._motion[index]
         length = motion.move_end - motion.move_start
         if length != 0.0:
             done = min(max((motion.steps - motion.move_start) / length, 0.0), 1.0)
             motion.scatter = motion.scatter_from + done * (motion.scatter_to - motion.scatter_from)
-        position = self.position_steps(index) * self._axes[index].microstep
-        kernel.follow(self._arrays.axes[index], self._state[index], position)
+        microstep = self._axes[index].microstep
+        kernel.follow(
+            self._arrays.axes[index],
+            self._state[index],
+            self.position_steps(index) * microstep,
+            motion.velocity * microstep,
+            time - self._time,
+            time,
+        )
 
     @staticmethod
     def _hold_scatter(motion: _AxisMotion) -> None:

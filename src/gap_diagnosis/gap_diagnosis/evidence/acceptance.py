@@ -75,7 +75,7 @@ def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
     that a user would see, the force of its axis counts: the controller takes the effect up.
     """
     positions = [s for s in sides.values() if s.unit == 'm']
-    worse = tuple(n for n, s in sides.items() if s.unit == 'm' and _interval([s], seed)[1] < 0.0)
+    worse = tuple(n for n, s in sides.items() if s.unit == 'm' and shrink_interval([s], seed)[1] < 0.0)
     force = sides.get(f'force.{split_effect(name)[1]}')
     seen = _shrink(positions, worse, seed)
     if seen.matters or force is None or link_of(name) != 'servo':
@@ -93,10 +93,10 @@ def _shrink(counted: Sequence[Sides], worse: tuple[str, ...], seed: int) -> Shri
             [s.floor**2 for s in counted],
         )
     )
-    return Shrink(counted[0].unit, before, after, _interval(counted, seed), floor, worse)
+    return Shrink(counted[0].unit, before, after, shrink_interval(counted, seed), floor, worse)
 
 
-def _interval(sides: Sequence[Sides], seed: int) -> tuple[float, float]:
+def shrink_interval(sides: Sequence[Sides], seed: int) -> tuple[float, float]:
     """95 % interval of the share by which the RMS shrinks; bootstrap over blocks of time."""
     blocks = min(BLOCKS, *(len(s.with_it) for s in sides))
     without, with_it = (

@@ -137,10 +137,10 @@ class Kinematics:
                 for i, axis in enumerate(self.axes):
                     moving = [r for r in self.records if r.moving[i]]
                     if any(not effect.reverses or reverses(r, i) for r in moving):
-                        out[f'{effect.name}.{axis}'] = self._of(axis)
+                        out[f'{effect.name}.{axis}'] = self.of(axis)
         return out
 
-    def _of(self, axis: str) -> Kinematics:
+    def of(self, axis: str) -> Kinematics:
         """The same rows, asked for one axis."""
         other = copy(self)
         other.axis = axis

@@ -14,6 +14,8 @@ from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import Structure
 from gap_diagnosis.input.data import Record, scored_ticks
+from gap_diagnosis.residuals.force_rows import ForceRows
+from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.regression import Problem
 from gap_diagnosis.selection.backward import select_backwards
 from gap_diagnosis.selection.forward import Evidence, Rules, Selection, Selector
@@ -56,6 +58,7 @@ class Part:
     residual: Array  # of all rows, in the target's unit, never whitened
     row_axis: NDArray[np.int64]
     structure: judge.Structure
+    rows: ForceRows | Kinematics | None = None  # what the problem was made of
 
 
 def with_steps(

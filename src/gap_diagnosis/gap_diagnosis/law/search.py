@@ -1,0 +1,96 @@
+"""The sparse regression: a sum of few candidates, grown and pruned on rows that did not fit it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.residuals.regression import Fit, Problem, Regression
+from gap_diagnosis.selection.gains import block_rms_gains, bootstrap_interval
+
+Array = NDArray[np.float64]
+
+#: Candidates whose nonlinear parameters are refined after the grid has ranked them.
+REFINED = 6
+#: Among candidates that gain about the same, the one with fewer numbers is taken.
+ABOUT_THE_SAME = 0.98
+#: Least share of what the law so far leaves above the noise that one more term must take.
+OF_REST = 0.10
+#: Of the bootstrap interval of a term's gain: some fifty candidates are looked at.
+LEVEL = 0.998
+
+
+@dataclass(frozen=True)
+class Search:
+    """Grows a law for one problem; deterministic for a seed."""
+
+    regression: Regression
+    seed: int
+
+    @property
+    def problem(self) -> Problem:
+        """Rows and candidates."""
+        return self.regression.problem
+
+    def grow(self, most: int) -> Fit:
+        """The law of at most so many terms; an empty one where none counts."""
+        base = self.regression.linear({})
+        while len(base.thetas) < most:
+            best = self._next(base)
+            if best is None:
+                break
+            base = self._pruned(self.regression.refine(best.thetas, list(best.thetas)))
+            if set(base.thetas) != set(best.thetas):
+                break
+        return base
+
+    def _next(self, base: Fit) -> Fit | None:
+        """The law with one more term, the plainest of those that gain most."""
+        names = [n for n in self.problem.terms if n not in base.thetas]
+        ranked = sorted(((-self._gain(base, t), n, t) for n, t in self._trials(base, names)),
+                        key=lambda entry: entry[:2])  # fmt: skip
+        refined = []
+        for _, name, trial in ranked[:REFINED]:
+            fit = self.regression.refine(trial.thetas, [name], rounds=8)
+            refined.append((self._gain(base, fit), self._size(name, fit), name, fit))
+        most = max((gain for gain, *_ in refined), default=0.0)
+        near = [r for r in refined if r[0] >= ABOUT_THE_SAME * most and self._counts(base, r[3])]
+        return min(near, key=lambda r: (r[1], -r[0]))[3] if near else None
+
+    def _trials(self, base: Fit, names: list[str]) -> list[tuple[str, Fit]]:
+        out = []
+        for name in names:
+            theta = self.regression.warm_start(base, name)
+            out.append((name, self.regression.linear({**base.thetas, name: theta})))
+        return out
+
+    def _gain(self, base: Fit, fit: Fit) -> float:
+        return base.mean_square(self.problem) - fit.mean_square(self.problem)
+
+    @staticmethod
+    def _size(name: str, fit: Fit) -> int:
+        """Numbers that a term has."""
+        return len(fit.thetas[name]) + len(fit.coefficients[name])
+
+    def _counts(self, less: Fit, fit: Fit) -> bool:
+        noise = self.problem.floor**2
+        rest = max(less.mean_square(self.problem) - noise, 0.1 * noise)
+        gains = block_rms_gains(self.problem, less, fit)
+        low, _ = bootstrap_interval(gains, self.seed, level=LEVEL)
+        return low > 0.0 and self._gain(less, fit) > OF_REST * rest
+
+    def _pruned(self, fit: Fit) -> Fit:
+        """The law without the terms that the later ones made needless."""
+        while len(fit.thetas) > 1:
+            rests = {n: self._without(fit, n) for n in fit.thetas}
+            weak = [n for n, less in rests.items() if not self._counts(less, fit)]
+            if not weak:
+                break
+            fit = rests[min(weak, key=lambda n: self._gain(rests[n], fit))]
+        return fit
+
+    def _without(self, fit: Fit, name: str) -> Fit:
+        kept = {n: t for n, t in fit.thetas.items() if n != name}
+        return self.regression.refine(kept, list(kept), rounds=4)

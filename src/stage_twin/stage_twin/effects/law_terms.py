@@ -1,0 +1,166 @@
+"""A learned law as numbers of a twin file: a sum of terms, each a product of two shapes.
+
+term = size * shape(first variable) * shape(second variable), remembered with a time constant or
+freed of what is remembered. The twin runs the functions that the search fits
+(`gap_diagnosis.law`).
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from stage_twin.effects.definition import Parameter
+from stage_twin.effects.position_force import force as _curve
+from stage_twin.effects.term import Array
+
+TERMS, KNOTS = 4, 13
+
+#: Variable -> its number in a twin file, its unit, what it is.
+VARIABLES: dict[str, tuple[int, str, str]] = {
+    '1': (0, '', 'nothing'),
+    'p': (1, 'm', 'position of the axis'),
+    'v': (2, 'm/s', 'its velocity'),
+    's': (3, '', 'its direction, -1 to 1, built up over `reach` after a reversal'),
+    'F': (4, 'N', 'force of the drive'),
+    't': (5, 's', 'time since the session began'),
+    'q': (6, 'm', 'position of the other axis'),
+    'u': (7, 'm/s', 'velocity of the other axis'),
+    'w': (8, 'm/s^2', 'acceleration of the other axis'),
+    'T': (9, 'K', 'screw temperature above the reference'),
+}
+DIRECTION, OTHER_POSITION, RISE = (VARIABLES[name][0] for name in 'sqT')
+#: States of each term: direction and memory.
+STATES = tuple(f'{name}{i}' for name in ('direction', 'memory') for i in range(TERMS))
+#: Numbers of the shapes of a variable x with its `scale` b and its `bend` c.
+PLAIN, LINEAR, EVEN, ODD, SINE, BUMP, EXCESS, CURVE = range(8)
+SHAPES = (
+    '0 one, 1 x / b, 2 |x / b|^c, 3 sign(x) |x / b|^c, 4 sin(2 pi x / b + c), '
+    '5 exp(-((x - c) / b)^2), 6 sign(x) max(|x| - b, 0) / c, 7 the knots from b to c'
+)
+
+
+@njit(cache=True, error_model='numpy')
+def factor(x: float, shape: float, scale: float, bend: float) -> float:
+    """One shape of one variable; all but the knots."""
+    kind = int(shape)
+    if kind == PLAIN:
+        return 1.0
+    if kind == LINEAR:
+        return x / scale
+    if kind == SINE:
+        return math.sin(2.0 * math.pi * x / scale + bend)
+    if kind == BUMP:
+        return math.exp(-(((x - bend) / scale) ** 2))
+    size = abs(x)
+    if kind == EXCESS:
+        size = max(size - scale, 0.0) / bend
+    elif size > 0.0:
+        size = math.exp(bend * math.log(size / abs(scale)))
+    return -size if x < 0.0 and kind != EVEN else size
+
+
+curve = njit(cache=True)(_curve)
+
+
+@njit(cache=True)
+def group(first: float, second: float) -> int:
+    """Where an error of the table acts: 0 on the axis, 1 beside the other one, 2 by heat."""
+    if first == RISE or second == RISE:
+        return 2
+    return 1 if first == OTHER_POSITION or second == OTHER_POSITION else 0
+
+
+@njit(cache=True)
+def direction(before: float, travelled: float, reach: float) -> float:
+    """Direction of the motion after some travel [m]: Dahl's exact step (1968)."""
+    towards = 1.0 if travelled > 0.0 else -1.0
+    if travelled == 0.0:
+        return before
+    return towards + (before - towards) * math.exp(-abs(travelled) / max(reach, 1e-9))
+
+
+@njit(cache=True)
+def remembered(state: Array, at: int, value: float, memory: float, step: float) -> float:
+    """A value behind a first-order memory [s]; of a negative one, what it has not remembered."""
+    if memory == 0.0:
+        return value
+    state[at] += (value - state[at]) * (1.0 - math.exp(-step / abs(memory)))
+    return state[at] if memory > 0.0 else value - state[at]
+
+
+@njit(cache=True)
+def total(
+    x: tuple[float, ...],
+    part: int,
+    state: Array,
+    travelled: float,
+    step: float,
+    reach: Array,
+    size: Array,
+    first: Array,
+    shape: Array,
+    scale: Array,
+    bend: Array,
+    second: Array,
+    form: Array,
+    length: Array,
+    turn: Array,
+    memory: Array,
+    knot: Array,
+) -> float:
+    """Sum of the terms of one `group` (-1: all) at the variables `x`, ordered by number.
+
+    `state` holds each term's direction, then what it remembers; both move on by a step [s] in
+    which the axis has `travelled` [m].
+    """
+    out = 0.0
+    for i in range(len(size)):
+        if size[i] == 0.0 or (part >= 0 and group(first[i], second[i]) != part):
+            continue
+        way = 0.0
+        if part <= 0:
+            way = state[i] = direction(state[i], travelled, reach[i])
+        one = way if int(first[i]) == DIRECTION else x[int(first[i])]
+        two = way if int(second[i]) == DIRECTION else x[int(second[i])]
+        if int(shape[i]) == CURVE:
+            value = curve(one, scale[i], bend[i], knot)
+        else:
+            value = factor(one, shape[i], scale[i], bend[i])
+        value *= factor(two, form[i], length[i], turn[i])
+        if part <= 0:
+            value = remembered(state, len(size) + i, value, memory[i], step)
+        out += size[i] * value
+    return out
+
+
+def parameters(unit: str, largest: float, variables: tuple[str, ...]) -> tuple[Parameter, ...]:
+    """Parameters of an effect that is a law of some variables, in the unit of its target."""
+    numbers = ', '.join(f'{VARIABLES[name][0]} {VARIABLES[name][2]}' for name in variables)
+    most = float(max(VARIABLES[name][0] for name in variables))
+    last = float(CURVE)
+    out = []
+    for i in range(TERMS):
+        kind = (SINE, EVEN, ODD, CURVE)[i]
+        meanings = (
+            ('size', unit, -largest, largest, 0.0, f'size of term {i}'),
+            ('first', '', 0.0, most, 1.0, f'its first variable: {numbers}'),
+            ('shape', '', 0.0, last, float(kind), f'shape of it: {SHAPES}'),
+            ('scale', '', -1e4, 1e4, 1e-3 if kind == CURVE else 0.1, 'b of it, in its unit'),
+            ('bend', '', -100.0, 100.0, 0.04 if kind == CURVE else 0.5, 'c of it'),
+            ('second', '', 0.0, most, 3.0, 'its second variable'),
+            ('form', '', 0.0, last - 1.0, float(SINE), 'shape of it'),
+            ('length', '', -1e4, 1e4, 0.5, 'b of it, in its unit'),
+            ('turn', '', -100.0, 100.0, 0.5, 'c of it'),
+            ('reach', 'm', 0.0, 1e-3, 1e-5, 'travel that turns its direction'),
+            ('memory', 's', -1e3, 1e3, 0.1, 'time constant of its memory; negative: without it'),
+        )
+        for name, of, low, high, when_on, meaning in meanings:
+            neutral = 0.0 if name == 'size' else None
+            out.append(Parameter(f'{name}{i}', of, low, high, when_on, meaning, neutral))
+    for k in range(KNOTS):
+        words = f'knot {k} of a curve, in sizes'
+        out.append(Parameter(f'knot{k}', '', -1e3, 1e3, 0.1 * (k - 6), words, None))
+    # One array per name in the kernel: those of one name stand together.
+    return tuple(sorted(out, key=lambda p: p.name.rstrip('0123456789')))

@@ -1,0 +1,60 @@
+"""A law of the force that the named effects leave, as the diagnosis learned it from a session."""
+
+from __future__ import annotations
+
+from stage_twin.effects import law_terms
+from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.term import Array
+
+VARIABLES = ('1', 'p', 'v', 's', 'F', 't', 'u', 'w')
+
+EFFECT = Effect(
+    name='learned_force',
+    link='servo',
+    parameters=(
+        Parameter('mass', 'kg', -50.0, 200.0, 0.0, 'force per acceleration, against it'),
+        *law_terms.parameters('N', 500.0, VARIABLES),
+    ),
+    model='Sum of terms size * shape(first) * shape(second) on the moving mass, each behind a '
+    'memory. Brunton, Proctor, Kutz, "Discovering governing equations from data by sparse '
+    'identification of nonlinear dynamical systems", PNAS 113 (2016).',
+    sentence='a force that no effect names pulls the axis: {size0} in its largest term',
+    excited_by='strokes at several speeds and places, in both directions',
+    states=law_terms.STATES,
+    order=20,
+)
+
+
+def prepare(axis: dict[str, float], mass: float) -> None:
+    """The moving mass [kg]."""
+    axis['mass'] = max(axis['mass'] + mass, 0.2 * axis['mass'])
+
+
+def force(
+    position: float,
+    velocity: float,
+    acting: float,
+    step: float,
+    time: float,
+    other_velocity: float,
+    other_acceleration: float,
+    state: Array,
+    reach: Array,
+    size: Array,
+    first: Array,
+    shape: Array,
+    scale: Array,
+    bend: Array,
+    second: Array,
+    form: Array,
+    length: Array,
+    turn: Array,
+    memory: Array,
+    knot: Array,
+) -> float:
+    """Force on the moving mass [N]."""
+    x = (1.0, position, velocity, 0.0, acting, time, 0.0, other_velocity, other_acceleration)
+    return law_terms.total(
+        x, -1, state, velocity * step, step, reach, size, first, shape, scale, bend, second,
+        form, length, turn, memory, knot,
+    )  # fmt: skip
