@@ -119,14 +119,16 @@ def _problems(part: Part, records: Sequence[Record]) -> list[tuple[Problem, Sign
     for i, axis in enumerate(rows.axes):
         if not any(r.moving[i] for r in records):
             continue
-        own = part.row_axis == i
-        names = ('fit', 'held_out', 'block', 'time', 'record')
-        chosen = {name: getattr(part.problem, name)[own] for name in names}
-        problem = replace(
-            part.problem, target=part.residual[own], terms={}, seams=None, before={}, **chosen
-        )
+        problem = axis_problem(part.problem, part.residual, part.row_axis == i)
         out.append((problem, error_signals(rows, axis), axis))
     return out
+
+
+def axis_problem(problem: Problem, target: Array, own: Mask) -> Problem:
+    """The rows of one axis of the tracker's problem, without candidates."""
+    names = ('fit', 'held_out', 'block', 'time', 'record')
+    chosen = {name: getattr(problem, name)[own] for name in names}
+    return replace(problem, target=target[own], terms={}, seams=None, before={}, **chosen)
 
 
 def law_of(problem: Problem, signals: Signals, axis: str, seed: int) -> Law | None:

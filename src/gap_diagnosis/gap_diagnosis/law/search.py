@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.regression import Fit, Problem, Regression
 from gap_diagnosis.selection.gains import block_rms_gains, bootstrap_interval
+from stage_twin.effects.law_terms import EVEN, LINEAR, ODD, PLAIN, TERMS
 
 Array = NDArray[np.float64]
 
@@ -41,38 +42,58 @@ class Search:
             best = self._next(base)
             if best is None:
                 break
-            base = self._pruned(self.regression.refine(best.thetas, list(best.thetas)))
-            if set(base.thetas) != set(best.thetas):
+            grown = self._pruned(self.regression.refine(best.thetas, list(best.thetas)))
+            if len(grown.thetas) > TERMS or set(grown.thetas) <= set(base.thetas):
                 break
+            base = grown
         return base
 
     def _next(self, base: Fit) -> Fit | None:
-        """The law with one more term, the plainest of those that gain most."""
-        names = [n for n in self.problem.terms if n not in base.thetas]
-        ranked = sorted(((-self._gain(base, t), n, t) for n, t in self._trials(base, names)),
-                        key=lambda entry: entry[:2])  # fmt: skip
+        """The law with more of a law, the plainest of what gains most."""
+        trials = [self._with(base, (n,)) for n in self.problem.terms if n not in base.thetas]
+        trials += [self._with(base, names) for names in self._shared(base)]
+        trials.sort(key=lambda fit: -self._gain(base, fit))
         refined = []
-        for _, name, trial in ranked[:REFINED]:
-            fit = self.regression.refine(trial.thetas, [name], rounds=8)
-            refined.append((self._gain(base, fit), self._size(name, fit), name, fit))
+        for trial in trials[:REFINED]:
+            new = [n for n in trial.thetas if n not in base.thetas]
+            fit = self.regression.refine(trial.thetas, new, rounds=8)
+            refined.append((self._gain(base, fit), self._size(fit), fit))
         most = max((gain for gain, *_ in refined), default=0.0)
-        near = [r for r in refined if r[0] >= ABOUT_THE_SAME * most and self._counts(base, r[3])]
-        return min(near, key=lambda r: (r[1], -r[0]))[3] if near else None
+        near = [r for r in refined if r[0] >= ABOUT_THE_SAME * most and self._counts(base, r[2])]
+        return min(near, key=lambda r: (r[1], -r[0]))[2] if near else None
 
-    def _trials(self, base: Fit, names: list[str]) -> list[tuple[str, Fit]]:
+    def _shared(self, base: Fit) -> list[tuple[str, ...]]:
+        """Powers beside the named effects' plain shapes of the same variable, their power last.
+
+        A named effect may have taken its share of what is a power: what it leaves is then the
+        power less a line (viscous friction, scale), a step (Coulomb) or a constant (offset).
+        """
         out = []
+        for name in self.problem.terms:
+            variable, _, kind = name.partition(':')
+            partners = {
+                str(ODD): (f'{variable}:{LINEAR}', *([f's:{LINEAR}'] if variable == 'v' else [])),
+                str(EVEN): (f'1:{PLAIN}',),
+            }.get(kind, ())
+            new = [n for n in (*partners, name) if n not in base.thetas]
+            if 1 < len(new) == len([n for n in new if n in self.problem.terms]):
+                out.append(tuple(new))
+        return out
+
+    def _with(self, base: Fit, names: tuple[str, ...]) -> Fit:
+        """The law with some candidates more, each at the start that explains most."""
         for name in names:
             theta = self.regression.warm_start(base, name)
-            out.append((name, self.regression.linear({**base.thetas, name: theta})))
-        return out
+            base = self.regression.linear({**base.thetas, name: theta})
+        return base
 
     def _gain(self, base: Fit, fit: Fit) -> float:
         return base.mean_square(self.problem) - fit.mean_square(self.problem)
 
     @staticmethod
-    def _size(name: str, fit: Fit) -> int:
-        """Numbers that a term has."""
-        return len(fit.thetas[name]) + len(fit.coefficients[name])
+    def _size(fit: Fit) -> int:
+        """Numbers that a law has."""
+        return sum(len(t) + len(fit.coefficients[n]) for n, t in fit.thetas.items())
 
     def _counts(self, less: Fit, fit: Fit) -> bool:
         noise = self.problem.floor**2

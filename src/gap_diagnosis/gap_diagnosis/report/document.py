@@ -9,6 +9,7 @@ from typing import Any
 
 from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence.judgement import Cause
+from gap_diagnosis.law.learn import Law
 from stage_core.quantities import split_effect
 from stage_core.whole_file import write_whole
 from stage_twin.effects import EFFECTS
@@ -54,10 +55,34 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         'causes': [_cause(c) for c in diagnosis.causes[:MOST_CANDIDATES]],
         'verdict': diagnosis.verdict,
         'unexplained': {'share': diagnosis.unexplained, 'structured': diagnosis.structured},
+        'law': [_law(law) for law in diagnosis.laws],
         'noise': _noise(diagnosis),
         'warnings': diagnosis.warnings,
         **({'simulated': ', '.join(diagnosis.simulators)} if diagnosis.simulators else {}),
         **({} if diagnosis.model is None else {'model': diagnosis.model.as_dict()}),
+    }
+
+
+def _law(law: Law) -> dict[str, Any]:
+    return {
+        'channel': law.channel,
+        'kind': law.kind,
+        'expression': law.expression,
+        'parameters': {
+            name: {'value': value, 'std': std, 'unit': unit}
+            for name, (value, std, unit) in law.parameters.items()
+        },
+        'range': {
+            name: {'low': low, 'high': high, 'unit': unit}
+            for name, (low, high, unit) in law.range.items()
+        },
+        'unit': law.unit,
+        'before': law.before,
+        'after': law.after,
+        'shrink': law.shrink,
+        'shrink_ci95': list(law.interval),
+        'effect': law.effect,
+        'gap': {'unit': 'm', 'before': law.gap[0], 'after': law.gap[1]},
     }
 
 

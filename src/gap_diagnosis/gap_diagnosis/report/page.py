@@ -8,6 +8,7 @@ from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence import experiments
 from gap_diagnosis.report import figures, model
 from gap_diagnosis.report.causes import causes_section, contained_section, found_section
+from gap_diagnosis.report.laws import laws_section
 from gap_diagnosis.report.leftovers import leftovers
 from gap_diagnosis.report.words import link_words
 from stage_core.pages import Page
@@ -27,6 +28,7 @@ def make(diagnosis: Diagnosis) -> Page:
     _where(page, diagnosis)
     causes_section(page, diagnosis)
     contained_section(page, diagnosis)
+    laws_section(page, diagnosis)
     _next(page, diagnosis)
     return page
 

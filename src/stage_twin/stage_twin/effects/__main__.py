@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+
 from stage_core.quantities import LINKS
-from stage_twin.effects import EFFECTS, Effect
+from stage_twin.effects import EFFECTS, Effect, Parameter
 
 
 def table() -> str:
@@ -17,6 +19,12 @@ def table() -> str:
     return '\n'.join(lines).rstrip() + '\n'
 
 
+def _family(parameter: Parameter) -> tuple[str, str, float, float]:
+    """What the members of a numbered array have alike."""
+    stem = parameter.name.rstrip('0123456789')
+    return stem, parameter.unit, parameter.minimum, parameter.maximum
+
+
 def _section(effect: Effect) -> list[str]:
     name = f'{effect.name}.x' if effect.per_axis else effect.name
     lines = [
@@ -25,12 +33,17 @@ def _section(effect: Effect) -> list[str]:
         '| parameter | unit | range | when on | meaning |',
         '|---|---|---|---|---|',
     ]
-    for parameter in effect.parameters:
-        note = ' (session nuisance)' if parameter.nuisance else ''
+    for _, group in groupby(effect.parameters, key=_family):
+        first, *others = group
+        last = others[-1] if others else first
+        note = ' (session nuisance)' if first.nuisance else ''
+        name = f'`{first.name}`' + (f' … `{last.name}`' if others else '')
+        values = f'{first.when_on:g}'
+        if last.when_on != first.when_on:
+            values += f' … {last.when_on:g}'
         lines.append(
-            f'| `{parameter.name}` | {parameter.unit or "1"} | {parameter.minimum:g} to '
-            f'{parameter.maximum:g} | {parameter.when_on:g} | '
-            f'{parameter.meaning}{note} |'
+            f'| {name} | {first.unit or "1"} | {first.minimum:g} to {first.maximum:g} | '
+            f'{values} | {first.meaning}{note} |'
         )
     return [*lines, '']
 

@@ -36,8 +36,8 @@ STATES = tuple(f'{name}{i}' for name in ('direction', 'memory') for i in range(T
 #: Numbers of the shapes of a variable x with its `scale` b and its `bend` c.
 PLAIN, LINEAR, EVEN, ODD, SINE, BUMP, EXCESS, CURVE = range(8)
 SHAPES = (
-    '0 one, 1 x / b, 2 |x / b|^c, 3 sign(x) |x / b|^c, 4 sin(2 pi x / b + c), '
-    '5 exp(-((x - c) / b)^2), 6 sign(x) max(|x| - b, 0) / c, 7 the knots from b to c'
+    '0 one, 1 x / b, 2 abs(x / b)^c, 3 sign(x) abs(x / b)^c, 4 sin(2 pi x / b + c), '
+    '5 exp(-((x - c) / b)^2), 6 sign(x) max(abs(x) - b, 0) / c, 7 the knots from b to c'
 )
 
 
@@ -124,11 +124,13 @@ def total(
             way = state[i] = direction(state[i], travelled, reach[i])
         one = way if int(first[i]) == DIRECTION else x[int(first[i])]
         two = way if int(second[i]) == DIRECTION else x[int(second[i])]
+        value = 1.0
         if int(shape[i]) == CURVE:
             value = curve(one, scale[i], bend[i], knot)
-        else:
+        elif first[i] != 0.0:
             value = factor(one, shape[i], scale[i], bend[i])
-        value *= factor(two, form[i], length[i], turn[i])
+        if second[i] != 0.0:
+            value *= factor(two, form[i], length[i], turn[i])
         if part <= 0:
             value = remembered(state, len(size) + i, value, memory[i], step)
         out += size[i] * value
@@ -138,29 +140,31 @@ def total(
 def parameters(unit: str, largest: float, variables: tuple[str, ...]) -> tuple[Parameter, ...]:
     """Parameters of an effect that is a law of some variables, in the unit of its target."""
     numbers = ', '.join(f'{VARIABLES[name][0]} {VARIABLES[name][2]}' for name in variables)
-    most = float(max(VARIABLES[name][0] for name in variables))
-    last = float(CURVE)
+    most, last = float(max(VARIABLES[name][0] for name in variables)), float(CURVE)
+    #: Name, unit, range, value when on of an ordinary term and of the one with a curve, meaning.
+    meanings = (
+        ('size', unit, -largest, largest, (0.0, 0.0), 'size of a term'),
+        ('first', '', 0.0, most, (1.0, 1.0), f'its first variable: {numbers}'),
+        ('shape', '', 0.0, last, (0.0, last), f'shape of it: {SHAPES}'),
+        ('scale', '', -1e4, 1e4, (0.1, 1e-3), 'b of it, in its unit'),
+        ('bend', '', -100.0, 100.0, (0.5, 0.04), 'c of it'),
+        ('second', '', 0.0, most, (3.0, 3.0), 'its second variable'),
+        ('form', '', 0.0, last - 1.0, (SINE, SINE), 'shape of it'),
+        ('length', '', -1e4, 1e4, (0.5, 0.5), 'b of it, in its unit'),
+        ('turn', '', -100.0, 100.0, (0.5, 0.5), 'c of it'),
+        ('reach', 'm', 0.0, 1e-3, (1e-5, 1e-5), 'travel that turns its direction'),
+        ('memory', 's', -1e3, 1e3, (0.1, 0.1), 'time constant behind it; negative: without it'),
+    )
     out = []
-    for i in range(TERMS):
-        kind = (SINE, EVEN, ODD, CURVE)[i]
-        meanings = (
-            ('size', unit, -largest, largest, 0.0, f'size of term {i}'),
-            ('first', '', 0.0, most, 1.0, f'its first variable: {numbers}'),
-            ('shape', '', 0.0, last, float(kind), f'shape of it: {SHAPES}'),
-            ('scale', '', -1e4, 1e4, 1e-3 if kind == CURVE else 0.1, 'b of it, in its unit'),
-            ('bend', '', -100.0, 100.0, 0.04 if kind == CURVE else 0.5, 'c of it'),
-            ('second', '', 0.0, most, 3.0, 'its second variable'),
-            ('form', '', 0.0, last - 1.0, float(SINE), 'shape of it'),
-            ('length', '', -1e4, 1e4, 0.5, 'b of it, in its unit'),
-            ('turn', '', -100.0, 100.0, 0.5, 'c of it'),
-            ('reach', 'm', 0.0, 1e-3, 1e-5, 'travel that turns its direction'),
-            ('memory', 's', -1e3, 1e3, 0.1, 'time constant of its memory; negative: without it'),
-        )
-        for name, of, low, high, when_on, meaning in meanings:
-            neutral = 0.0 if name == 'size' else None
-            out.append(Parameter(f'{name}{i}', of, low, high, when_on, meaning, neutral))
-    for k in range(KNOTS):
-        words = f'knot {k} of a curve, in sizes'
-        out.append(Parameter(f'knot{k}', '', -1e3, 1e3, 0.1 * (k - 6), words, None))
     # One array per name in the kernel: those of one name stand together.
-    return tuple(sorted(out, key=lambda p: p.name.rstrip('0123456789')))
+    for name, of, low, high, when_on, meaning in meanings:
+        for i in range(TERMS):
+            value = float(when_on[i == TERMS - 1])
+            if name == 'shape' and i < TERMS - 1:
+                value = float((SINE, EVEN, ODD)[i])
+            neutral = 0.0 if name == 'size' else None
+            out.append(Parameter(f'{name}{i}', of, low, high, value, meaning, neutral))
+    for k in range(KNOTS):
+        words = 'knots of the curve, in sizes'
+        out.append(Parameter(f'knot{k}', '', -1e3, 1e3, 0.1 * (k - 6), words, None))
+    return tuple(out)

@@ -1,0 +1,121 @@
+"""The law of the remainder: found, judged where no fit has looked, told, and run by the twin."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.law.equation import per
+from gap_diagnosis.law.learn import law_of
+from gap_diagnosis.law.signals import Signals
+from gap_diagnosis.report import document, page
+from gap_diagnosis.residuals.nominal import Prediction
+from gap_diagnosis.residuals.regression import Problem
+from stage_twin.effects.friction import presliding_state
+
+PERIOD = 5e-3
+TIME = np.arange(6000) * PERIOD
+PATH = 0.03 * np.sin(1.1 * TIME) * np.sin(0.37 * TIME + 0.5)
+SPEED = np.gradient(PATH, PERIOD)
+
+
+def rows(target: np.ndarray, floor: float) -> tuple[Problem, Signals]:
+    """Rows every 5 ms of one axis on a path of two sines; the last third of 5 s is held out."""
+    held = np.mod(TIME, 5.0) > 10.0 / 3.0
+    seconds = TIME.astype(np.int64)
+    number = np.zeros(len(TIME), np.int64)
+    signals = Signals(
+        {'p': [PATH], 'v': [SPEED], 't': [TIME]},
+        lambda *found: np.column_stack([one[0] for one in found]),
+        lambda one: one[0],
+        [PERIOD],
+        lambda reach: [presliding_state(PATH, reach)],
+        'm',
+        0.01,
+    )
+    return Problem(target, ~held, held, seconds, TIME, number, {}, floor), signals
+
+
+def noise(seed: int) -> np.ndarray:
+    return 1e-6 * np.random.default_rng(seed).standard_normal(len(TIME))
+
+
+@pytest.mark.parametrize(
+    ('law', 'expression', 'numbers'),
+    [
+        (9e-6 * np.sign(PATH) * np.abs(PATH / 0.03)**2.4, 'a1*sign(p)*abs(p/p1)^n1', {'n1': 2.4}),
+        (5e-6 * np.sin(2 * np.pi * TIME / 0.83 + 0.4), 'a1*sin(2*pi*t/b1 + f1)', {'b1': 0.83}),
+        (
+            24e-6 * np.sign(SPEED) * np.abs(SPEED / 0.03) ** 2.0 - 4.5e-4 * SPEED,
+            'a1*sign(v)*abs(v/v1)^n1 + a2*v',
+            {'n1': 2.0, 'a2': -4.5e-4},
+        ),
+    ],
+    ids=['power', 'period', 'power less a line'],
+)  # fmt: skip
+def test_exponents_and_periods_are_found(law, expression, numbers) -> None:
+    found = law_of(*rows(law + noise(1), 1e-6), 'x', 0)
+    assert found is not None and found.kind == 'law' and found.expression == expression
+    for name, value in numbers.items():
+        assert found.parameters[name][0] == pytest.approx(value, rel=0.03)
+    assert found.interval[0] < found.shrink < found.interval[1]
+    assert found.after < 1.05e-6
+
+
+def test_noise_has_no_law() -> None:
+    assert law_of(*rows(noise(2), 1e-6), 'x', 0) is None
+
+
+def test_where_no_law_holds_a_curve_does() -> None:
+    steps = 6e-6 * np.interp(PATH, np.linspace(-0.03, 0.03, 9), [0, 1, -1, 1, 1, -1, -1, 1, 0])
+    found = law_of(*rows(steps + noise(3), 1e-6), 'x', 0)
+    assert found is not None
+    assert found.shrink > 0.5 and set(found.range) == {'p'}
+
+
+def test_the_search_is_deterministic() -> None:
+    problem, signals = rows(5e-6 * np.sin(200.0 * PATH) + noise(4), 1e-6)
+    first, second = (law_of(problem, signals, 'x', 0) for _ in range(2))
+    assert first is not None and second is not None
+    assert first.parameters == second.parameters and first.interval == second.interval
+
+
+def test_the_rows_that_judge_take_no_part_in_the_fit() -> None:
+    problem, signals = rows(5e-6 * np.sin(200.0 * PATH) + noise(4), 1e-6)
+    spoilt = replace(problem, target=np.where(problem.held_out, 0.0, problem.target))
+    assert law_of(spoilt, signals, 'x', 0) is None
+
+
+def test_units_of_coefficients() -> None:
+    assert per('N', ['m/s']) == 'N·s/m'
+    assert per('m', ['m', 'K']) == '1/K'
+    assert per('N', ['m/s^2']) == 'N·s²/m'
+    assert per('N', []) == 'N'
+
+
+def test_an_open_question_gets_a_law_beside_unknown(open_question: Diagnosis, tmp_path) -> None:
+    """Play that the library does not know goes with the direction of the motion."""
+    (law,) = (one for one in open_question.laws if one.channel == 'error.x')
+    assert law.range.keys() == {'s'} and law.interval[0] > 0.8
+    assert law.parameters['a1'][0] == pytest.approx(-10e-6, rel=0.05)
+    assert open_question.verdict == ['unknown']
+    assert open_question.after == law.gap[0] > 5.0 * law.gap[1] / 2.0
+    content = json.loads(document.write(open_question, tmp_path).read_text('utf-8'))
+    assert content['law'][0]['expression'] == law.expression
+    assert content['law'][0]['shrink_ci95'] == pytest.approx(law.interval)
+    assert f'error of x = {law.expression}' in page.render(open_question)
+    _twin_runs(open_question, law.after)
+
+
+def _twin_runs(found: Diagnosis, after: float) -> None:
+    """The corrected twin leaves of the held-out points what the law was said to leave."""
+    record = found.records[0]
+    own = Prediction(record, found.corrected_twin).table()[:, 0]
+    part = next(p for p in found.parts if p.name == 'tracker')
+    rows = part.row_axis == 0
+    left = (part.problem.gap[rows] - own)[part.problem.held_out[rows]]
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(after, rel=0.02)
