@@ -243,7 +243,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 path.write_text(json.dumps(row, default=float), encoding='utf-8')
                 print(json.dumps(row, default=float), flush=True)
     if options.page is not None:
-        options.page.write_text(written.page(options.out, NO_FUNCTION), encoding='utf-8')
+        command = 'python -m benchmarks.laws.run --page docs/results/law.md'
+        text = written.page(options.out, NO_FUNCTION, command)
+        options.page.write_text(text, encoding='utf-8')
     return 0
 
 
