@@ -70,4 +70,5 @@ def test_the_page_holds_the_printed_library():
     assert printed in (ROOT / 'docs' / 'twin.md').read_text(encoding='utf-8')
     for effect in EFFECTS.values():
         for parameter in effect.parameters:
-            assert f'`{parameter.name}`' in printed
+            # The members of a numbered array share a row.
+            assert f'`{parameter.name.rstrip("0123456789")}' in printed

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,35 +27,36 @@ def term(size: float, first: str, shape: int, scale: float, bend: float = 0.0, *
 
 def encoder(effects):
     twin = TwinFile.nominal_servo().with_effects(effects)
+    fine = {name: replace(axis, encoder_resolution=1e-9) for name, axis in twin.axes.items()}
+    twin = replace(twin, axes=fine)
     return simulate(twin, PATH, np.gradient(PATH, PERIOD, axis=0), noise=False).encoder[:, 0]
 
 
 @pytest.mark.parametrize(
-    ('law', 'effect', 'close'),
+    ('law', 'effect'),
     [
         (
             term(-8.0, '1', lt.PLAIN, 1.0, second0=3.0, form0=lt.LINEAR, length0=1.0, reach0=8e-6),
             {'coulomb_friction.x': {'coulomb': 8.0, 'presliding': 8e-6}},
-            3e-6,
         ),
-        (term(-10.0, 'v', lt.LINEAR, 0.1), {'viscous_friction.x': {'viscous': 100.0}}, 3e-6),
+        (term(-10.0, 'v', lt.LINEAR, 0.1), {'viscous_friction.x': {'viscous': 100.0}}),
         (
             term(5.0, 'p', lt.SINE, 0.01, 0.3),
             {'force_ripple.x': {'amplitude': 5.0, 'phase': 0.3}},
-            1.1e-6,
         ),
-        ({**term(0.0, 'p', 1, 1.0), 'mass': 1.8}, {'inertia_mismatch.x': {'ratio': 0.1}}, 1.1e-6),
+        ({**term(0.0, 'p', 1, 1.0), 'mass': 1.8}, {'inertia_mismatch.x': {'ratio': 0.1}}),
         (
             term(-1.0, 'F', lt.LINEAR, 1.0, memory0=-2e-3),
             {'current_loop_lag.x': {'time_constant': 2e-3}},
-            3e-6,
         ),
     ],
 )  # fmt: skip
-def test_a_learned_force_is_the_effect_that_it_describes(law, effect, close):
+def test_a_learned_force_is_the_effect_that_it_describes(law, effect):
     without, named, learned = encoder({}), encoder(effect), encoder({'learned_force.x': law})
-    assert np.abs(named - without).max() > 10e-6
-    assert np.abs(named - learned).max() < close
+    moved = np.abs(named - without).max()
+    assert moved > 1e-7
+    # Frictions are solved implicitly, a law of the direction step by step.
+    assert np.abs(named - learned).max() < 0.05 * moved
 
 
 def table(effects):
