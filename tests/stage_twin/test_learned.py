@@ -55,8 +55,8 @@ def test_a_learned_force_is_the_effect_that_it_describes(law, effect):
     without, named, learned = encoder({}), encoder(effect), encoder({'learned_force.x': law})
     moved = np.abs(named - without).max()
     assert moved > 1e-7
-    # Frictions are solved implicitly, a law of the direction step by step.
-    assert np.abs(named - learned).max() < 0.05 * moved
+    # A law is explicit: its memory and its direction stand at the end of a substep.
+    assert np.abs(named - learned).max() < 0.08 * moved
 
 
 def table(effects):
