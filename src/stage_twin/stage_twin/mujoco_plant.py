@@ -87,7 +87,9 @@ class MujocoPlant(ServoPlant):
             own, row = self._state[axis], arrays.axes[axis]
             own[layout.POSITION] = data.qpos[place.position]
             own[layout.VELOCITY] = data.qvel[place.dof]
-            kernel.follow(row, own, own[layout.POSITION])
+            now = self._time + self._period
+            velocity = own[layout.VELOCITY]
+            kernel.follow(row, own, own[layout.POSITION], velocity, self._period, now)
             own[layout.RISE] = hooks.heat(row, own, own[layout.VELOCITY], self._period)
 
     def _change_period(self, dt: float) -> None:

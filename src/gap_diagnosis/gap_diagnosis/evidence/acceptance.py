@@ -75,7 +75,9 @@ def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
     that a user would see, the force of its axis counts: the controller takes the effect up.
     """
     positions = [s for s in sides.values() if s.unit == 'm']
-    worse = tuple(n for n, s in sides.items() if s.unit == 'm' and shrink_interval([s], seed)[1] < 0.0)
+    worse = tuple(
+        n for n, s in sides.items() if s.unit == 'm' and shrink_interval([s], seed)[1] < 0.0
+    )
     force = sides.get(f'force.{split_effect(name)[1]}')
     seen = _shrink(positions, worse, seed)
     if seen.matters or force is None or link_of(name) != 'servo':
