@@ -75,17 +75,16 @@ def test_keys_of_a_twin_file() -> None:
 @pytest.mark.parametrize('link', ['servo', 'kinematic', 'sensor'])
 def test_effects_have_the_names_and_links_of_the_page(link: str) -> None:
     told = [row for row in rows('Names') if row[0].startswith(link)]
-    library = {name for row in told if len(row) == 2 for name in NAME.findall(row[1])}
-    fixed = {name for row in told if len(row) == 3 for name in NAME.findall(row[1])}
-    assert library and fixed
+    library = {name for row in told for name in NAME.findall(row[1])}
+    assert library
     assert library <= set(EFFECTS)
-    assert {link_of(name) for name in library | (fixed & set(EFFECTS))} == {link}
+    assert {link_of(name) for name in library} == {link}
 
 
 def test_every_effect_has_a_convention() -> None:
     told = {name for row in rows('Conventions') for name in NAME.findall(row[0])}
     assert {name.partition('.')[0] for name in told} <= set(EFFECTS)
-    listed = {name for row in rows('Names') if len(row) == 2 for name in NAME.findall(row[1])}
+    listed = {name for row in rows('Names') for name in NAME.findall(row[1])}
     assert listed == {name.partition('.')[0] for name in told}
 
 
