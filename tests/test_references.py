@@ -49,7 +49,7 @@ def wrong_references(text: str, place: Path) -> list[str]:
     for name, anchor in PAGE.findall(text):
         if name in MADE:
             continue
-        folders = (place, ROOT, ROOT / 'docs')
+        folders = (place, ROOT, ROOT / 'docs', ROOT / 'docs' / 'results')
         page = next((f / name for f in folders if (f / name).is_file()), None)
         if page is None or (anchor and anchor[1:] not in headings(page)):
             wrong.append(name + anchor)
