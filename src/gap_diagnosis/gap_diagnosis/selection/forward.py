@@ -185,11 +185,14 @@ class Selector:
         return out
 
     def _trial(self, base: Fit, name: str, without: tuple[str, ...]) -> tuple[Evidence, Fit]:
-        """An effect in its plain shape or, where that shows nothing, in its richest one."""
+        """An effect in its plain shape or, where that shows nothing, a curve in its richest one.
+
+        The shape that has a period shows where the periodogram finds it.
+        """
         fit = self.with_effect(base, name, without)
         evidence = self._evidence(name, base, fit)
         plain = self.problem.terms[name]
-        if plain.richer is None or self._counts(evidence, base):
+        if plain.propose is not None or plain.richer is None or self._counts(evidence, base):
             return evidence, fit
         while (richer := self.problem.terms[name].richer) is not None:
             self.problem.terms[name] = richer()
