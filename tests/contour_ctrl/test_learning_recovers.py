@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.paper3_rig import norm_optimal_update
 from contour_ctrl import curves, ilc, reference
 from contour_ctrl.cmac import CmacSettings
 from contour_ctrl.figures import Figures
@@ -83,7 +84,7 @@ def test_a_payload_is_learned_as_well_as_by_norm_optimal_learning(mass: float) -
     for force in forces(30):
         figures = rig.run(peer, force)
         for axis in range(2):
-            peer.learned[:, axis] = ilc.norm_optimal_update(
+            peer.learned[:, axis] = norm_optimal_update(
                 peer.learned[:, axis].copy(),
                 peer.record[:, EX + axis].copy(),
                 models[axis],
