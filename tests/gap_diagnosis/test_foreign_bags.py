@@ -138,6 +138,17 @@ def test_a_tracker_anywhere_whose_points_are_late(tmp_path: Path) -> None:
     assert 1e-4 < causes['tracker_latency']['gap_before'] < 1e-2
 
 
+def test_a_force_in_another_unit_is_a_finding(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / 'bag', changed(force=lambda a: 1e6 * a))
+    assert run(bag, tmp_path) == 0
+    report = found(tmp_path)
+    units = ['effort_convention.x', 'effort_convention.y']
+    assert sorted(report['verdict']) == sorted([*PLANTED, *units])
+    for cause in report['causes']:
+        if cause['effect'] in units:
+            assert cause['parameters']['factor']['value'] == pytest.approx(1e6, rel=1e-3)
+
+
 def stands_half(points: np.ndarray) -> np.ndarray:
     points[len(points) // 2 :] = points[len(points) // 2]
     return points
@@ -154,7 +165,6 @@ def stands_half(points: np.ndarray) -> np.ndarray:
         (lambda: messages(machine(), Shape(tracker_offset=0.3)), '0.30 s late'),
         (lambda: changed(encoder=lambda a: 1e6 * a), 'times as far as its reference'),
         (lambda: changed(force=lambda a: 0.0 * a), 'the force is not recorded'),
-        (lambda: changed(force=lambda a: 1e6 * a), "exceed the twin's force_limit"),
     ],
     ids=[
         'no stamps',
@@ -165,7 +175,6 @@ def stands_half(points: np.ndarray) -> np.ndarray:
         'clock',
         'counts',
         'no force',
-        'other force',
     ],
 )
 def test_a_topic_that_is_wrong_is_named(
