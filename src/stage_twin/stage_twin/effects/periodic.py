@@ -17,6 +17,7 @@ HARMONICS = 3
 PERIODS = 200  # shortest period as a share of the travel: the low-pass leaves no finer one
 ROWS = 6000  # rows of a periodogram; more tell no other peaks
 PEAKS = 4
+ALONE = 0.05  # of the second harmonic, below which the others are none and it is the period
 WAVES = 4  # of periods of their own, beside the first and its harmonics
 LEAST_TURNS = 3.0  # of such a wave over the travel: a slower one is any smooth curve
 
@@ -183,17 +184,32 @@ def _left(path: Array, theta: Theta, residual: Array) -> Array:
 
 def found(theta: Theta, coefficients: Array) -> dict[str, float]:
     """Parameters of an effect from its spatial frequencies and the coefficients of its waves."""
-    out = {'period': 1.0 / theta[0]}
-    waves_from = len(coefficients) // 2 - len(theta) + 1
-    for k in range(len(coefficients) // 2):
-        sine, cosine = coefficients[2 * k : 2 * k + 2]
-        kind, number = ('', f'_{k + 1}' if k else '')
-        if k >= waves_from:
-            kind, number = 'wave_', f'{k - waves_from + 1}'
-            out[f'wave_period{number}'] = 1.0 / theta[k - waves_from + 1]
-        out[f'{kind}amplitude{number}'] = float(np.hypot(sine, cosine))
-        out[f'{kind}phase{number}'] = float(np.arctan2(cosine, sine))
+    pairs = coefficients.reshape(-1, 2)
+    count = len(pairs) - len(theta) + 1
+    frequency, own = _fundamental(theta[0], pairs[:count])
+    out = {'period': 1.0 / frequency}
+    for k, pair in enumerate(own):
+        out.update(_wave('', f'_{k + 1}' if k else '', pair))
+    for k, pair in enumerate(pairs[count:]):
+        out[f'wave_period{k + 1}'] = 1.0 / theta[k + 1]
+        out.update(_wave('wave_', f'{k + 1}', pair))
     return out
+
+
+def _wave(kind: str, number: str, pair: Array) -> dict[str, float]:
+    sine, cosine = pair
+    return {
+        f'{kind}amplitude{number}': float(np.hypot(sine, cosine)),
+        f'{kind}phase{number}': float(np.arctan2(cosine, sine)),
+    }
+
+
+def _fundamental(frequency: float, pairs: Array) -> tuple[float, Array]:
+    """Frequency and harmonics (k, 2), as those of the second one where it stands all but alone."""
+    sizes = np.linalg.norm(pairs, axis=1)
+    if len(pairs) < 2 or np.delete(sizes, 1).max() >= ALONE * sizes[1]:
+        return frequency, pairs
+    return 2.0 * frequency, np.vstack([pairs[1:2], np.zeros((len(pairs) - 1, 2))])
 
 
 def visible(columns: Array, least: float = 0.2) -> Array:
