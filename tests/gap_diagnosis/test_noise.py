@@ -46,10 +46,9 @@ def on_circles(session: Session, latency: float, drift: float = 0.0) -> Session:
 
 @pytest.mark.parametrize(('latency', 'drift'), [(5e-3, 0.0), (-0.011, 0.0), (0.0, 2e-4)])
 def test_points_that_are_late_on_a_circle_are_no_rotation(
-    planted: Maker, monkeypatch: pytest.MonkeyPatch, latency: float, drift: float
+    planted: Maker, latency: float, drift: float
 ) -> None:
     session = on_circles(planted({}, axes=('x', 'y'), duration=10.0), latency, drift)
-    monkeypatch.setattr('gap_diagnosis.input.data.check_controller', lambda record, twin: None)
     record = load_record(session, TwinFile.nominal_servo())
     assert coarse.find([record]) == coarse.Coarse(offset=(0.0, 0.0))
 
