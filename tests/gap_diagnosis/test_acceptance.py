@@ -10,7 +10,7 @@ PLAY = {'width': (8e-6, 1e-7)}
 
 
 def shrink(before: float, after: float, low: float, unit: str = 'm') -> Shrink:
-    return Shrink(unit, before, after, (low, 1.0), floor=1e-6)
+    return Shrink(unit, before, after, (low, 1.0), floor=1e-6, least=0.1)
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ def test_a_name_stands_only_where_the_gap_shrinks_by_it(found: Shrink, stands: b
 
 
 def test_a_name_that_makes_a_channel_worse_goes() -> None:
-    found = Shrink('m', 3e-6, 1e-6, (0.5, 0.7), 1e-6, worse=('encoder.y',))
+    found = Shrink('m', 3e-6, 1e-6, (0.5, 0.7), 1e-6, 0.1, worse=('encoder.y',))
     assert refuted('backlash.x', found, PLAY)
 
 

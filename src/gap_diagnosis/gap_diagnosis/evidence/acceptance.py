@@ -26,8 +26,9 @@ SIGMAS = 1.96
 BLOCKS, DRAWS = 48, 500
 #: Floors above which a gap is there whatever the selection says; twins without one are at 1.05.
 FAR = 2.0
-#: Least share by which an effect shrinks the gap, where it does not move it by its noise floor. On
-#: development sessions right names shrink it by 0.23 and more, wrong ones by 0.14 at most.
+#: Least share by which a servo effect shrinks the gap, where it does not move it by its noise
+#: floor: models of forces have errors that other effects take up. On development sessions right
+#: names shrink it by 0.23 and more, wrong ones by 0.14 at most.
 LEAST_SHRINK = 0.1
 
 
@@ -46,7 +47,8 @@ class Shrink:
     """What one effect does to the gap: RMS without and with it, the share by which it shrinks.
 
     `unit` is N for an effect whose force the controller takes up so that no position shows it,
-    else m; `interval` is that of 95 %; `worse` names the channels that grow by the effect.
+    else m; `interval` is that of 95 %, of which the lower end has to be above `least`; `worse`
+    names the channels that grow by the effect.
     """
 
     unit: str
@@ -54,6 +56,7 @@ class Shrink:
     after: float
     interval: tuple[float, float]
     floor: float
+    least: float
     worse: tuple[str, ...] = ()
 
     @property
@@ -65,7 +68,7 @@ class Shrink:
     def matters(self) -> bool:
         """Whether the gap shrinks for certain, and by more than a user could call nothing."""
         beyond_noise = self.unit == 'm' and self.before**2 - self.after**2 > self.floor**2
-        return self.interval[0] > (0.0 if beyond_noise else LEAST_SHRINK)
+        return self.interval[0] > (0.0 if beyond_noise else self.least)
 
 
 def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
@@ -79,14 +82,15 @@ def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
         n for n, s in sides.items() if s.unit == 'm' and shrink_interval([s], seed)[1] < 0.0
     )
     force = sides.get(f'force.{split_effect(name)[1]}')
-    seen = _shrink(positions, worse, seed)
-    if seen.matters or force is None or link_of(name) != 'servo':
+    servo = link_of(name) == 'servo'
+    seen = _shrink(positions, LEAST_SHRINK if servo else 0.0, worse, seed)
+    if seen.matters or force is None or not servo:
         return seen
-    taken_up = _shrink([force], worse, seed)
+    taken_up = _shrink([force], LEAST_SHRINK, worse, seed)
     return taken_up if taken_up.matters else seen
 
 
-def _shrink(counted: Sequence[Sides], worse: tuple[str, ...], seed: int) -> Shrink:
+def _shrink(counted: Sequence[Sides], least: float, worse: tuple[str, ...], seed: int) -> Shrink:
     before, after, floor = (
         float(np.sqrt(np.mean(squares)))
         for squares in (
@@ -95,7 +99,8 @@ def _shrink(counted: Sequence[Sides], worse: tuple[str, ...], seed: int) -> Shri
             [s.floor**2 for s in counted],
         )
     )
-    return Shrink(counted[0].unit, before, after, shrink_interval(counted, seed), floor, worse)
+    interval = shrink_interval(counted, seed)
+    return Shrink(counted[0].unit, before, after, interval, floor, least, worse)
 
 
 def shrink_interval(sides: Sequence[Sides], seed: int) -> tuple[float, float]:
