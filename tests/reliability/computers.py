@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import fcntl
-import heapq
-import itertools
-import multiprocessing
 import os
-import random
-import select
 import struct
 import subprocess
-import time
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
 
 from stage_bringup.processes import NodeCommand
 
@@ -24,6 +19,7 @@ TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000
 #: Names are unique on the machine, so that two test runs do not meet.
 PREFIX = f'stage{os.getpid() % 100_000}'
 NAMES = f'{PREFIX}a', f'{PREFIX}b'
+ADDRESSES = '10.77.0.1', '10.77.0.2'
 
 
 @dataclass(frozen=True)
@@ -56,45 +52,95 @@ def _computer(name: str, address: str) -> int:
     return device
 
 
-def _carry(ends: tuple[int, int], delay: float, loss: float, whole: Any) -> None:
-    """Carry each frame from one end to the other after `delay` [s], unless it is lost."""
-    generator, order = random.Random(1), itertools.count()
-    waiting: list[tuple[float, int, int, bytes]] = []
-    while True:
-        patience = max(0.0, waiting[0][0] - time.monotonic()) if waiting else 0.5
-        for end in select.select(ends, [], [], patience)[0]:
-            frame = os.read(end, 65_536)
-            if whole.value and generator.random() >= loss:
-                other = ends[1] if end == ends[0] else ends[0]
-                heapq.heappush(waiting, (time.monotonic() + delay, next(order), other, frame))
-        while waiting and waiting[0][0] <= time.monotonic():
-            os.write(waiting[0][2], heapq.heappop(waiting)[3])
+class Cable:
+    """The process that carries the frames between two computers."""
+
+    def __init__(self, ends: list[int], delay: float, loss: float) -> None:
+        script = Path(__file__).with_name('cable.py')
+        self._process = subprocess.Popen(
+            [sys.executable, str(script), *map(str, ends), str(delay), str(loss)],
+            stdin=subprocess.PIPE, pass_fds=ends,
+        )  # fmt: skip
+
+    def _tell(self, word: bytes) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(word + b'\n')
+        self._process.stdin.flush()
+
+    def cut(self) -> None:
+        """Carry nothing more."""
+        self._tell(b'cut')
+
+    def join(self) -> None:
+        """Carry again."""
+        self._tell(b'join')
+
+    def end(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.communicate()
+
+
+#: Listens for one multicast datagram, the way in which nodes find each other.
+LISTEN = """
+import socket, struct
+s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+s.bind(('', 7411))
+group = socket.inet_aton('239.255.0.1') + socket.inet_aton('{address}')
+s.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
+s.settimeout(20)
+s.recv(10)
+"""
+#: Sends it, again and again, for the cable loses some.
+SEND = """
+import socket, time
+s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+s.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton('{address}'))
+while True:
+    s.sendto(b'here', ('239.255.0.1', 7411))
+    time.sleep(0.1)
+"""
+
+
+def _within(computer: str, script: str) -> subprocess.Popen[bytes]:
+    """Python on one of the computers."""
+    return subprocess.Popen(
+        ['ip', 'netns', 'exec', computer, sys.executable, '-c', script], stderr=subprocess.DEVNULL
+    )
+
+
+def _multicast_passes(sender: int, receiver: int) -> bool:
+    """Whether a multicast datagram of one computer reaches the other within 20 s."""
+    listening = _within(NAMES[receiver], LISTEN.format(address=ADDRESSES[receiver]))
+    sending = _within(NAMES[sender], SEND.format(address=ADDRESSES[sender]))
+    try:
+        return listening.wait() == 0
+    finally:
+        sending.kill()
+        sending.wait()
 
 
 @contextmanager
-def two_computers(delay: float, loss: float) -> Iterator[Any]:
-    """Computers `NAMES` and their cable; its `value` is 1 while it is whole.
+def two_computers(delay: float, loss: float) -> Iterator[Cable]:
+    """Computers `NAMES` and their cable, which delays by `delay` [s] and loses a share `loss`.
 
     Raises
     ------
     OSError, subprocess.CalledProcessError
-        Namespaces or Ethernet devices are not permitted here.
+        Namespaces or Ethernet devices are not permitted here, or no multicast passes between two.
     """
     ends: list[int] = []
-    whole = multiprocessing.get_context('fork').Value('b', 1)
     cable = None
     try:
-        for number, name in enumerate(NAMES, 1):
-            ends.append(_computer(name, f'10.77.0.{number}'))
-        cable = multiprocessing.get_context('fork').Process(
-            target=_carry, args=((ends[0], ends[1]), delay, loss, whole), daemon=True
-        )
-        cable.start()
-        yield whole
+        for name, address in zip(NAMES, ADDRESSES, strict=True):
+            ends.append(_computer(name, address))
+        cable = Cable(ends, delay, loss)
+        if not (_multicast_passes(0, 1) and _multicast_passes(1, 0)):
+            raise OSError('no multicast passes between two namespaces')
+        yield cable
     finally:
         if cable is not None:
-            cable.kill()
-            cable.join()
+            cable.end()
         for end in ends:
             os.close(end)
         for name in NAMES[: len(ends)]:

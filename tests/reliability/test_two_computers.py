@@ -18,7 +18,7 @@ from stage_bringup.graph import Options, commands
 from stage_core import topics
 
 from ..domains import own_domain
-from .computers import NAMES, On, two_computers
+from .computers import NAMES, Cable, On, two_computers
 from .rig import Nodes
 
 #: The tracker's emulator is part of the plant and listens on the loopback.
@@ -40,7 +40,7 @@ def test_a_cut_cable_brings_the_stage_to_rest_and_the_graph_heals(tmp_path: Path
             own_domain(ROS_AUTOMATIC_DISCOVERY_RANGE='SUBNET', FASTDDS_BUILTIN_TRANSPORTS='UDPv4')
         )
         try:
-            whole = stack.enter_context(two_computers(delay=0.01, loss=0.01))
+            cable = stack.enter_context(two_computers(delay=0.01, loss=0.01))
         except (OSError, subprocess.CalledProcessError) as error:
             pytest.skip(f'network namespaces are not permitted here: {error}')
         chosen = []
@@ -54,7 +54,7 @@ def test_a_cut_cable_brings_the_stage_to_rest_and_the_graph_heals(tmp_path: Path
         nodes = Nodes(chosen, tmp_path / 'log')
         try:
             nodes.start()
-            lines = visit(nodes, whole)
+            lines = visit(nodes, cable)
         finally:
             nodes.end()
     assert float(lines['rest']) < 2e-5
@@ -64,7 +64,7 @@ def test_a_cut_cable_brings_the_stage_to_rest_and_the_graph_heals(tmp_path: Path
     assert f'gaps, the longest of {1e-9 * np.diff(stamps).max():.3f} s' in told
 
 
-def visit(nodes: Nodes, whole: object) -> dict[str, str]:
+def visit(nodes: Nodes, cable: Cable) -> dict[str, str]:
     """Run the user on the second computer; the last word of each line it prints."""
     user = subprocess.Popen(
         ['ip', 'netns', 'exec', NAMES[1], sys.executable, '-m', 'tests.reliability.visitor'],
@@ -77,9 +77,9 @@ def visit(nodes: Nodes, whole: object) -> dict[str, str]:
             word, _, value = line.strip().partition(' ')
             found[word] = value
             if word == 'moving':
-                whole.value = 0  # type: ignore[attr-defined]
+                cable.cut()
                 time.sleep(5.0)
-                whole.value = 1  # type: ignore[attr-defined]
+                cable.join()
                 user.stdin.write('\n')
                 user.stdin.flush()
         assert user.wait() == 0, {n: nodes.log(n)[-1500:] for n in nodes.commands}
