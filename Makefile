@@ -50,7 +50,7 @@ soak: kernels
 	nice -n 15 $(PYTHON_ENV) benchmarks/soak.py --minutes $(MINUTES)
 
 reference: setup
-	$(PYTHON_ENV) -m stage_bringup.reference docs/reference.md
+	$(PYTHON_ENV) -m stage_bringup.reference docs/reference/reference.md
 
 # Figures and pictures of the newest session in bags/, into README and docs.
 docs-figures: setup

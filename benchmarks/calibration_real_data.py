@@ -1,4 +1,4 @@
-"""Held-out error of the calibration methods on the recorded stages (sources: docs/bags.md).
+"""Held-out error of the calibration methods on the recorded stages (sources: bags.md).
 
 xy_circle: encoder - reference learnt on the six records of day 1, predicted on the two of day 2,
 beside a table over the phase of the lap. `+ offset` refits one constant per axis on the first
@@ -132,7 +132,7 @@ def main() -> int:
     """Print all tables."""
     folder = data_folder()
     if not folder.is_dir():
-        print(f'no recorded data at {folder}: set STAGE_DATA; docs/bags.md names the sources')
+        print(f'no recorded data at {folder}: set STAGE_DATA; bags.md names the sources')
         return 0
     xy_circle(folder / 'xy_circle')
     ess_tank(folder / 'ess_tank')

@@ -1,6 +1,6 @@
 """Figures 9 and 10 of paper 3 on the servo twin.
 
-python benchmarks/paper3_figures.py [--out docs/pictures]
+python benchmarks/paper3_figures.py [--out docs/images]
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def x_rms(results: list[Figures]) -> np.ndarray:
 def main() -> None:
     """Draw both figures and print what they show."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--out', type=Path, default=Path('docs/pictures'))
+    parser.add_argument('--out', type=Path, default=Path('docs/images'))
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     tuned = rig.tune()

@@ -3,7 +3,7 @@
     python -m benchmarks.real_records --out build/real_records [--only emps odrive_nocomp]
 
 Each row is kept as a file in the folder. The page docs/results/real_records.md is written from
-the rows that are there. The data are read from `STAGE_DATA` (or ../shared/data); docs/bags.md has
+the rows that are there. The data are read from `STAGE_DATA` (or ../shared/data); bags.md has
 their sources.
 """
 
@@ -154,7 +154,8 @@ def page(rows: Mapping[str, dict[str, Any]]) -> str:
         'Each row is one diagnosis as a user starts it: a twin with what is published of '
         'the machine, records that fit, and others, or later windows, that judge. The last '
         'column is what the authors of a record say of it. The licences do not let the '
-        'project ship the data; [bags](../bags.md#real-measurements) names their sources.',
+        'project ship the data; [bags](../concepts/bags.md#real-measurements) names '
+        'their sources.',
         '',
         '    python -m benchmarks.real_records --out build/real_records',
         '',

@@ -3,7 +3,7 @@
     .venv/bin/python examples/calibrate_stage.py --centre 0.05 0.05 --half-range 0.03
 
 Moves the stage within centre +- half range [m]. The nodes stage_driver, tracker_bridge,
-session_recorder and calibrator must run (docs/real_machine.md).
+session_recorder and calibrator must run (docs/guide/real_machine.md).
 """
 
 from __future__ import annotations

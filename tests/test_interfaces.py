@@ -19,7 +19,7 @@ from stage_twin.emulators.zaber_axis import CLEARABLE, UNTIL_NEXT_MOVE
 from stage_twin.emulators.zaber_lines import FLAG_ORDER, PACKET_SIZE
 from tracker_bridge import tpi
 
-DOCS = Path(__file__).resolve().parents[1] / 'docs'
+DOCS = Path(__file__).resolve().parents[1] / 'docs' / 'reference'
 PAGE, ZABER, TRACKER = (
     (DOCS / f'{name}.md').read_text(encoding='utf-8')
     for name in ('interfaces', 'interfaces_zaber', 'interfaces_tracker')

@@ -133,7 +133,7 @@ def test_foxglove_paths_lead_to_numbers(path: Path) -> None:
 
 
 def test_buttons_call_services_that_exist() -> None:
-    reference = (ROOT / 'docs' / 'reference.md').read_text(encoding='utf-8')
+    reference = (ROOT / 'docs' / 'reference' / 'reference.md').read_text(encoding='utf-8')
     buttons = load(LAYOUTS / 'foxglove_live.json')['configById'].values()
     names = [c['serviceName'] for c in buttons if 'serviceName' in c]
     assert names

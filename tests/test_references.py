@@ -20,12 +20,13 @@ FILES = sorted(
     for path in place.rglob('*')
     if path.suffix in KINDS and path != Path(__file__)
 )
+FOLDERS = [ROOT / 'docs' / name for name in ('guide', 'concepts', 'reference', 'results')]
 FILES += [path for path in sorted(ROOT.iterdir()) if path.suffix in KINDS | {'.lock'}]
 #: Written by a command, not part of the repository.
 MADE = {'results.md'}
 
 PAGE = re.compile(r'(?<![\w*])((?:\.{1,2}/)*[\w-]+(?:/[\w-]+)*\.md)\b(#[\w-]+)?')
-#: `docs/interfaces.md, "Units"`, also behind the bracket of a link.
+#: `docs/reference/interfaces.md, "Units"`, also behind the bracket of a link.
 HEADING = re.compile(r'([\w-]+\.md)\)?,\s+(?:#\s*)?"([^"\n]+)"')
 #: Words for a document that is not named by its file.
 NAMELESS = re.compile(
@@ -49,13 +50,13 @@ def wrong_references(text: str, place: Path) -> list[str]:
     for name, anchor in PAGE.findall(text):
         if name in MADE:
             continue
-        folders = (place, ROOT, ROOT / 'docs', ROOT / 'docs' / 'results')
+        folders = (place, ROOT, *FOLDERS)
         page = next((f / name for f in folders if (f / name).is_file()), None)
         if page is None or (anchor and anchor[1:] not in headings(page)):
             wrong.append(name + anchor)
     for name, title in HEADING.findall(text):
-        page = ROOT / 'docs' / name
-        if page.is_file() and title.rstrip('.,') not in headings(page).values():
+        page = next((f / name for f in FOLDERS if (f / name).is_file()), None)
+        if page is not None and title.rstrip('.,') not in headings(page).values():
             wrong.append(f'{name}, "{title}"')
     return wrong
 
@@ -75,21 +76,21 @@ def test_every_reference_is_in_the_repository() -> None:
         'see docs/no_such_page.md',
         '[page](no_such_page.md)',
         '[heading](interfaces.md#no-such-heading)',
-        'docs/interfaces.md, "No such heading"',
+        'docs/reference/interfaces.md, "No such heading"',
     ],
 )
 def test_what_is_not_there_is_found(text: str) -> None:
-    assert wrong_references(text, ROOT / 'docs')
+    assert wrong_references(text, ROOT / 'docs' / 'reference')
 
 
 @pytest.mark.parametrize(
     'text',
     [
         'section 2 of paper 1',
-        'docs/interfaces.md, "Servo controller"',
+        'docs/reference/interfaces.md, "Servo controller"',
         '[controller](interfaces.md#servo-controller)',
         "numba's flag 'contract'",
     ],
 )
 def test_what_is_there_is_not(text: str) -> None:
-    assert wrong_references(text, ROOT / 'docs') == []
+    assert wrong_references(text, ROOT / 'docs' / 'reference') == []

@@ -103,7 +103,7 @@ def main() -> None:
     date = time.strftime('%Y-%m-%d', time.localtime((folder / 'session.json').stat().st_mtime))
     source = f'\n\nWritten by `make docs-figures` from a session of {date}.'
     replace(ROOT / 'README.md', printed(folder) + source)
-    replace(ROOT / 'docs' / 'diagnosis_reading.md', example(folder) + source)
+    replace(ROOT / 'docs' / 'guide' / 'diagnosis_reading.md', example(folder) + source)
     images = ROOT / 'docs' / 'images'
     shutil.copyfile(folder / 'picture_01.png', images / 'session.png')
     screenshot(folder / 'diagnosis' / 'report.html', images / 'diagnosis.png', '1200,1250')

@@ -13,7 +13,7 @@ from benchmarks.blind.plant import CONTROLLER, PLANT, run_axis, smooth_play
 
 Array = NDArray[np.float64]
 
-#: The nominal machine as a twin file tells it: the numbers of docs/interfaces.md, "Twin file".
+#: The nominal machine as a twin file tells it: the numbers of interfaces.md, "Twin file".
 NOMINAL: dict[str, Any] = {
     'kind': 'servo',
     'control_period': 0.001,

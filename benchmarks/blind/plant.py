@@ -1,6 +1,6 @@
 """A machine that shares no code with the digital twin: its own plant, integrator and friction.
 
-The controller is that of docs/interfaces.md, "Servo controller", which every implementation
+The controller is that of interfaces.md, "Servo controller", which every implementation
 shares. The plant does not follow the twin: semi-implicit Euler at a twentieth of a tick,
 Maxwell-slip friction (eight elasto-plastic elements, Al-Bender, Lampaert and Swevers, IEEE
 Trans. Autom. Control 50, 2005), and a payload on a spring of its own where the structure is
@@ -46,7 +46,7 @@ PLANT = (
     'disturbance_frequency',
     'position_bump',
 )
-#: Controller constants of one axis, as docs/interfaces.md, "Twin file", names them.
+#: Controller constants of one axis, as docs/reference/interfaces.md, "Twin file", names them.
 CONTROLLER = (
     'encoder_resolution',
     'position_gain',

@@ -27,7 +27,7 @@ GAINS = ('position_gain', 'velocity_gain', 'integral_gain', 'velocity_filter')
 
 
 def in_report_terms(truth: dict[str, Any], twin: TwinFile) -> dict[str, Any]:
-    """The truth with its parameters named and referred as docs/interfaces.md, "Effects" does."""
+    """The truth with its parameters named and referred as interfaces.md, "Effects" does."""
     planted = [
         {**p, 'parameters': _parameters(p['name'], p['parameters'], twin)}
         for p in truth['planted']

@@ -1,4 +1,4 @@
-"""Writes a record as a session bag (docs/interfaces.md, "Session bag"), with rosbags alone."""
+"""Writes a record as a session bag (interfaces.md, "Session bag"), with rosbags alone."""
 
 from __future__ import annotations
 

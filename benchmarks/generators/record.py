@@ -15,7 +15,7 @@ from .references import Reference
 class Planted:
     """One mechanism put into a machine.
 
-    `parameters` hold the physical truth in the units and conventions of docs/interfaces.md,
+    `parameters` hold the physical truth in the units and conventions of interfaces.md,
     `shape` what else describes it. `companions` are effects that may honestly be named beside it,
     `instead` those that no data of this kind can tell from it. `settings` are for the generator.
     """

@@ -21,7 +21,7 @@ def page(folder: Path, no_function: Sequence[str], command: str) -> str:
             '',
             'Sessions of 20 s, both axes, tracker at 100 Hz with 1 µm noise. How the law is found '
             'stands in',
-            '`docs/law.md`.',
+            '`docs/concepts/law.md`.',
             '',
             *_effects(rows['effects'], no_function),
             *_none(rows['none']),

@@ -1,4 +1,4 @@
-"""Excite, record, identify: the commands of docs/contour.md in a graph of real processes."""
+"""Excite, record, identify: the commands of contour.md in a graph of real processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""report.json to the letter of docs/interfaces_report.md."""
+"""report.json to the letter of docs/reference/interfaces_report.md."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ CONDITIONS = {
 }  # fmt: skip
 
 
-PAGE = (Path(__file__).resolve().parents[2] / 'docs' / 'interfaces_report.md').read_text('utf-8')
+DOCS = Path(__file__).resolve().parents[2] / 'docs'
+PAGE = (DOCS / 'reference' / 'interfaces_report.md').read_text('utf-8')
 
 
 def keys(value: Any) -> set[str]:

@@ -25,7 +25,7 @@ def follow(
 ) -> tuple[str | None, float]:
     """Follow a stream of positions and velocities of which only every `skip`-th tick arrives.
 
-    The plant is the one of docs/interfaces.md, "Servo plant". From tick 300 on a `frozen` stream
+    The plant is the one of interfaces.md, "Servo plant". From tick 300 on a `frozen` stream
     repeats its position while its velocity goes on. Returns the fault, if any, and the last
     position [m].
     """

@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def test_reference_is_of_this_code() -> None:
     """Run ``make reference`` after a change of parameters, topics or services."""
-    assert (ROOT / 'docs' / 'reference.md').read_text() == render()
+    assert (ROOT / 'docs' / 'reference' / 'reference.md').read_text() == render()
 
 
 def test_every_service_is_found() -> None:

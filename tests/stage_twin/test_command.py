@@ -67,7 +67,7 @@ def test_twin_files_of_the_workspace_are_good(name):
 
 def test_the_page_holds_the_printed_library():
     printed = table()
-    assert printed in (ROOT / 'docs' / 'twin.md').read_text(encoding='utf-8')
+    assert printed in (ROOT / 'docs' / 'concepts' / 'twin.md').read_text(encoding='utf-8')
     for effect in EFFECTS.values():
         for parameter in effect.parameters:
             # The members of a numbered array share a row.

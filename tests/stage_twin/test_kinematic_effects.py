@@ -1,4 +1,4 @@
-"""Kinematic effects against the conventions of docs/interfaces.md, written out in NumPy."""
+"""Kinematic effects against the conventions of interfaces.md, written out in NumPy."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The kernel against a literal transcription of docs/interfaces.md, "Servo controller"."""
+"""The kernel against a literal transcription of interfaces.md, "Servo controller"."""
 
 import math
 from dataclasses import replace

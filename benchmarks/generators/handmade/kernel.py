@@ -1,4 +1,4 @@
-"""Motion of both axes under the controller of docs/interfaces.md, "Servo controller".
+"""Motion of both axes under the controller of docs/reference/interfaces.md, "Servo controller".
 
 Leapfrog (kick, drift, kick) in substeps of uneven length: they end where the force changes and
 where a tick falls, which may be off the grid. Positions of the carriages are relative to the base.

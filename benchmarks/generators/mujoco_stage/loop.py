@@ -20,7 +20,7 @@ PARTS = 4
 
 
 class Controller:
-    """docs/interfaces.md, "Servo controller", for one axis."""
+    """docs/reference/interfaces.md, "Servo controller", for one axis."""
 
     def __init__(self, axis: Axis, period: float, start: float) -> None:
         self.axis, self.period = axis, period

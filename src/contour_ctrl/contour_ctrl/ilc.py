@@ -105,7 +105,7 @@ def closed_loop_impulse(
 ) -> FloatArray:
     """Position (count,) [m] of the nominal axis after a velocity command of 1 m/s for one tick.
 
-    The loop of docs/interfaces.md, "Servo controller", without quantisation and force limit:
+    The loop of interfaces.md, "Servo controller", without quantisation and force limit:
     P position loop, PI velocity loop on the filtered difference quotient, mass and viscous
     friction under a zero-order hold.
     """

@@ -1,7 +1,7 @@
 """One control tick as one compiled kernel: reference, contour error, CMAC and every term.
 
 vc = K_f dr/dt + K_a d2r/dt2 + K_p (r - q) + learned + cross-coupling (+ friction)
-(eqs. 23-30 of paper 3; docs/interfaces.md, "Servo controller").
+(eqs. 23-30 of paper 3; docs/reference/interfaces.md, "Servo controller").
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def blocks_of(series: Series, key: str) -> list[Block]:
     type_name = topics.TOPIC_TYPES.get(series.topic)
     if type_name is None:
         raise StageError(
-            f'{series.topic} is no topic of a session: see docs/interfaces.md, "Topics"'
+            f'{series.topic} is no topic of a session: see docs/reference/interfaces.md, "Topics"'
         )
     if type_name != _JOINT_STATE:
         frame = topics.TRACKER_FRAME if series.topic.startswith('/tracker') else topics.STAGE_FRAME

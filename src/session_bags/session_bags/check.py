@@ -1,4 +1,4 @@
-"""Whether a bag is a session bag (docs/interfaces.md, "Session bag"), and what is wrong."""
+"""Whether a bag is a session bag (interfaces.md, "Session bag"), and what is wrong."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Finding:
 
 
 def check_bag(path: str | Path) -> list[Finding]:
-    """Check a bag against docs/interfaces.md, "Topics" and "Session bag".
+    """Check a bag against docs/reference/interfaces.md, "Topics" and "Session bag".
 
     Raises
     ------
@@ -253,7 +253,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the findings; exit 0 where the bag is a session bag, else 1."""
     parser = argparse.ArgumentParser(
         prog='check',
-        description='Check whether a bag is a session bag as docs/interfaces.md describes it.',
+        description='Check whether a bag is a session bag as interfaces.md describes it.',
     )
     parser.add_argument('bag', help='directory of a bag, or an mcap file')
     parser.add_argument('-q', '--quiet', action='store_true', help='print only what is wrong')

@@ -38,7 +38,7 @@ def data_folder() -> Path:
     if not folder.is_dir():
         raise StageError(
             f'the real measurements are not at {folder}: set STAGE_DATA to their folder '
-            '(docs/bags.md names the public sources)'
+            '(docs/concepts/bags.md names the public sources)'
         )
     return folder
 

@@ -1,6 +1,6 @@
 """Reference of nodes, parameters, topics and services, generated from the code.
 
-``python -m stage_bringup.reference docs/reference.md`` writes it; a test compares.
+``python -m stage_bringup.reference docs/reference/reference.md`` writes it; a test compares.
 """
 
 from __future__ import annotations

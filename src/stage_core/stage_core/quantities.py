@@ -1,4 +1,4 @@
-"""Axes, links of the chain and how an effect is named (docs/interfaces.md, "Effects")."""
+"""Axes, links of the chain and how an effect is named (interfaces.md, "Effects")."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names and types of topics (docs/interfaces.md, "Topics"): the one place."""
+"""Names and types of topics (docs/reference/interfaces.md, "Topics"): the one place."""
 
 from __future__ import annotations
 

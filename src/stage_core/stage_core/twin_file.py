@@ -1,4 +1,4 @@
-"""The twin file: a machine's nominal parameters and its effects (docs/interfaces.md)."""
+"""The twin file: a machine's nominal parameters and its effects (docs/reference/interfaces.md)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KINDS = ('servo', 'stepper', 'measured_force')
 
 @dataclass(frozen=True)
 class ServoAxis:
-    """One axis of the nominal servo twin; units as in docs/interfaces.md."""
+    """One axis of the nominal servo twin; units as in docs/reference/interfaces.md."""
 
     mass: float  # kg
     viscous: float  # N·s/m
@@ -139,7 +139,7 @@ class TwinFile:
         StageError
             If it is absent, no YAML, or holds what no twin file does; the message names the key.
         """
-        what, remedy = f'twin file {path}', 'name a twin file as docs/interfaces.md describes it'
+        what, remedy = f'twin file {path}', 'name a twin file as interfaces.md describes it'
         content = yaml_mapping(file_text(path, what, remedy), what, remedy)
         found = cls.from_dict(content, str(path))
         if with_gains and found.kind == 'servo':
@@ -243,7 +243,7 @@ def _axis(kind: str, content: Any, source: str, axis: str) -> Axis:
     for name, key in known.items():
         if key.default is MISSING and name not in values:
             raise StageError(
-                f'{where}.{name} is missing: add it (docs/interfaces.md, "Twin file")'
+                f'{where}.{name} is missing: add it (docs/reference/interfaces.md, "Twin file")'
             )
     return AXIS_TYPES[kind](**values)
 

@@ -11,7 +11,7 @@ from stage_core.errors import StageError
 
 
 class SetpointKind(Enum):
-    """Which fields of the JointState are filled (docs/interfaces.md, "Set-points")."""
+    """Which fields of the JointState are filled (docs/reference/interfaces.md, "Set-points")."""
 
     POSITION = 'position'
     VELOCITY = 'velocity'

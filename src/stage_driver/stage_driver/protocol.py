@@ -1,6 +1,6 @@
 """Zaber ASCII lines as records: pure functions from bytes to data and back.
 
-Frames (docs/interfaces_zaber.md, "Framing"):
+Frames (docs/reference/interfaces_zaber.md, "Framing"):
 
     command  /[address [axis [id]]] words[:CC]            host   -> device, ended by LF
     reply    @AA A [II ]OK|RJ BUSY|IDLE WW data[:CC]      device -> host, ended by CR LF

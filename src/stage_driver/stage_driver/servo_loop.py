@@ -1,6 +1,6 @@
 """The velocity loop of the nominal servo twin, one control tick at a time.
 
-Equations: docs/interfaces.md, "Servo controller".
+Equations: docs/reference/interfaces.md, "Servo controller".
 
 All functions work in place on arrays with one row or element per axis and allocate nothing.
 """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 SPEED_FACTOR = 1.6384
-"""Speed value per microstep/s (docs/interfaces_zaber.md, "Units")."""
+"""Speed value per microstep/s (docs/reference/interfaces_zaber.md, "Units")."""
 ACCELERATION_FACTOR = 1.6384 / 10000.0
 """Acceleration value per microstep/s^2."""
 

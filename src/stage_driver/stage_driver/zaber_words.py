@@ -1,4 +1,4 @@
-"""Plain words for the warning flags and rejections of Zaber devices (docs/interfaces_zaber.md)."""
+"""Plain words for the warning flags and rejections of Zaber devices (interfaces_zaber.md)."""
 
 from __future__ import annotations
 

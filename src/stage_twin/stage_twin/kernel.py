@@ -1,4 +1,4 @@
-"""The compiled plant and controller of docs/interfaces.md, "Twin file", with every effect.
+"""The compiled plant and controller of interfaces.md, "Twin file", with every effect.
 
 Per control tick and axis: encoder, controller, then the plant over one period. The linear
 part (masses, viscous friction, spring) advances by its exact discretisation under a held
@@ -216,7 +216,7 @@ def start_controller(encoders: np.ndarray, controller: np.ndarray) -> None:
 def velocity_command(
     row: np.ndarray, encoder_position: float, reference: float, reference_velocity: float
 ) -> float:
-    """vc_k of docs/interfaces.md, "Servo controller", without compensation [m/s]."""
+    """vc_k of docs/reference/interfaces.md, "Servo controller", without compensation [m/s]."""
     return row[at.VELOCITY_FEEDFORWARD] * reference_velocity + row[at.POSITION_GAIN] * (
         reference - encoder_position
     )
@@ -226,7 +226,7 @@ def velocity_command(
 def estimate_velocity(
     row: np.ndarray, period: float, controller: np.ndarray, encoder_position: float
 ) -> float:
-    """vf_k [m/s] (docs/interfaces.md, "Servo controller"); keeps q_k and vf_k for next tick."""
+    """vf_k [m/s] (interfaces.md, "Servo controller"); keeps q_k and vf_k for next tick."""
     decay = math.exp(-period * row[at.VELOCITY_FILTER])
     controller[at.FILTERED] = (
         decay * controller[at.FILTERED]
@@ -238,7 +238,7 @@ def estimate_velocity(
 
 @compiled
 def velocity_loop(row: np.ndarray, period: float, controller: np.ndarray, command: float) -> float:
-    """F_k [N] for velocity command vc_k (docs/interfaces.md, "Servo controller").
+    """F_k [N] for velocity command vc_k (docs/reference/interfaces.md, "Servo controller").
 
     Advances the integral.
     """

@@ -1,4 +1,4 @@
-"""A rig whose controller is unknown: its recorded force drives the plant (docs/interfaces.md).
+"""A rig whose controller is unknown: its recorded force drives the plant (interfaces.md).
 
 The forward simulation runs in consecutive short windows from the smoothed recorded state;
 the inverse one gives the force that the model needs for the recorded motion.

@@ -24,7 +24,7 @@ class SimulationResult:
     times : (n,)
         Stamps: t_k = k * control_period.
     encoder, velocity, velocity_command, force : (n, n_axes)
-        q_k, vf_k, vc_k and F_k of docs/interfaces.md, "Servo controller".
+        q_k, vf_k, vc_k and F_k of docs/reference/interfaces.md, "Servo controller".
     table : (n, n_axes)
         Table position.
     temperatures : (n, n_axes)

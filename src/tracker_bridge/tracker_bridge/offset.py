@@ -1,4 +1,4 @@
-"""The constant offset between the source's clock and ROS time (docs/interfaces.md)."""
+"""The constant offset between the source's clock and ROS time (docs/reference/interfaces.md)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The stage's physics as regressors: scale, squareness, straightness, lead screw, backlash, heat.
 
 The default method: on the effects that a screw stage has it beats every black box (see
-docs/calibration.md), its parameters have units and standard deviations, and it extrapolates as
+calibration.md), its parameters have units and standard deviations, and it extrapolates as
 the physics does.
 """
 

@@ -1,4 +1,4 @@
-"""report.json: the diagnosis in the schema gap-report/1 (docs/interfaces_report.md)."""
+"""report.json: the diagnosis in the schema gap-report/1 (docs/reference/interfaces_report.md)."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 What the controller reads (reference, encoder) and what it commands (velocity, force) are both in
 the record, so that its law can be fitted link by link, without the plant and without noise:
-docs/interfaces.md, "Servo controller". A law with other gains is `controller_mismatch`; forces
+interfaces.md, "Servo controller". A law with other gains is `controller_mismatch`; forces
 that stand at a limit below the twin's are `force_saturation`.
 """
 

@@ -37,7 +37,7 @@ from stage_core.ros.diagnostics_node import Diagnostics
 from stage_core.ros.joint_state_wire import JointSample, JointStateLayout
 from stage_core.ros.peers import PEERS, PeerWatch, speaker
 
-#: Measurements are recorded for science: reliable, with a second of depth (docs/interfaces.md).
+#: Measurements are recorded for science: reliable, with a second of depth (interfaces.md).
 STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 SETPOINT_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED_QOS = QoSProfile(

@@ -1,4 +1,4 @@
-"""Print the library of effects as Markdown: the table of docs/twin.md."""
+"""Print the library of effects as Markdown: the table of docs/concepts/twin.md."""
 
 from __future__ import annotations
 

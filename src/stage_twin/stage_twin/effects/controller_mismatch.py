@@ -24,7 +24,7 @@ EFFECT = Effect(
         _relative('integral_gain', 'the integral gain'),
         _relative('velocity_filter', 'the corner of the velocity filter'),
     ),
-    model='The law of docs/interfaces.md, "Servo controller", with gain * (1 + error). Ljung, '
+    model='The law of interfaces.md, "Servo controller", with gain * (1 + error). Ljung, '
     '"System identification" (1999), direct identification of a known regulator structure.',
     sentence='the controller is not the one of the twin: position gain {position_gain_error}, '
     'velocity gain {velocity_gain_error}, integral gain {integral_gain_error}, velocity filter '

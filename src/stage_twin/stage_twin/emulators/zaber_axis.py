@@ -6,7 +6,7 @@ from typing import Protocol
 
 from stage_twin.emulators.zaber_lines import FLAG_ORDER
 
-#: Speed values are microsteps/s times this (docs/interfaces_zaber.md, "Units").
+#: Speed values are microsteps/s times this (docs/reference/interfaces_zaber.md, "Units").
 SPEED_UNIT = 1.6384
 #: Acceleration values are microsteps/s^2 times this.
 ACCELERATION_UNIT = 1.6384 / 10000.0

@@ -11,7 +11,7 @@ PACKET_SIZE = 80
 LONGEST_COMMAND = 1024
 SILENT = '--'
 
-#: Priority of the warning flags, highest first (docs/interfaces_zaber.md, "Warning flags").
+#: Priority of the warning flags, highest first (interfaces_zaber.md, "Warning flags").
 FLAG_ORDER: tuple[str, ...] = (
     *('FF', 'FN', 'FZ', 'FH', 'FV', 'FO', 'FD', 'FC', 'FM', 'FQ', 'FI', 'FS', 'FB', 'FP', 'FE'),
     *('FR', 'FT', 'WL', 'WH', 'WR', 'WP', 'WV', 'WT', 'WS', 'WM'),
