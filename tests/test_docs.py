@@ -107,6 +107,13 @@ def test_the_readme_is_short() -> None:
 
 
 @each_page
+def test_prose_fits_the_screen(page: Path) -> None:
+    text = re.sub(r'^```.*?^```', '', page.read_text(encoding='utf-8'), flags=re.DOTALL | re.M)
+    prose = [line for line in text.splitlines() if not line.startswith(('    ', '|'))]
+    assert [line for line in prose if len(line) > 100] == []
+
+
+@each_page
 def test_no_marker_is_left(page: Path) -> None:
     """No place that still waits for its text."""
     for line in page.read_text(encoding='utf-8').splitlines():

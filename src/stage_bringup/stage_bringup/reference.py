@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import importlib
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
@@ -124,7 +125,8 @@ def render() -> str:
             named = set().union(*(one[what] for one in found))
             if named:
                 own = {n.replace(f'/{executable}/', '~/') for n in named}
-                lines += ['', f'{what}: ' + ', '.join(f'`{n}`' for n in sorted(own))]
+                listed = f'{what}: ' + ', '.join(f'`{n}`' for n in sorted(own))
+                lines += ['', *textwrap.wrap(listed, 100, break_on_hyphens=False)]
         lines += ['', *parameter_table(_parameters(modules[0]))]
     return '\n'.join(lines) + '\n'
 

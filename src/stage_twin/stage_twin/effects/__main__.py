@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from itertools import groupby
 
 from stage_core.quantities import LINKS
@@ -28,7 +29,7 @@ def _family(parameter: Parameter) -> tuple[str, str, float, float]:
 def _section(effect: Effect) -> list[str]:
     name = f'{effect.name}.x' if effect.per_axis else effect.name
     lines = [
-        f'**`{name}`** {effect.model}',
+        *textwrap.wrap(f'**`{name}`** {effect.model}', 100, break_on_hyphens=False),
         '',
         '| parameter | unit | range | when on | meaning |',
         '|---|---|---|---|---|',
