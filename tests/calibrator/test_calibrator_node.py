@@ -92,6 +92,7 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
         time.sleep(0.5)
         message = client.trigger('/calibrator/retrain', 60.0)
         assert 'held-out RMS' in message and 'before' in message and 'after' in message
+        assert 'heard live (the parameter bag is empty)' in message and 'tracker points' in message
         client.set_bool('/calibrator/activate', True)
         client.wait_for(
             lambda: json.loads(client.latest(topics.MODEL).data)['active'], 30.0, 'activation'

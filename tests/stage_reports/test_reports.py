@@ -14,6 +14,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from calibrator.model_file import StoredModel
+from calibrator.models import make_model
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
@@ -237,6 +239,9 @@ def test_a_calibration_page_counts_rests_and_not_the_way_between_them() -> None:
     assert '12 rests' in words(page.render())
     (moving,) = tracking_errors(session)
     assert distance_rms(moving.errors) > 100.0 * distance_rms(rests.errors)
+    model = StoredModel(make_model('identity').fit(rests.wanted, rests.wanted + rests.errors))
+    told = words(session_page(session, model).render())
+    assert model.domain_line() in told and 'beyond it the model holds its edge' in told
 
 
 def test_a_contour_page_leaves_out_approach_and_pauses(tmp_path: Path) -> None:

@@ -78,6 +78,13 @@ class LiveBuffer:
         return Session('the live buffer', series, None, self.alignment)
 
 
+def heard(session: Session) -> str:
+    """What a session of a live buffer holds, for a person."""
+    references, points = (len(session.series[t]) for t in (topics.REFERENCE, topics.TRACKER_POINT))
+    seconds = float(np.ptp(session.series[topics.REFERENCE].stamps)) / 1e9
+    return f'{references} references in {seconds:.0f} s and {points} tracker points'
+
+
 def save_session(session: Session, path: Path) -> None:
     """Write the numbers of a session for another process (.npz)."""
     arrays: dict[str, NDArray[np.float64] | NDArray[np.int64]] = {}

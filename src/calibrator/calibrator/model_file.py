@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from calibrator.models import model_from_dict
 from calibrator.models.base import Array, CalibrationModel
 from stage_core.errors import StageError
+from stage_core.quantities import AXES
 from stage_core.untrusted import file_text, json_object
 from stage_core.whole_file import write_whole
 
@@ -95,6 +96,29 @@ class StoredModel:
     ) -> Array:
         """Commands that reach table points, (n, axes) [m]; see `CalibrationModel.invert`."""
         return self.model.invert(target, direction, temperatures)
+
+    def domain_line(self) -> str:
+        """Where the model was trained, for a person, with how wide its intervals are there."""
+        seen = self.model.domain
+        assert seen is not None
+        heat = len(self.sensors)
+        parts = [
+            f'{axis} {1e3 * low:.3f} to {1e3 * high:.3f} mm'
+            for axis, low, high in zip(AXES, seen.low, seen.high, strict=False)
+        ]
+        parts += [
+            f'{sensor} {low:.2f} to {high:.2f} °C'
+            for sensor, low, high in zip(
+                self.sensors, seen.coldest[:heat], seen.hottest[:heat], strict=True
+            )
+        ]
+        fastest = self.metrics.get('domain', {}).get('speeds', (0.0, 0.0))[1]
+        parts.append(f'up to {1e3 * fastest:.0f} mm/s' if fastest else 'at rest')
+        half = ' and '.join(f'{1.96e6 * deviation:.2f}' for deviation in self.model.spread)
+        return (
+            f'domain: {", ".join(parts)}; beyond it the model holds its edge; 95 % of predictions '
+            f'within {half} µm'
+        )
 
     def beyond(self, command: Array, temperatures: Array | None) -> str:
         """Why the model does not know these points (n, axes) [m]; empty inside its domain."""

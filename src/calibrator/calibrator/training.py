@@ -96,25 +96,6 @@ class Training:
             'speeds': list(self.speeds),
         }
 
-    def domain_line(self) -> str:
-        """The domain for a person, with how wide the intervals of predictions are in it."""
-        content = self.domain()
-        parts = [
-            f'{axis} {1e3 * low:.3f} to {1e3 * high:.3f} mm'
-            for axis, (low, high) in content['travel'].items()
-        ]
-        parts += [
-            f'{sensor} {low:.2f} to {high:.2f} °C'
-            for sensor, (low, high) in content['temperatures'].items()
-        ]
-        fastest = content['speeds'][1]
-        parts.append(f'up to {1e3 * fastest:.0f} mm/s' if fastest else 'at rest')
-        half = 1.96e6 * self.model.spread
-        return (
-            f'domain: {", ".join(parts)}; beyond it the model holds its edge; 95 % of predictions '
-            f'within {" and ".join(f"{h:.2f}" for h in half)} µm'
-        )
-
     def line(self) -> str:
         """One line with the held-out error before and after."""
         left_out = f'; {self.wild} wild samples left out' if self.wild else ''

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from calibrator import model_file
-from calibrator.live_buffer import load_session
+from calibrator.live_buffer import heard, load_session
 from calibrator.prepare import ENOUGH_RESTS, prepare
 from calibrator.samples import Samples
 from calibrator.training import Training, default_options, stored, train, twin_leads
@@ -143,6 +143,14 @@ def refusal(result: Training, max_correction: float) -> str:
     return ''
 
 
+def _heard_live(job: Job) -> str:
+    """What a job without a bag learns from, to end its answer with."""
+    if job.bags:
+        return ''
+    held = heard(load_session(job.live))
+    return f'; data: what was heard live (the parameter bag is empty), {held}'
+
+
 def _end_with_input() -> None:
     """End this process, at once and from any thread, when standard input ends."""
     os.read(sys.stdin.fileno(), 1)
@@ -157,16 +165,17 @@ def main() -> int:
     def say(**content: Any) -> None:
         print(json.dumps(content), flush=True)
 
+    job = Job.load(Path(sys.argv[1]))
+    live = _heard_live(job)
     try:
-        job = Job.load(Path(sys.argv[1]))
         data = read(job)
         result, model = run_job(job, data, lambda i, best: say(progress=[i, best]))
         model_file.save(model, job.out)
     except StageError as error:
-        say(error=' '.join(str(error).split()))
+        say(error=' '.join(str(error).split()) + live)
         return 2
     left_out = [f'; skipped {bag}: {reason}' for bag, reason in data.skipped.items()]
-    say(result=''.join([result.line(), *left_out]))
+    say(result=''.join([result.line(), *left_out, live]))
     return 0
 
 

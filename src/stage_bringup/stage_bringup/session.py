@@ -95,7 +95,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parse(arguments)
     config_folder()
     nodes = commands(options)
-    refuse_second_graph([*CONTROL, *(node.name for node in nodes)])
+    names = [*CONTROL, *(node.name for node in nodes)]
+    refuse_second_graph(names)
     options.out.mkdir(parents=True, exist_ok=True)
     # Ctrl-C and SIGTERM take the same way out: the graph is ended before this process is.
     signal.signal(signal.SIGTERM, interrupt)
@@ -106,7 +107,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if options.clock == 'realtime':
             awake.enter_context(KeepAwake())
-        _compile()
+        if _compile():
+            # Another graph may have started meanwhile.
+            refuse_second_graph(names)
         for node in nodes:
             processes.start(node)
         from stage_bringup.steps import run_steps
@@ -133,15 +136,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status
 
 
-def _compile() -> None:
-    """Compile what the nodes would compile at their start, once, where a person can see it."""
+def _compile() -> bool:
+    """Compile what the nodes would, where a person can see it; False where nothing was left to."""
     from stage_bringup import kernels
 
     if kernels.marker().exists():
-        return
+        return False
     print(f'[ 0] {kernels.SENTENCE}', flush=True)
     with Progress() as progress:
         kernels.compile_all(progress.show)
+    return True
 
 
 def refuse_second_graph(names: Sequence[str]) -> None:

@@ -88,9 +88,9 @@ def _changed(node: NodeCommand, port: str | None, tracker: str | None) -> NodeCo
 def main(arguments: Sequence[str] | None = None) -> int:
     """Start the nodes and show what they say until Ctrl-C or the end of one."""
     options, nodes = parse(arguments)
+    kernels.main()
     refuse_second_graph([node.name for node in nodes])
     signal.signal(signal.SIGTERM, interrupt)
-    kernels.main()
     processes = Processes(options.out / 'log')
     status = 0
     with ExitStack() as awake:
