@@ -11,11 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from gap_diagnosis.residuals.normal import solve, solve_gram
+from gap_diagnosis.residuals.search import Recent, Search
 from stage_twin.effects.term import Term, Theta
 
 Array = NDArray[np.float64]
@@ -23,6 +26,7 @@ Mask = NDArray[np.bool_]
 
 FOLD, FOLDS = 2.0, 6  # s, and number of the folds of cross-validation
 LEAST_BLOCKS = 12  # of which a deviation is told
+KEPT = 96 << 20  # bytes of columns that a search may need again
 
 
 @dataclass(frozen=True)
@@ -70,10 +74,15 @@ class Problem:
         """The target (n,) with what was taken out of it before."""
         return self.target + sum(self.before.values())
 
-    @property
+    @cached_property
     def judged(self) -> Mask:
         """Rows on which a gain is judged (see :class:`Fit`)."""
         return (self.fit | self.held_out) if self.crossable else self.held_out
+
+    @cached_property
+    def judged_block(self) -> NDArray[np.int64]:
+        """Number of the block of each judged row, from zero."""
+        return np.asarray(np.unique(self.block[self.judged], return_inverse=True)[1])
 
     def mean_square(self, rows: Mask) -> float:
         """Mean square of the unexplained target on some rows."""
@@ -106,7 +115,8 @@ class Regression:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self._cache: dict[tuple[object, Theta], Array] = {}
+        self._kept = Recent(KEPT)
+        self._freed: tuple[Fit, Array] | None = None
         folds = (problem.time / FOLD).astype(np.int64) % FOLDS
         # Row numbers of each fold, and of its rows that fit.
         self._folds = [
@@ -116,26 +126,23 @@ class Regression:
         self._fit_rows = np.flatnonzero(problem.fit)
 
     def columns(self, name: str, theta: Theta) -> Array:
-        """Columns (n, k) of a term; the last few hundred are kept."""
+        """Columns (n, k) of a term; the last ones are kept."""
         make = self.problem.terms[name].columns  # another one where the term became richer
         key = (make, tuple(round(t, 15) for t in theta))
-        if key not in self._cache:
-            if len(self._cache) > 400:
-                self._cache.clear()
-            self._cache[key] = self.problem.whiten(make(theta))
-        return self._cache[key]
+        return self._kept.once(key, lambda: self.problem.whiten(make(theta)))
+
+    def forget(self) -> None:
+        """Keep no columns: the search is over."""
+        self._kept.clear()
+        self._freed = None
 
     def _base(self, name: str) -> Array | float:
         """What goes back into the target with a term; whitened as it is."""
         base = self.problem.terms[name].base
         return 0.0 if base is None else self.problem.whiten(base)
 
-    def linear(self, thetas: dict[str, Theta], judged: bool = True) -> Fit:
-        """Coefficients of a set with its nonlinear parameters held.
-
-        A search for θ needs the residual of the fit rows alone: with `judged` false nothing is
-        crossed and no nuisance is refitted.
-        """
+    def linear(self, thetas: dict[str, Theta]) -> Fit:
+        """Coefficients of a set with its nonlinear parameters held."""
         problem = self.problem
         if not thetas:
             return Fit({}, {}, problem.target.copy(), problem.target)
@@ -152,14 +159,12 @@ class Regression:
         if not free:
             return Fit(dict(thetas), coefficients, target, target)
         matrix = np.hstack([part for _, part in free])
-        solution = _solve(matrix[self._fit_rows], target[self._fit_rows])
+        solution = solve(matrix[self._fit_rows], target[self._fit_rows])
         at = 0
         for name, part in free:
             coefficients[name] = solution[at : at + part.shape[1]]
             at += part.shape[1]
         residual = target - matrix @ solution
-        if not judged:
-            return Fit(dict(thetas), coefficients, residual, residual)
         sessions = self._refit_nuisances(thetas, coefficients, residual)
         crossed = self._crossed(matrix, target, residual) if problem.crossable else residual
         return Fit(dict(thetas), coefficients, residual, crossed, sessions)
@@ -178,7 +183,7 @@ class Regression:
         right = sum(part[2] for part in parts)
         crossed = residual.copy()
         for rows, own_gram, own_right in parts:
-            coefficients = _solve_gram(gram - own_gram, right - own_right)
+            coefficients = solve_gram(gram - own_gram, right - own_right)
             crossed[rows] = target[rows] - matrix[rows] @ coefficients
         return crossed
 
@@ -210,7 +215,7 @@ class Regression:
             own, target = columns[at], residual[at] + columns[at] @ old
             if not _predicts(own, target, old):
                 continue
-            new, start, found[number] = _solve(own, target), 0, {}
+            new, start, found[number] = solve(own, target), 0, {}
             for name, which in zip(names, chosen, strict=True):
                 part = slice(start, start + len(which))
                 start += len(which)
@@ -234,30 +239,35 @@ class Regression:
         grid = term.grid if term.propose is None else term.propose(everywhere)
         if len(grid) == 1:
             return grid[0]
-        rows = self.problem.fit
+        rows = self._fit_rows
         residual = everywhere[rows]
-        orthonormal: Array | None = None
-        free = [n for n in base.thetas if not self.problem.terms[n].fixed]
-        if free:
-            matrix = np.hstack([self.columns(n, base.thetas[n]) for n in free])[rows]
-            orthonormal, _ = np.linalg.qr(matrix / (np.linalg.norm(matrix, axis=0) + 1e-300))
+        orthonormal = self._orthonormal(base)
         best, most = grid[0], (False, -np.inf)
         for theta in grid:
             columns = self.columns(name, theta)[rows]
-            if orthonormal is not None:
-                columns = columns - orthonormal @ (orthonormal.T @ columns)
+            columns = columns - orthonormal @ (orthonormal.T @ columns)
             if term.fixed:
                 # ||r||² - ||r - c||², r being free of the set's columns already.
                 solution = np.ones(1)
                 explained = float(np.sum(columns[:, 0] * (2.0 * residual - columns[:, 0])))
             else:
-                solution = _solve(columns, residual)
+                solution = solve(columns, residual)
                 explained = float(residual @ columns @ solution)
             # A start with impossible values leads to none that are possible.
             rank = (bool(term.admissible(theta, solution)), explained)
             if rank > most:
                 best, most = theta, rank
         return best
+
+    def _orthonormal(self, base: Fit) -> Array:
+        """Orthonormal columns (n, k) of what the last set spans on the fit rows."""
+        if self._freed is None or self._freed[0] is not base:
+            free = [n for n in base.thetas if not self.problem.terms[n].fixed]
+            parts = [self.columns(n, base.thetas[n])[self._fit_rows] for n in free]
+            matrix = np.hstack([np.zeros((len(self._fit_rows), 0)), *parts])
+            scaled = matrix / (np.linalg.norm(matrix, axis=0) + 1e-300)
+            self._freed = base, np.linalg.qr(scaled)[0]
+        return self._freed[1]
 
     def refine(self, thetas: dict[str, Theta], names: Sequence[str], rounds: int = 12) -> Fit:
         """Set with the nonlinear parameters of `names` at a least-squares minimum on the fit rows.
@@ -278,10 +288,17 @@ class Regression:
                 values[n][i] = float(value)
             return {n: tuple(v) for n, v in values.items()}
 
-        rows = self.problem.fit
+        rows = self._fit_rows
+        target = self.problem.target + sum(self._base(n) for n in thetas)
+        search = Search(
+            target[rows],
+            lambda name, theta: self.columns(name, theta)[rows],
+            {n for n in thetas if terms[n].fixed},
+            KEPT,
+        )
 
         def residual(z: Array) -> Array:
-            return self.linear(unpack(z), judged=False).residual[rows]
+            return search.residual(unpack(z))
 
         scale = float(np.std(residual(start))) or 1.0
         steps = np.array([terms[n].steps[i] if terms[n].steps else np.nan for n, i in free])
@@ -302,7 +319,7 @@ class Regression:
         Gauss-Newton covariance over all parameters together; the residual's autocorrelation is
         in it through the sums of blocks (sandwich estimate).
         """
-        problem, rows = self.problem, self.problem.fit
+        problem, rows = self.problem, self._fit_rows
         jacobian, layout = [], []
         for name, theta in fit.thetas.items():
             columns = self.columns(name, theta)[rows]
@@ -351,22 +368,8 @@ def _predicts(columns: Array, target: Array, old: Array) -> bool:
     middle = len(target) // 2
     first, second = slice(None, middle), slice(middle, None)
     left = [
-        target[b] - columns[b] @ _solve(columns[a], target[a])
+        target[b] - columns[b] @ solve(columns[a], target[a])
         for a, b in ((first, second), (second, first))
     ]
     kept = target - columns @ old
     return sum(float(r @ r) for r in left) < float(kept @ kept)
-
-
-def _solve(matrix: Array, target: Array) -> Array:
-    """Least squares through scaled normal equations, a tiny ridge against exact collinearity."""
-    return _solve_gram(matrix.T @ matrix, matrix.T @ target)
-
-
-def _solve_gram(gram: Array, right: Array) -> Array:
-    """Solution of normal equations, scaled to a unit diagonal."""
-    scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    scale[scale == 0.0] = 1.0
-    scaled = gram / np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += 1e-10
-    return np.asarray(np.linalg.solve(scaled, right / scale) / scale)

@@ -14,7 +14,7 @@ def block_gains(problem: Problem, base: Fit, other: Fit) -> Array:
     """Mean-square gain of `other` over `base` per block, weighted by its rows."""
     rows = problem.judged
     gain = base.crossed[rows] ** 2 - other.crossed[rows] ** 2
-    labels = np.unique(problem.block[rows], return_inverse=True)[1]
+    labels = problem.judged_block
     sums = np.bincount(labels, weights=gain)
     return np.asarray(sums * (len(sums) / len(gain)))
 
@@ -25,7 +25,7 @@ def block_rms_gains(problem: Problem, base: Fit, other: Fit) -> Array:
     A few reversals hold most of the squared gain; the root keeps them from deciding alone.
     """
     rows = problem.judged
-    labels = np.unique(problem.block[rows], return_inverse=True)[1]
+    labels = problem.judged_block
     count = np.bincount(labels)
     before = np.sqrt(np.bincount(labels, weights=base.crossed[rows] ** 2) / count)
     after = np.sqrt(np.bincount(labels, weights=other.crossed[rows] ** 2) / count)

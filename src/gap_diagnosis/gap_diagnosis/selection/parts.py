@@ -161,6 +161,7 @@ def fit_part(
         if all(effect in kept for effect in imitations):
             for effect in kept:
                 _count_whole(part, effect)
+            part.selector.regression.forget()
             return part
         for effect in imitations:
             if effect not in kept:

@@ -87,7 +87,7 @@ PHASE_STEP = 0.01
 
 
 def _columns(rows: TrackerRows, harmonics: int, theta: Theta) -> Array:
-    waves = [periodic.waves(p, theta[0])[: 2 * harmonics] for p in rows.position()]
+    waves = [periodic.waves(p, theta[0], harmonics) for p in rows.position()]
     return rows.along([np.column_stack(one) for one in waves])
 
 

@@ -6,6 +6,7 @@ import math
 from functools import partial
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from stage_twin.effects import periodic
 from stage_twin.effects.definition import Effect, Parameter
@@ -83,7 +84,7 @@ def term(rows: TrackerRows) -> Term | None:
     own = rows.along([np.ones(len(p)) for p in rows.position()])[:, 0] > 0.0
 
     def columns(harmonics: int, theta: Theta) -> Array:
-        waves = [np.column_stack(periodic.waves(p, theta[0])[: 2 * harmonics]) for p in paths]
+        waves = [np.column_stack(periodic.waves(p, theta[0], harmonics)) for p in paths]
         return -rows.along(rows.smooth_at_points(waves))
 
     def propose(residual: Array) -> tuple[Theta, ...]:
@@ -112,7 +113,7 @@ def _peaks(position: Array, values: Array, low: float, high: float) -> tuple[The
     start, bin_width = float(position.min()), 1.0 / (FINE * high)
     travel = float(np.ptp(position))
     power = np.bincount(((position - start) / bin_width).astype(np.int64), values)
-    size = PAD * len(power)
+    size = next_fast_len(PAD * len(power), real=True)
     power = np.abs(np.fft.rfft(power, size))
     frequencies = np.arange(len(power)) / (size * bin_width)
     power[(frequencies < low) | (frequencies > high)] = 0.0
@@ -120,6 +121,10 @@ def _peaks(position: Array, values: Array, low: float, high: float) -> tuple[The
     found = []
     for top in tops[np.argsort(-power[tops])][:PEAKS]:
         near = frequencies[top] + np.linspace(-1.0, 1.0, 2 * SEARCH // PAD + 1) / (PAD * travel)
-        sums = np.exp(-2j * np.pi * np.outer(near, position)) @ values
-        found.append((float(np.clip(near[np.argmax(np.abs(sums))], low, high)),))
+        turned = values * np.exp(-2j * np.pi * near[0] * position)
+        step, sums = np.exp(-2j * np.pi * (near[1] - near[0]) * position), []
+        for _ in near:
+            sums.append(abs(turned.sum()))
+            turned *= step
+        found.append((float(np.clip(near[np.argmax(sums)], low, high)),))
     return tuple(found) or ((low,),)

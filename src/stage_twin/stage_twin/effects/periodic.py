@@ -15,7 +15,8 @@ from stage_twin.effects.term import Array, Term, Theta
 
 HARMONICS = 3
 PERIODS = 200  # shortest period as a share of the travel: the low-pass leaves no finer one
-ROWS = 6000  # rows of a periodogram; more tell no other peaks
+BINS = 16  # of a periodogram over the position, in the shortest period
+PAD = 4  # frequencies of a periodogram in one turn over the travel
 PEAKS = 4
 ALONE = 0.05  # of the second harmonic, below which the others are none and it is the period
 WAVES = 4  # of periods of their own, beside the first and its harmonics
@@ -100,17 +101,17 @@ def bounds(position: Array) -> tuple[float, float]:
 def starts(position: Array, favourites: tuple[float, ...]) -> Callable[[Array], tuple[Theta, ...]]:
     """Spatial frequencies at which a residual over the position (n,) has the highest peaks.
 
-    `favourites` [1/m] (of the screw) are always among them. A periodogram for unevenly spaced
-    samples: Lomb, Astrophysics and Space Science 39 (1976).
+    `favourites` [1/m] (of the screw) are always among them. A Fourier transform over fine bins of
+    the position: the periodogram for unevenly spaced samples (Lomb, Astrophysics and Space
+    Science 39, 1976).
     """
     low, high = bounds(position)
-    frequencies = np.arange(low, high, 0.25 * low)
-    chosen = slice(None, None, max(1, len(position) // ROWS))
-    turns = np.exp(-2j * np.pi * np.outer(frequencies, position[chosen]))
+    frequencies = np.arange(PAD, PAD * PERIODS) * (low / PAD)
+    place = ((position - position.min()) * (BINS * high)).astype(np.int64)
 
     def propose(residual: Array) -> tuple[Theta, ...]:
-        kept = residual[chosen]
-        power = np.abs(turns @ (kept - kept.mean()))
+        sums = np.bincount(place, residual - residual.mean())
+        power = np.abs(np.fft.rfft(sums, PAD * BINS * PERIODS))[PAD : PAD * PERIODS]
         inner = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])
         peaks = np.flatnonzero(np.concatenate([[power[0] > power[1]], inner, [False]]))
         best = peaks[np.argsort(-power[peaks])][:PEAKS]
@@ -120,10 +121,15 @@ def starts(position: Array, favourites: tuple[float, ...]) -> Callable[[Array], 
     return propose
 
 
-def waves(position: Array, frequency: float) -> list[Array]:
+def waves(position: Array, frequency: float, harmonics: int = HARMONICS) -> list[Array]:
     """Sine and cosine (n,) of each harmonic of a spatial frequency [1/m]."""
     angle = 2.0 * np.pi * frequency * position
-    return [f(k * angle) for k in range(1, HARMONICS + 1) for f in (np.sin, np.cos)]
+    first = np.cos(angle) + 1j * np.sin(angle)
+    turned, out = first, [first.imag, first.real]
+    for _ in range(1, harmonics):
+        turned = turned * first
+        out += [turned.imag, turned.real]
+    return out
 
 
 def others(position: Array, frequencies: Theta) -> list[Array]:
@@ -178,7 +184,7 @@ def _left(path: Array, theta: Theta, residual: Array) -> Array:
     columns = np.column_stack(
         [np.ones(len(path)), *waves(path, theta[0]), *others(path, theta[1:])]
     )
-    solution, *_ = np.linalg.lstsq(columns, residual, rcond=1e-8)
+    solution, *_ = np.linalg.lstsq(columns.T @ columns, columns.T @ residual, rcond=1e-12)
     return np.asarray(residual - columns @ solution)
 
 

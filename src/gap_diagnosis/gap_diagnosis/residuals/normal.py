@@ -1,0 +1,22 @@
+"""Least squares through normal equations."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def solve(matrix: Array, target: Array) -> Array:
+    """Least squares through scaled normal equations, a tiny ridge against exact collinearity."""
+    return solve_gram(matrix.T @ matrix, matrix.T @ target)
+
+
+def solve_gram(gram: Array, right: Array) -> Array:
+    """Solution of normal equations, scaled to a unit diagonal."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    scale[scale == 0.0] = 1.0
+    scaled = gram / np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += 1e-10
+    return np.asarray(np.linalg.solve(scaled, right / scale) / scale)

@@ -1,0 +1,86 @@
+"""What sets of terms leave of the fit rows while their nonlinear parameters are searched.
+
+A step of the search moves few of the columns. Those of the others, and the products of pairs of
+terms, are kept, so that a step costs what has moved.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.residuals.normal import solve_gram
+from stage_twin.effects.term import Theta
+
+Array = NDArray[np.float64]
+Kept = TypeVar('Kept')
+
+
+class Recent:
+    """Arrays that were made last, as many as fit into some bytes."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._held = most, 0
+        self._kept: OrderedDict[Any, Array] = OrderedDict()
+
+    def once(self, key: Any, make: Callable[[], Array]) -> Array:
+        """The array of a key, made where it is not kept."""
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key]
+        made = make()
+        self._kept[key] = made
+        self._held += made.nbytes
+        while self._held > self._most and len(self._kept) > 1:
+            self._held -= self._kept.popitem(last=False)[1].nbytes
+        return made
+
+    def clear(self) -> None:
+        """Keep nothing."""
+        self._kept.clear()
+        self._held = 0
+
+
+class Search:
+    """Residuals (n,) of the fit rows of sets of terms.
+
+    `columns` gives those of a term (n, k) on the fit rows, `target` (n,) is that of the whole
+    set, and terms of `fixed` have the coefficient one.
+    """
+
+    def __init__(
+        self, target: Array, columns: Callable[[str, Theta], Array], fixed: set[str], most: int
+    ) -> None:
+        self._target, self._make, self._fixed = target, columns, fixed
+        self._columns, self._products = Recent(most), Recent(most)
+
+    def residual(self, thetas: dict[str, Theta]) -> Array:
+        """What a set leaves with its best coefficients."""
+        target, free = self._target, []
+        for name, theta in thetas.items():
+            if name in self._fixed:
+                target = target - self._own(name, theta)[:, 0]
+            else:
+                free.append((name, theta))
+        if not free:
+            return target
+        gram = np.block([[self._product(a, b) for b in free] for a in free])
+        right = np.concatenate([self._own(*one).T @ target for one in free])
+        solution, at = solve_gram(gram, right), 0
+        for one in free:
+            own = self._own(*one)
+            target = target - own @ solution[at : at + own.shape[1]]
+            at += own.shape[1]
+        return target
+
+    def _own(self, name: str, theta: Theta) -> Array:
+        return self._columns.once((name, theta), lambda: self._make(name, theta))
+
+    def _product(self, one: tuple[str, Theta], other: tuple[str, Theta]) -> Array:
+        if one[0] > other[0]:
+            return self._product(other, one).T
+        return self._products.once((one, other), lambda: self._own(*one).T @ self._own(*other))
