@@ -89,11 +89,11 @@ def test_node_without_the_sdk_serves_its_page(ros_env: dict[str, str], tmp_path:
 
 async def first_messages(port: int, wanted: set[str]) -> dict[str, tuple[dict[str, str], bytes]]:
     """Advertised channel and first message of each wanted topic, as a browser gets them."""
+    from tornado.httpclient import HTTPRequest
     from tornado.websocket import websocket_connect
 
-    browser = await websocket_connect(
-        f'ws://127.0.0.1:{port}', subprotocols=['foxglove.sdk.v1'], connect_timeout=60.0
-    )
+    patient = HTTPRequest(f'ws://127.0.0.1:{port}', connect_timeout=0.0, request_timeout=0.0)
+    browser = await websocket_connect(patient, subprotocols=['foxglove.sdk.v1'])
     channels: dict[int, dict[str, str]] = {}
     found: dict[str, tuple[dict[str, str], bytes]] = {}
     while set(found) != wanted:
@@ -115,20 +115,19 @@ async def first_messages(port: int, wanted: set[str]) -> dict[str, tuple[dict[st
 
 
 def newest_state(port: int) -> dict[str, Any]:
-    """State of the page's stream once it holds an error and a node."""
-    with urllib.request.urlopen(f'http://127.0.0.1:{port}/events', timeout=20.0) as stream:
-        for _ in range(300):
-            line = stream.readline().decode()
-            if line.startswith('data: '):
-                state = json.loads(line.removeprefix('data: '))
+    """State of the page's stream once it holds an error and a node; the stream ends with it."""
+    with urllib.request.urlopen(f'http://127.0.0.1:{port}/events') as stream:
+        for line in stream:
+            if line.startswith(b'data: '):
+                state = json.loads(line.removeprefix(b'data: '))
                 if state['error'] and state['states']:
                     return state
-    pytest.fail('no error came')
+    pytest.fail('the stream ended before an error came')
 
 
 def post_stop(port: int) -> str:
     request = urllib.request.Request(f'http://127.0.0.1:{port}/stop', method='POST')
-    with urllib.request.urlopen(request, timeout=20.0) as answer:
+    with urllib.request.urlopen(request) as answer:
         return answer.read().decode()
 
 
@@ -175,13 +174,11 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
             try:
                 wait_for_server(port, node)
                 wanted = {topics.MODEL, topics.JOINT_STATES, topics.DIAGNOSTICS}
-                got = asyncio.run(asyncio.wait_for(first_messages(port, wanted), 120.0))
+                got = asyncio.run(first_messages(port, wanted))
                 shown = newest_state(page_port)
                 stop_without_driver = post_stop(page_port)
                 client.node.create_service(Trigger, '/stage_driver/stop', answer_stop)
-                deadline = time.monotonic() + 30.0
-                while 'test is at rest' not in (stopped := post_stop(page_port)):
-                    assert time.monotonic() < deadline, stopped
+                while 'test is at rest' not in post_stop(page_port):
                     time.sleep(0.2)
             finally:
                 ended.set()
@@ -212,10 +209,8 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
 
 
 def wait_for_server(port: int, node: subprocess.Popen) -> None:
-    deadline = time.monotonic() + 120.0
-    while time.monotonic() < deadline:
-        assert node.poll() is None
-        with contextlib.suppress(OSError), socket.create_connection(('127.0.0.1', port), 1.0):
+    while node.poll() is None:
+        with contextlib.suppress(OSError), socket.create_connection(('127.0.0.1', port)):
             return
         time.sleep(0.1)
-    pytest.fail(f'nothing listens on port {port}')
+    pytest.fail(f'the node ended with status {node.returncode}')
