@@ -24,7 +24,7 @@ setup(
         ('share/' + package_name + '/launch', glob('../../ros_ws/launch/*.launch.py')),
     ],
     install_requires=['setuptools'],
-    extras_require={'live_view': ['foxglove-sdk']},
+    extras_require={'live_view': ['foxglove-sdk'], 'rerun': ['rerun-sdk==0.41.0']},
     zip_safe=False,
     maintainer='The maintainers',
     maintainer_email='maintainers@users.noreply.h-seed-275f4c40.example',
@@ -38,6 +38,7 @@ setup(
             'session = stage_bringup.session:main',
             'up = stage_bringup.up:main',
             'live_view = stage_bringup.live_view_node:main',
+            'rerun = stage_bringup.rerun_view:main',
         ],
     },
 )

@@ -131,18 +131,20 @@ class SessionRecorder(StageNode):
         # A bag has no time before the epoch.
         stamp = max(stamp_in(data), 0) if header else info['source_timestamp']
         log_time = info['received_timestamp']
+        published = stamp
         if self.value('use_sim_time'):
             # On one time line with the stamps, whatever the pace of the simulation.
             log_time = stamp if header else self.get_clock().now().nanoseconds
-            stamp = log_time
+            published = info['source_timestamp']
+        number = info['publication_sequence_number']
         try:
-            self._write_opening(log_time)
+            self._write_opening(log_time, published)
             self._writer.add_topic(topic, type_name)
-            self._writer.write(topic, data, log_time, stamp, info['publication_sequence_number'])
+            self._writer.write(topic, data, log_time, published, number)
         except StageError as error:
             self._fail(error)
 
-    def _write_opening(self, log_time: int) -> None:
+    def _write_opening(self, log_time: int, published: int | None = None) -> None:
         """Every bag stands alone: it begins with the alignment and model in force.
 
         They wait for the first message, whose time they take: simulated time may not have begun
@@ -151,7 +153,7 @@ class SessionRecorder(StageNode):
         assert self._writer is not None
         opening, self._opening = self._opening, {}
         for topic, data in opening.items():
-            self._writer.write(topic, data, log_time)
+            self._writer.write(topic, data, log_time, published)
 
     def _fail(self, error: StageError) -> None:
         self._failure = str(error)
