@@ -8,7 +8,7 @@ export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell cat src/*/*/*.py src/*/
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: setup kernels session test check lint bench soak calibrate-diagnosis clean reference docs-figures
+.PHONY: setup kernels session test check lint bench soak calibrate-diagnosis clean reference docs-figures site
 
 setup:
 	@bash tools/setup.sh
@@ -55,6 +55,10 @@ reference: setup
 # Figures and pictures of the newest session in bags/, into README and docs.
 docs-figures: setup
 	$(PYTHON_ENV) tools/docs_figures.py
+
+# The documentation as a site in build/site, with links checked.
+site: setup
+	@bash tools/site/build.sh
 
 clean:
 	rm -rf .venv .cache .ruff_cache .mypy_cache .hypothesis .pytest_cache ros_ws/build ros_ws/install ros_ws/log

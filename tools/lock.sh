@@ -13,3 +13,9 @@ uv pip compile --quiet --universal --python-version 3.10 --no-header --no-annota
 head='# Made by tools/lock.sh (uv pip compile --universal). Edit requirements*.in and run it again.'
 { echo "$head"; grep -v '^ros-' "$all"; } >requirements.lock
 { echo "$head"; grep '^ros-' "$all"; } >requirements-ros.lock
+# The site has an environment of its own, so that the tests do not install it.
+{
+  echo "$head"
+  uv pip compile --quiet --universal --python-version 3.10 --no-header --no-annotate \
+    requirements-docs.in
+} >requirements-docs.lock
