@@ -127,6 +127,8 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
             client.wait_for_service('/contour_ctrl/run', 40.0)
             client.set_parameters('/contour_ctrl', contour='nurbs')
             client.trigger('/contour_ctrl/run', 20.0)
+        with pytest.raises(StageError, match='cannot read the curve'):
+            client.set_parameters('/contour_ctrl', curve_file='/none')
         client.set_parameters('/contour_ctrl', contour='circle')
         with pytest.raises(StageError, match='nothing to abort'):
             client.trigger('/contour_ctrl/abort', 20.0)

@@ -80,6 +80,16 @@ def test_a_curve_file_is_checked_whole(kind: str, text: str, words: str) -> None
         parameters.make_curve(values(contour=kind), text)
 
 
+def test_a_curve_is_checked_when_it_is_loaded(tmp_path: Path) -> None:
+    file = tmp_path / 'points.yaml'
+    file.write_text('points:\n - [0.0, 0.0]\n - [0.01, 0.0\n - [0.02, 0.0]\n')
+    with pytest.raises(StageError, match='line 4'):
+        parameters.check_curve(values(contour='freeform', curve_file=str(file)))
+    # A circle takes no curve, and there may be one for another contour.
+    parameters.check_curve(values(curve_file=str(file)))
+    parameters.check_curve(values(contour='freeform'))
+
+
 def test_scheme_names_select_their_terms() -> None:
     plain = parameters.make_gains(values(scheme='p_ff'))
     assert plain.cross_coupling == 0.0 and plain.cmac is None and plain.friction is None

@@ -151,6 +151,20 @@ def make_curve(value: Values, text: str | None = None) -> curves.Curve:
     return curve_file.from_text(kind, text, origin)
 
 
+def check_curve(value: Values, text: str | None = None) -> None:
+    """Make the curve of a file or text, to say what is wrong with it before it is followed.
+
+    Nothing is checked while the contour is of a kind that takes no curve.
+
+    Raises
+    ------
+    StageError
+        As `make_curve`.
+    """
+    if value('contour') in curve_file.KINDS and (value('curve_file') or text is not None):
+        make_curve(value, text)
+
+
 def make_reference(value: Values, curve: curves.Curve) -> Reference:
     """Plan the contour within the axes' limits."""
     limits = AxisLimits(

@@ -16,6 +16,8 @@ from stage_core.untrusted import yaml_mapping
 
 #: Keys of a curve through points, by the kind of contour.
 KEYS = {'freeform': ('points', 'closed'), 'hra': ('points', 'basis')}
+#: Kinds of contour that a curve is given for.
+KINDS = ('nurbs', *KEYS)
 
 
 def from_text(kind: str, text: str, origin: str) -> curves.Curve:

@@ -46,6 +46,16 @@ class ContourCtrl(StreamingNode):
         create_deferred_service(self, Trigger, '~/run', lambda _: self._run())
         self.create_service(Trigger, '~/abort', self._on_abort)
         self.diagnostics.task('contour', self._contour_status)
+        parameters.check_curve(self.value)
+
+    def parameters_changed(self, changed: dict[str, Any]) -> str | None:
+        """Refuse a curve file that the contour cannot be made of."""
+        try:
+            if 'curve_file' in changed:
+                parameters.check_curve(lambda name: changed.get(name, self.value(name)))
+        except StageError as error:
+            return str(error)
+        return None
 
     def shutdown(self) -> None:
         """Leave the stage with a target to rest at."""
@@ -149,6 +159,10 @@ class ContourCtrl(StreamingNode):
 
     def _on_curve(self, message: String) -> None:
         self._curve_text = message.data
+        try:
+            parameters.check_curve(self.value, message.data)
+        except StageError as error:
+            self.get_logger().error(str(error))
 
     def _on_abort(self, _: Any, response: Any) -> Any:
         planning = self._planning

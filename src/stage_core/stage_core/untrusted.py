@@ -55,7 +55,9 @@ def yaml_value(text: str, what: str, remedy: str) -> Any:
                 raise ValueError(f'nested deeper than {DEEPEST} levels')
         return yaml.load(text, Loader=_LOADER)
     except _FAILURES as error:
-        raise StageError(f'{what} is not valid YAML ({_line(error)}): {remedy}') from error
+        mark = getattr(error, 'problem_mark', None)
+        where = f'line {mark.line + 1}: {getattr(error, "problem", "")}' if mark else error
+        raise StageError(f'{what} is not valid YAML ({_line(where)}): {remedy}') from error
 
 
 def yaml_mapping(text: str, what: str, remedy: str) -> dict[Any, Any]:

@@ -139,7 +139,9 @@ def deviation(left_out: Array) -> Array:
     Of few errors Student's t is wider, which knows that their scatter is uncertain.
     """
     n = len(left_out)
-    quantile = np.quantile(np.abs(left_out), 0.95, axis=0)
+    # The next error is one more than those that were left out: split conformal prediction.
+    level = min(0.95 * (n + 1) / n, 1.0)
+    quantile = np.quantile(np.abs(left_out), level, axis=0)
     if n < 40:
         rms = np.sqrt(np.mean(left_out**2, axis=0))
         wide = rms * student.ppf(0.975, max(n - 1, 1)) * np.sqrt(1.0 + 1.0 / n)
