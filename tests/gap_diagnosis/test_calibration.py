@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.blind.cases import Case
 from benchmarks.blind.suites import case
 from benchmarks.calibrate.collect import FITTED, _below
 from benchmarks.calibrate.figures import coverage, unseen, verdicts, without_doubtful
@@ -98,6 +99,20 @@ def test_truths_are_put_in_the_terms_of_a_report() -> None:
     assert base['parameters']['frequency'] == pytest.approx(10.0 * 0.75**0.5)
     one = next(c for n in range(80, 99) if (c := case('main', n, 'development')).kind == 'small')
     assert own_truth(one)['truth'] == [] and own_truth(one)['also_right'] == [[*one.truth]]
+
+
+def test_verdicts_that_no_record_tells_from_the_truth_are_right_too() -> None:
+    noise = {'rate': 100.0, 'noise': 1e-6, 'duration': 30.0, 'axes': ('x', 'y')}
+
+    def also(*planted: str) -> list[list[str]]:
+        truth = dict.fromkeys(planted, {'size': 1.0})
+        return own_truth(Case(0, 0, 'mixed', truth=truth, planted=planted, **noise))['also_right']
+
+    assert also('backlash.x', 'hidden_grating.y') == [['backlash.x', 'cyclic_pitch_error.y']]
+    assert also('cyclic_pitch_error.y', 'hidden_grating.y') == []
+    assert also('hidden_bump.x') == [['position_force.x'], ['position_force.x', 'unknown']]
+    assert also('hidden_shake.x') == []
+    assert also('coulomb_friction.x', 'force_offset.x') == [['asymmetric_friction.x']]
 
 
 def test_seeds_of_reports_stay_closed() -> None:
