@@ -103,7 +103,7 @@ class ForceRows:
         return float(np.linalg.norm(self.passed(force, period)))
 
     def passed(self, signal: Array, period: float) -> Array:
-        """A signal (n,) as a row sees it: low-passed without phase."""
+        """A signal (n,) or (n, k) as a row sees it: low-passed without phase."""
         out = smooth(signal, period, CORNER)
         return out if math.isinf(self.cut) else band_limited(out, period, self.cut)
 
@@ -141,14 +141,10 @@ class ForceRows:
 
     def columns(self, *signals: list[Array]) -> Array:
         """Columns (n, k): each per-session signal low-passed, sliding rows only."""
-        columns = []
-        for signal in signals:
-            rows = [
-                self.passed(one, record.period)[keep]
-                for one, record, keep in zip(signal, self.records, self.keep, strict=True)
-            ]
-            columns.append(np.concatenate(rows))
-        return np.column_stack(columns)
+        sessions = zip(zip(*signals, strict=True), self.records, self.keep, strict=True)
+        return np.concatenate(
+            [self.passed(np.column_stack(own), r.period)[keep] for own, r, keep in sessions]
+        )
 
     def used(self, signal: list[Array]) -> Array:
         """A per-session signal (n,) at the sliding rows, as it is."""

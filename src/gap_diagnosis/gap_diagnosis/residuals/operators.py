@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,5 +72,9 @@ def band_limited(signal: Array, period: float, corner: float = 90.0) -> Array:
 
     Keeps the encoder's noise out of a regressor that the target shares it with.
     """
-    sections = butter(4, min(2.0 * corner * period, 0.9), output='sos')
-    return np.asarray(sosfiltfilt(sections, signal, axis=0))
+    return np.asarray(sosfiltfilt(_sections(min(2.0 * corner * period, 0.9)), signal, axis=0))
+
+
+@lru_cache
+def _sections(corner: float) -> Array:
+    return np.asarray(butter(4, corner, output='sos'))
