@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.report.hysteresis import hysteresis, hysteresis_plot, since_reversal
 from gap_diagnosis.report.leftovers import leftovers
+from gap_diagnosis.report.response import response_plot, responses
 from stage_core.twin_file import TwinFile
 
 
@@ -42,3 +44,49 @@ def test_a_count_of_the_encoder_is_no_event() -> None:
     counts = np.zeros(4000)
     counts[::400] = 1e-6
     assert found_in(counts) == []
+
+
+def test_travel_begins_anew_at_each_reversal_and_noise_is_none() -> None:
+    position = 1e-6 * np.array([0.0, 1.0, 0.0, 20.0, 19.0, 21.0, 15.0, 5.0, 4.0, 30.0])
+    travel, direction = since_reversal(position)
+    np.testing.assert_array_equal(direction, [0, 0, 0, 1, 1, 1, -1, -1, -1, 1])
+    np.testing.assert_allclose(1e6 * travel[[3, 5, 6, 8, 9]], [20, 21, 6, 17, 26])
+
+
+def strokes() -> Any:
+    """Strokes at 1 kHz: friction of 6 N, play of 8 µm, a loop of 10 Hz; a twin with none."""
+    time = 1e-3 * np.arange(24_000)
+    reference = 0.01 * np.abs(((time + 1.0) % 4.0) - 2.0)
+    encoder = np.zeros_like(reference)
+    for tick in range(1, len(time)):
+        lag = reference[tick - 1] - encoder[tick - 1]
+        encoder[tick] = encoder[tick - 1] + 2e-3 * np.pi * 10.0 * lag
+    way = np.sign(np.gradient(encoder))
+    zero = np.zeros_like(time)
+    gaps = {'encoder.x': (0.1 * (encoder - reference), 'm'), 'force.x': (6.0 * way, 'N'),
+            'tracker.x': (-4e-6 * way, 'm')}  # fmt: skip
+    record = SimpleNamespace(
+        axes=('x',), time=time, period=1e-3, reference=reference[:, None],
+        encoder=encoder[:, None], held_out_session=False, column=lambda _: 0,
+    )  # fmt: skip
+    return SimpleNamespace(
+        channels={n: Channel(n, unit, [time], [g], [zero]) for n, (g, unit) in gaps.items()},
+        records=[record],
+    )
+
+
+def test_friction_and_play_are_the_branches_of_the_hysteresis() -> None:
+    force, tracker = found = hysteresis(strokes())
+    for item, size in ((force, 6.0), (tracker, -4e-6)):
+        forwards, backwards = np.nanmedian(item.before, axis=1)
+        np.testing.assert_allclose([forwards, backwards], [size, -size])
+        assert np.nanmax(np.abs(item.after)) == 0.0
+    assert len(hysteresis_plot(found).axes) == 2
+
+
+def test_the_response_has_the_bandwidth_of_the_loop() -> None:
+    (found,) = responses(strokes())
+    at = np.interp(10.0, found.frequency, np.abs(found.machine))
+    assert abs(at - np.sqrt(0.5)) < 0.05
+    np.testing.assert_allclose(found.corrected, found.machine)
+    assert len(response_plot([found]).axes) == 2

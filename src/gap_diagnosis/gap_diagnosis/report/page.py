@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence import experiments
-from gap_diagnosis.report import figures, model
+from gap_diagnosis.report import figures, hysteresis, model, response
 from gap_diagnosis.report.causes import causes_section, contained_section, found_section
 from gap_diagnosis.report.laws import laws_section
 from gap_diagnosis.report.leftovers import leftovers
@@ -104,11 +104,32 @@ def _gap(page: Page, diagnosis: Diagnosis) -> None:
         'reversal.',
     )
     _leftovers(page, diagnosis)
+    _loop(page, diagnosis)
     page.figure(
         figures.spectra(diagnosis),
         'Spectra of the gap',
         'Blue should be flat. A line that stays in blue is a period that the twin still lacks.',
     )
+
+
+def _loop(page: Page, diagnosis: Diagnosis) -> None:
+    loops = hysteresis.hysteresis(diagnosis)
+    if loops:
+        page.figure(
+            hysteresis.hysteresis_plot(loops),
+            'Hysteresis of the gap: filled points forwards, open ones backwards',
+            'Force branches apart: friction, here half their distance, which builds up over the '
+            'first micrometres after a reversal. Tracker branches apart: play. Blue should lie '
+            'at zero in both directions.',
+        )
+    found = response.responses(diagnosis)
+    if found:
+        page.figure(
+            response.response_plot(found),
+            'Frequency response from reference to encoder, as far as the motion excites it',
+            'The dashed machine should lie on blue. A peak that blue lacks: a resonance. A phase '
+            'that falls faster: a delay. A magnitude apart at all frequencies: gains or mass.',
+        )
 
 
 def _leftovers(page: Page, diagnosis: Diagnosis) -> None:
