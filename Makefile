@@ -8,7 +8,7 @@ export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell cat src/*/*/*.py src/*/
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: setup kernels session test check lint bench soak calibrate-diagnosis clean reference docs-figures site
+.PHONY: setup kernels session test check lint bench soak calibrate-diagnosis clean reference docs-figures screenshots tutorials site
 
 setup:
 	@bash tools/setup.sh
@@ -47,6 +47,7 @@ calibrate-diagnosis: kernels
 # What takes hours; the results go into docs/results/soak.md.
 MINUTES ?= 60
 soak: kernels
+	nice -n 15 $(PYTHON_ENV) tools/notebooks.py --docs .cache/tutorials
 	nice -n 15 $(PYTHON_ENV) benchmarks/soak.py --minutes $(MINUTES)
 
 reference: setup
@@ -55,6 +56,14 @@ reference: setup
 # Figures and pictures of the newest session in bags/, into README and docs.
 docs-figures: setup
 	$(PYTHON_ENV) tools/docs_figures.py
+
+# Chromium draws the pages of the newest session and the live view, into docs/images.
+screenshots: kernels
+	$(PYTHON_ENV) tools/screenshots.py
+
+# Runs the notebooks and writes their pages and pictures.
+tutorials: kernels
+	$(PYTHON_ENV) tools/notebooks.py
 
 # The documentation as a site in build/site, with links checked.
 site: setup

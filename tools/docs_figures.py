@@ -1,7 +1,7 @@
 """Writes the figures of a session into README and docs: ``make docs-figures``.
 
 Takes the newest session of bags/ (or the one that is named) and replaces what stands between the
-marks ``<!-- session -->`` and ``<!-- end -->``, and the pictures in docs/images.
+marks ``<!-- session -->`` and ``<!-- end -->``, and its picture in docs/images.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
 import sys
 import textwrap
 import time
@@ -80,19 +79,6 @@ def example(folder: Path) -> str:
     return '\n'.join(lines)
 
 
-def screenshot(page: Path, picture: Path, size: str) -> None:
-    """Draw a page in a headless Chromium, where there is one."""
-    browser = shutil.which('chromium') or shutil.which('google-chrome')
-    if browser is None:
-        print(f'no Chromium: {picture.name} stays as it is')
-        return
-    options = ['--headless', '--no-sandbox', '--hide-scrollbars', f'--window-size={size}']
-    subprocess.run(
-        [browser, *options, f'--screenshot={picture}', page.as_uri()],
-        check=True, timeout=120, capture_output=True,
-    )  # fmt: skip
-
-
 def main() -> None:
     """Write everything that comes from one session."""
     sessions = sorted(p.parent for p in (ROOT / 'bags').glob('*/session.json'))
@@ -106,7 +92,6 @@ def main() -> None:
     replace(ROOT / 'docs' / 'guide' / 'diagnosis_reading.md', example(folder) + source)
     images = ROOT / 'docs' / 'images'
     shutil.copyfile(folder / 'picture_01.png', images / 'session.png')
-    screenshot(folder / 'diagnosis' / 'report.html', images / 'diagnosis.png', '1200,1250')
     print(f'figures of {folder.name} are in README.md and docs/')
 
 
