@@ -58,6 +58,7 @@ class Shape:
     temperature: bool = True
     stamped: bool = True  # whether headers hold a stamp
     full: bool = True  # whether velocity and effort are filled where they may be empty
+    effort: bool = True  # whether the commands hold the force
     extra: bool = False  # topics that nobody knows
     late: dict[str, float] = field(default_factory=dict)  # s, added to the stamps of a topic
 
@@ -96,7 +97,7 @@ def messages(recording: Recording, shape: Shape) -> list[Message]:
 
     r = recording
     joints('/stage/reference', r.reference, r.reference_velocity if shape.full else None, None)
-    joints('/stage/command', None, r.velocity_command, r.force)
+    joints('/stage/command', None, r.velocity_command, r.force if shape.effort else None)
     joints('/stage/joint_states', r.encoder, r.filtered_velocity if shape.full else None, None)
     if shape.tracker:
         point = TYPES['geometry_msgs/msg/Point']

@@ -35,6 +35,7 @@ from gap_diagnosis.law.learn import Law, learn
 from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.recording import jitter_findings
+from gap_diagnosis.residuals.unrecorded import DriveLaw
 from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import UNKNOWN, split_effect
@@ -76,6 +77,8 @@ class Diagnosis:
     laws: list[Law] = field(default_factory=list)
     #: What became of the user's own model, where the twin was read from one.
     model: Mended | None = None
+    #: By axis, what stands for the forces where none are recorded.
+    drives: dict[str, DriveLaw] = field(default_factory=dict)
 
     @property
     def simulators(self) -> list[str]:
@@ -132,8 +135,9 @@ def diagnose(
         If a session cannot be diagnosed; see :func:`gap_diagnosis.input.data.load_record`.
     """
     pack(twin)  # refuses effects that there are not
-    barred, memory = list(without), Memory()
+    memory = Memory()
     prepared = prepare(sessions, holdout, twin, without, simulated)
+    barred = list(prepared.without)
     while True:
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
         failed = [c for c in result.causes if c.refuted]
@@ -202,8 +206,7 @@ def _diagnose(
     channels = gap_channels(records, twin, effects, parts)
     return _conclude(
         records,
-        twin,
-        before.seen,
+        before,
         twin_name,
         parts,
         parameters,
@@ -222,8 +225,7 @@ def _allowed(
 
 def _conclude(
     records: list[Record],
-    twin: TwinFile,
-    seen: TwinFile,
+    prepared: Prepared,
     twin_name: str,
     parts: list[Part],
     parameters: dict[str, dict[str, tuple[float, float]]],
@@ -231,6 +233,7 @@ def _conclude(
     seed: int,
     progress: Progress,
 ) -> Diagnosis:
+    twin, seen = prepared.twin, prepared.seen
     scored = [r for r in records if r.held_out_session] or records
     effects = plain_values(parameters)
     before, after = position_rms(channels, 'before'), position_rms(channels, 'after')
@@ -247,7 +250,7 @@ def _conclude(
     floor = judge.noise_floor(seen, channels, effects)
     # A gap far above its floor is not explained by naming nothing; rests scatter by themselves.
     far = twin.kind != 'stepper' and before > FAR * floor
-    structured = structured or bool(not accepted and far)
+    structured = structured or bool(not accepted and far) or not prepared.laws_known
     verdict = accepted + ([UNKNOWN] if structured else [])
     progress('where the gap lies')
     found = _conditions(scored, records, twin, parts, seed)
@@ -281,7 +284,8 @@ def _conclude(
         link=link,
         unexplained=float(np.clip(max(after**2 - floor**2, 0.0) / max(before**2, 1e-30), 0, 1)),
         structured=structured,
-        warnings=[w for r in records for w in r.warnings],
+        warnings=[*(w for r in records for w in r.warnings), *prepared.notes],
+        drives=prepared.laws,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,11 +15,12 @@ from gap_diagnosis.input import coarse
 from gap_diagnosis.input.checks import check_duration
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.input.stepper import load_stepper_record
-from gap_diagnosis.residuals.controller import controller_findings
+from gap_diagnosis.residuals.controller import controller_findings, with_read_gains
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.nominal import sensor_frame, with_counted_steps
 from gap_diagnosis.residuals.recording import in_newtons
 from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.residuals.unrecorded import NOT_TOLD, DriveLaw, with_laws
 from gap_diagnosis.selection.parts import (
     KINEMATIC_RULES,
     LEAST_RESTS,
@@ -68,6 +69,8 @@ class Prepared:
     stepped : the twin with the encoder steps that the records have
     seen : the twin with all the noise that they have
     direct : effects read from the record itself; no residual has to be explained for them
+    laws : by axis, what stands for the forces where none are recorded
+    without : effects taken out of the library
     """
 
     records: list[Record]
@@ -75,6 +78,8 @@ class Prepared:
     stepped: TwinFile
     seen: TwinFile
     direct: Parameters
+    laws: dict[str, DriveLaw] = field(default_factory=dict)
+    without: tuple[str, ...] = ()
 
     @property
     def stepper(self) -> bool:
@@ -82,12 +87,33 @@ class Prepared:
         return self.twin.kind == 'stepper'
 
     @property
+    def notes(self) -> list[str]:
+        """What a reader has to know of the forces."""
+        if not self.laws:
+            return []
+        lost = [axis for axis, law in self.laws.items() if not law.known]
+        return [
+            'no effort is recorded: the controller was fitted to the motion, and newtons are '
+            "those for the twin's mass",
+            *(
+                f'no controller explains axis {axis}: its servo link is not judged'
+                for axis in lost
+            ),
+        ]
+
+    @property
+    def laws_known(self) -> bool:
+        """Whether the law of every drive whose force is not recorded was found."""
+        return all(law.known for law in self.laws.values())
+
+    @property
     def moving_axes(self) -> list[str]:
         """Axes whose force balance can be judged."""
         axes = self.records[0].axes
         if self.stepper:
             return []
-        return [a for i, a in enumerate(axes) if any(r.moving[i] for r in self.records)]
+        moving = [a for i, a in enumerate(axes) if any(r.moving[i] for r in self.records)]
+        return [a for a in moving if a not in self.laws or self.laws[a].known]
 
 
 def prepare(
@@ -115,6 +141,16 @@ def prepare(
     check_duration(records)
     if any(r.axes != records[0].axes for r in records):
         raise StageError('the sessions have different axes: diagnose them one by one')
+    laws: dict[str, DriveLaw] = {}
+    if not all(r.effort_recorded for r in records):
+        _check_without_forces(records, simulated)
+        without = (*without, *NOT_TOLD)
+        records, twin, laws = with_laws(records, twin)
+        counted_twin = with_counted_steps(twin)
+    elif twin.kind == 'servo' and not twin.gains_stated:
+        without = (*without, 'controller_mismatch', 'effort_convention')
+        twin = with_read_gains(records, twin)
+        counted_twin = with_counted_steps(twin)
     records, conventions = in_newtons(records, twin, without)
     if simulated:
         runs = zip(records, simulated, strict=True)
@@ -124,7 +160,20 @@ def prepare(
     stepped = with_steps(counted_twin, quantisation)
     seen = with_simulated(with_mean_points(with_noise(stepped, records), records), records)
     direct = {**quantisation, **conventions, **controller_findings(records, twin)}
-    return Prepared(records, twin, stepped, seen, direct)
+    return Prepared(records, twin, stepped, seen, direct, laws, tuple(without))
+
+
+def _check_without_forces(records: list[Record], simulated: Sequence[Session]) -> None:
+    some = next((r.name for r in records if r.effort_recorded), None)
+    if some is not None:
+        raise StageError(
+            f'{some} holds the effort and another session does not: diagnose them one by one'
+        )
+    if simulated:
+        raise StageError(
+            f'{records[0].name} holds no effort, which a comparison with a simulator needs: give '
+            'a bag with it'
+        )
 
 
 def servo_part(

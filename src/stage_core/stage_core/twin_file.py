@@ -103,6 +103,8 @@ class TwinFile:
     effects: dict[str, dict[str, float]] = field(default_factory=dict)
     #: Four standard deviations of where a stepper's move ends [m].
     repeatability: float | None = None
+    #: Whether the file states every gain of its servo axes; else those here are the built-in ones.
+    gains_stated: bool = True
 
     @classmethod
     def nominal_servo(cls) -> TwinFile:
@@ -177,9 +179,11 @@ class TwinFile:
         }
         if numbers.get('repeatability', 0.0) < 0.0:
             raise StageError(f'{source}: repeatability must be a length in m, at least zero')
+        stated = kind != 'servo' or all(set(GAINS) <= set(axes_content[name]) for name in axes)
         return cls(
             kind=kind,
             axes=axes,
+            gains_stated=stated,
             tracker=_tracker(content.get('tracker'), source),
             effects=_effects(content.get('effects'), source),
             **numbers,

@@ -31,7 +31,7 @@ from gap_diagnosis.input.ticks import Clock
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
-from stage_core.session import Session
+from stage_core.session import Series, Session
 from stage_core.twin_file import ForceAxis, ServoAxis, StepperAxis, TwinFile
 
 if TYPE_CHECKING:
@@ -81,6 +81,10 @@ class Record:
     #: A simulator's run of the same command on these ticks; by channel, twin minus that run.
     simulated: Record | None = None
     offset: Mapping[str, Array] = field(default_factory=dict)
+    #: Whether the force is recorded; else `force` is what the drive's own law gives.
+    effort_recorded: bool = True
+    #: By axis: what the force (n, k) [N] changes by with each thing that its law does not know.
+    uncertain: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -181,21 +185,26 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
             f'the twin has no axis {absent[0]} but {session.path} has: give the twin file of '
             'this machine'
         )
-    reference, command, states = (
+    reference, states = (
         finite(session.require(topic, why), session.path)
         for topic, why in (
             (topics.REFERENCE, 'says what was asked for'),
-            (topics.COMMAND, 'holds the forces'),
             (topics.JOINT_STATES, 'holds the encoders'),
         )
     )
+    recorded = has_effort(session, axes) or twin.kind != 'servo'
+    command = _commands(session, axes, recorded)
     start = session.start_ns
     period = control_period(reference, twin.control_period, session.path)
     resolution = np.array([motion_step(twin, axis) for axis in axes])
-    series = (reference, command, states)
+    series = (reference, states) if command is None else (reference, command, states)
     grid = Grid(start, period, series, axes, resolution, session.path)
     effort_unit = np.array([getattr(twin.axes[axis], 'effort_unit', 1.0) for axis in axes])
     encoder = grid.positions(states, axes)
+    nothing = np.full_like(encoder, np.nan)
+    force = np.zeros_like(encoder)
+    if command is not None and recorded:
+        force = grid.columns(command, 'effort', axes) * effort_unit
     record = Record(
         name=session.path,
         axes=axes,
@@ -203,8 +212,11 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         time=grid.time,
         reference=grid.positions(reference, axes),
         reference_velocity=grid.optional(reference, 'velocity', axes),
-        velocity_command=grid.optional(command, 'velocity', axes),
-        force=grid.columns(command, 'effort', axes) * effort_unit,
+        velocity_command=(
+            nothing if command is None else grid.optional(command, 'velocity', axes)
+        ),
+        force=force,
+        effort_recorded=recorded,
         encoder=encoder,
         temperature=screw_temperatures(session, axes, grid.stamp_time),
         tracker_time=None,
@@ -218,8 +230,30 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
     )
     record = replace(record, noise=_noise(record, resolution, grid.offset))
     check_excitation(record)
-    check_forces(record)
+    if recorded:
+        check_forces(record)
     return with_tracker_noise(with_tracker(record, session))
+
+
+def has_effort(session: Session, axes: tuple[str, ...]) -> bool:
+    """Whether the commands of a session hold an effort of each axis."""
+    if not session.has(topics.COMMAND):
+        return False
+    values = session.series[topics.COMMAND].values
+    return all(np.any(np.isfinite(values.get(f'effort.{axis}', np.nan))) for axis in axes)
+
+
+def _commands(session: Session, axes: tuple[str, ...], effort: bool) -> Series | None:
+    """Commands of a session; without effort what else they hold, None where that is nothing."""
+    if effort:
+        return finite(session.require(topics.COMMAND, 'holds the forces'), session.path)
+    if not session.has(topics.COMMAND):
+        return None
+    series = session.series[topics.COMMAND]
+    names = [f'velocity.{axis}' for axis in axes]
+    if not all(np.isfinite(series.values.get(name, np.nan)).all() for name in names):
+        return None
+    return finite(replace(series, values={n: series.values[n] for n in names}), session.path)
 
 
 def _noise(record: Record, resolution: Array, offset: Array) -> Noise:

@@ -10,6 +10,7 @@ from typing import Any
 from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.law.learn import Law
+from gap_diagnosis.report import forces
 from stage_core.quantities import split_effect
 from stage_core.whole_file import write_whole
 from stage_twin.effects import EFFECTS
@@ -58,8 +59,16 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         'law': [_law(law) for law in diagnosis.laws],
         'noise': _noise(diagnosis),
         'warnings': diagnosis.warnings,
+        **(_without_forces(diagnosis) if diagnosis.drives else {}),
         **({'simulated': ', '.join(diagnosis.simulators)} if diagnosis.simulators else {}),
         **({} if diagnosis.model is None else {'model': diagnosis.model.as_dict()}),
+    }
+
+
+def _without_forces(diagnosis: Diagnosis) -> dict[str, Any]:
+    return {
+        'not_identifiable': forces.not_identifiable(diagnosis),
+        'without_forces': forces.as_dict(diagnosis),
     }
 
 
@@ -94,7 +103,8 @@ def _noise(diagnosis: Diagnosis) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for axis, own in zip(record.axes, record.noise.axes, strict=True):
         out[f'encoder.{axis}'] = {'std': own.position, 'unit': 'm'}
-        out[f'effort.{axis}'] = {'std': own.effort, 'unit': 'N'}
+        if record.effort_recorded:
+            out[f'effort.{axis}'] = {'std': own.effort, 'unit': 'N'}
         out[f'jitter.{axis}'] = {'std': own.jitter, 'unit': 's'}
     if record.noise.tracker is not None:
         out['tracker'] = {'std': record.noise.tracker, 'unit': 'm'}

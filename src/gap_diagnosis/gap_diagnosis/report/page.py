@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence import experiments
-from gap_diagnosis.report import figures, hysteresis, model, response
+from gap_diagnosis.report import figures, forces, hysteresis, model, response
 from gap_diagnosis.report.causes import causes_section, contained_section, found_section
 from gap_diagnosis.report.laws import laws_section
 from gap_diagnosis.report.leftovers import leftovers
@@ -29,6 +29,7 @@ def make(diagnosis: Diagnosis) -> Page:
     causes_section(page, diagnosis)
     contained_section(page, diagnosis)
     laws_section(page, diagnosis)
+    forces.section(page, diagnosis)
     _next(page, diagnosis)
     return page
 

@@ -78,10 +78,22 @@ def controller_findings(records: list[Record], twin: TwinFile) -> dict[str, Para
         if limit is not None:
             found[f'force_saturation.{name}'] = {'limit': (limit, 1e-3 * limit), 'known': (1, 0.0)}
             axis = replace(axis, force_limit=limit)
-        mismatch = _mismatch(records, i, axis)
+        recorded = all(r.effort_recorded for r in records)
+        mismatch = _mismatch(records, i, axis) if recorded else {}
         if mismatch:
             found[f'controller_mismatch.{name}'] = mismatch
     return found
+
+
+def with_read_gains(records: list[Record], twin: TwinFile) -> TwinFile:
+    """The twin with the gains that the recorded commands have, for a file that states none."""
+    axes = dict(twin.axes)
+    fitted = [r for r in records if not r.held_out_session]
+    for i, name in enumerate(records[0].axes):
+        peak = max(float(np.abs(r.force[:, i]).max()) for r in records)
+        own = replace(twin.servo(name), force_limit=max(twin.servo(name).force_limit, 2.0 * peak))
+        axes[name] = fit_law(fitted, i, own).gains if any(r.moving[i] for r in fitted) else own
+    return replace(twin, axes=axes)
 
 
 def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:
@@ -154,7 +166,7 @@ def velocity_law(record: Record, i: int, axis: ServoAxis) -> Array:
 
 def force_increments(record: Record, i: int, axis: ServoAxis, command: Array) -> Array:
     """F_k - F_(k-1) (n - 1,) [N] of the velocity loop; the start of its integral drops out."""
-    error = command - _filtered(record, i, axis.velocity_filter)
+    error = command - filtered(record, i, axis.velocity_filter)
     return axis.velocity_gain * np.diff(error) + axis.integral_gain * record.period * error[:-1]
 
 
@@ -169,7 +181,8 @@ def quiet(record: Record, i: int, rows: Array) -> Array:
     return out
 
 
-def _filtered(record: Record, i: int, corner: float) -> Array:
+def filtered(record: Record, i: int, corner: float) -> Array:
+    """vf_k (n,) [m/s], the controller's speed, for a corner of its filter [rad/s]."""
     q = record.encoder[:, i]
     decay = math.exp(-record.period * corner)
     rate = np.diff(q, prepend=q[0]) / record.period
@@ -190,7 +203,7 @@ def fit_law(records: list[Record], i: int, axis: ServoAxis) -> Law:
     Position loop: recorded velocity command against (ṙ, r - q). Velocity loop: recorded force
     increments against the increments and values of vc - vf, for the best corner of the filter.
     """
-    gains, deviations = _position_loop(records, i, axis)
+    gains, deviations = position_loop(records, i, axis)
     corners = axis.velocity_filter * np.geomspace(0.1, 10.0, 25)
     costs = [_velocity_loop(records, i, gains, corner)[2] for corner in corners]
     at = int(np.argmin(costs))
@@ -216,9 +229,10 @@ def _fit_ticks(record: Record, i: int, axis: ServoAxis) -> Mask:
     return _free(record, i, axis) & ~inside(record.time, held_out_windows(record))[1:]
 
 
-def _position_loop(
+def position_loop(
     records: list[Record], i: int, axis: ServoAxis
 ) -> tuple[ServoAxis, dict[str, float]]:
+    """Gains with the position loop of the recorded velocity commands, and its deviations."""
     rows, target = [], []
     for record in records:
         recorded = record.velocity_command[:, i]
@@ -246,7 +260,7 @@ def _velocity_loop(
     for record in records:
         recorded = record.velocity_command[:, i]
         command = np.where(np.isfinite(recorded), recorded, velocity_law(record, i, axis))
-        error = command - _filtered(record, i, corner)
+        error = command - filtered(record, i, corner)
         use = _fit_ticks(record, i, axis)
         both = np.column_stack([np.diff(error), record.period * error[:-1]])
         rows.append(quiet(record, i, both)[use])

@@ -58,7 +58,7 @@ def in_newtons(
     StageError
         If a record lacks velocity commands, or holds forces beyond the twin's limit.
     """
-    if twin.kind != 'servo':
+    if twin.kind != 'servo' or not all(r.effort_recorded for r in records):
         return records, {}
     stated = {n: v for n, v in twin.effects.items() if split_effect(n)[0] == CONVENTION}
     records = [_converted(r, twin, stated) for r in records]

@@ -10,6 +10,7 @@ controller needs no model here, and no effect is judged by an open-loop simulati
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +19,17 @@ from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import held_out_windows, inside
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.nominal import re_estimated
+from gap_diagnosis.residuals.nuisance import without_nuisances
+from gap_diagnosis.residuals.operators import centred_hold
 from gap_diagnosis.residuals.regression import Problem
 from stage_twin import effects
+from stage_twin.effects.term import Term
 
 Array = NDArray[np.float64]
 
+#: Factor within which a mass that no force tells may be another one: so far viscous friction
+#: over mass says nothing.
+MASS = 2.0
 BLOCK = 0.25  # s, length of the blocks that are resampled; the low-pass remembers 0.03 s
 
 
@@ -59,7 +66,7 @@ class Servo(ForceRows):
             block.append(labels[keep])
             time.append(record.time[keep])
             number.append(np.full(int(np.count_nonzero(keep)), session))
-        return Problem(
+        problem = Problem(
             target,
             np.concatenate(fit),
             np.concatenate(held),
@@ -72,6 +79,33 @@ class Servo(ForceRows):
             signatures=effects.signatures(candidates),
             signal=float(np.var(self.columns(self.applied()))),
         )
+        if any(self.axis in r.uncertain for r in self.records):
+            problem = without_nuisances(problem, self._uncertain(problem.record))
+            self._bar_masses(problem.terms)
+        return problem
+
+    def _bar_masses(self, terms: dict[str, Term]) -> None:
+        """No viscous friction that a machine of another mass would have, too."""
+        name = f'viscous_friction.{self.axis}'
+        plain = terms[name].admissible
+        low, high = (1.0 / MASS - 1.0) * self.viscous, (MASS - 1.0) * self.viscous
+        terms[name] = replace(
+            terms[name],
+            admissible=lambda theta, c: not low < c[0] < high and plain(theta, c),
+        )
+
+    def _uncertain(self, session: NDArray[np.int64]) -> Array:
+        """Rows (n, k) of what the law of a force leaves open; its integral starts anywhere."""
+        parts = [r.uncertain[self.axis] for r in self.records]
+        held = [
+            [
+                centred_hold(p[:, k], self.delay / t)
+                for p, t in zip(parts, self.periods, strict=True)
+            ]
+            for k in range(parts[0].shape[1])
+        ]
+        starts = np.equal.outer(session, np.unique(session)).astype(np.float64)
+        return np.hstack([self.columns(*held), starts])
 
     def _nominal(self, without: tuple[str, ...]) -> Array:
         """Force rows that the twin's own effects need [N]."""

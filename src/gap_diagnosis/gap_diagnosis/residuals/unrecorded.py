@@ -1,0 +1,356 @@
+"""The force that nobody recorded: what the drive's own law makes of command and encoder.
+
+The controller reads recorded quantities (docs/interfaces.md, "Servo controller"), so that its
+force follows from them up to its gains. The gains are fitted to the motion, beside the effect
+that goes with them best: mass · a + viscous · v = force of the law − force of the effect. Only
+force over mass shows there; newtons are those for the twin's mass. What the gains may still be is
+kept as `Record.uncertain`, and partialled out of all that is fitted later (Frisch and Waugh,
+Econometrica 1, 1933).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
+from scipy.optimize import least_squares, minimize_scalar
+
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.residuals.controller import filtered, position_loop, velocity_law
+from gap_diagnosis.residuals.operators import central_difference, centred_hold, smooth
+from gap_diagnosis.residuals.regression import Problem
+from gap_diagnosis.residuals.servo import MASS, Servo
+from stage_core.quantities import split_effect
+from stage_core.twin_file import ServoAxis, TwinFile
+
+Array = NDArray[np.float64]
+Theta = tuple[float, ...]
+
+#: What only a recorded force tells, and why.
+NOT_TOLD = {
+    'inertia_mismatch': 'only force over mass shows in a motion: the mass cannot be told from '
+    'the gains',
+    'drive_gain': 'a factor of the force cannot be told from the gains',
+    'effort_convention': 'no effort is recorded',
+    'controller_mismatch': 'the gains are fitted to the session',
+    'force_offset': "a constant force cannot be told from the controller's integral at the start",
+    'asymmetric_friction': "the mean of the two levels cannot be told from the controller's "
+    'integral at the start',
+    'current_loop_lag': "a lag of the force cannot be told from the controller's filter",
+    'torque_sag': 'a force that falls with the speed cannot be told from the gains',
+}
+#: Effects whose columns hold the force itself: they need its law first.
+OF_FORCE = (*NOT_TOLD, 'actuation_delay', 'force_saturation')
+#: Of the noise, below which a law by itself explains the motion.
+AT_NOISE = 2.5
+#: Hz, above which the fit of a law does not look: noise in what it regresses on bends the gains.
+CUT = 45.0
+#: rad/s of the filter, and s of the delay, from which a fit starts, and their bounds.
+CORNERS, CORNER_BOUNDS, DELAYS, LONGEST_DELAY = (300.0, 1200.0), (30.0, 2e4), (2e-4, 3e-3), 0.01
+#: Corners [rad/s] of the laws beside which the effects are screened, places of a grid that are
+#: tried, and effects that a law is fitted beside in full.
+SCREENED, MOST, TRIED = (200.0, 500.0, 1200.0, 5000.0), 12, 3
+STEP, SLOW = 0.01, 5.0  # relative, of the derivatives; Hz, of the following error
+#: Of the speed's RMS, that slides, and s around a row in which it has to; least number of rows.
+FAST, AROUND, LEAST_ROWS = 0.4, 0.12, 1000
+VISCOUS = 'viscous_friction'
+#: Shares of the force's peak from which a limit is looked for.
+LIMITS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 1.0)
+
+
+@dataclass(frozen=True)
+class DriveLaw:
+    """Gains of an axis' controller, as a session without forces shows them.
+
+    Attributes
+    ----------
+    gains : newtons are those for the twin's mass
+    beside : the effect that the gains were fitted beside, if there was one
+    left, share : RMS [N] of what the law and that effect leave, and its share of the whole
+    known : whether that is no more than noise; else the servo link of the axis is not judged
+    """
+
+    gains: ServoAxis
+    beside: str | None
+    left: float
+    share: float
+    known: bool
+
+
+def with_laws(
+    records: list[Record], twin: TwinFile
+) -> tuple[list[Record], TwinFile, dict[str, DriveLaw]]:
+    """Records with the forces of the fitted laws, the twin with their gains, and the laws."""
+    laws: dict[str, DriveLaw] = {}
+    axes = dict(twin.axes)
+    for i, name in enumerate(records[0].axes):
+        if not any(r.moving[i] for r in records):
+            continue
+        fit = _Fit(records, twin, name)
+        laws[name] = fit.law()
+        records = [fit.applied(r, laws[name].gains) for r in records]
+        # A limit that was found is an effect; one that nobody stated is beyond what was asked for.
+        peak = max(float(np.abs(r.force[:, i]).max()) for r in records)
+        limit = max(twin.servo(name).force_limit, 2.0 * peak)
+        axes[name] = replace(laws[name].gains, force_limit=limit)
+    return records, replace(twin, axes=axes), laws
+
+
+class _Fit:
+    """The law of one axis beside the equation of its motion."""
+
+    def __init__(self, records: list[Record], twin: TwinFile, axis: str, cut: float = CUT) -> None:
+        self.axis, self.start = axis, twin.servo(axis)
+        self.i = records[0].column(axis)
+        self.records = records
+        self.rows = Servo(records, twin, axis)
+        self.rows.cut = min(self.rows.cut, CUT)
+        self.problem: Problem = self.rows.problem()
+        self.viscous = self.rows.columns(self.rows.velocity())
+        self.heard = all(np.isfinite(r.velocity_command[:, self.i]).all() for r in records)
+        fitted = [r for r in records if not r.held_out_session]
+        if self.heard:
+            self.start = position_loop(fitted, self.i, self.start)[0]
+        else:
+            self.start = _followed(fitted, self.i, self.start)
+
+    def law(self) -> DriveLaw:
+        """The law in the first view that it explains to the noise, else in the best one."""
+        found: list[DriveLaw] = []
+        for view in (self._whole, self._sliding, self._beside_an_effect):
+            found.append(view())
+            if found[-1].known:
+                return self._limited(found[-1])
+        return min(found, key=lambda law: law.share)
+
+    def _limited(self, law: DriveLaw) -> DriveLaw:
+        """The law with the limit of its force, where the motion shows one."""
+        free = replace(law.gains, force_limit=math.inf)
+        least = AT_NOISE * self.problem.floor
+        if self._left(free) < least:
+            return replace(law, gains=free)
+        peak = max(float(np.abs(_force(r, self.i, free)).max()) for r in self.records)
+        limits = [share * peak for share in LIMITS]
+        left = [self._left(replace(free, force_limit=limit)) for limit in limits]
+        at = int(np.argmin(left))
+        around = limits[max(at - 1, 0)], limits[min(at + 1, len(limits) - 1)]
+        best = minimize_scalar(
+            lambda limit: self._left(replace(free, force_limit=limit)),
+            bounds=around,
+            method='bounded',
+            options={'xatol': 1e-4 * peak},
+        )
+        limit = float(best.x) if float(best.fun) < least else math.inf
+        return replace(law, gains=replace(free, force_limit=limit))
+
+    def _left(self, gains: ServoAxis) -> float:
+        """RMS [N] of what the force of a law leaves of the motion."""
+        forces = [_force(r, self.i, gains) for r in self.records]
+        held = [
+            centred_hold(f, gains.delay / t)
+            for f, t in zip(forces, self.rows.periods, strict=True)
+        ]
+        rows = (self.problem.target + self.rows.columns(held)[:, 0])[self.problem.fit]
+        return float(np.std(rows))
+
+    def _whole(self) -> DriveLaw:
+        """All rows, beside viscous friction."""
+        starts = [self._theta(corner, late) for corner in CORNERS for late in DELAYS]
+        return self._fitted(self.viscous, starts, VISCOUS)
+
+    def _sliding(self) -> DriveLaw:
+        """Rows far from any reversal, where a friction is a constant."""
+        speed = self.rows.smooth_velocity()
+        size = math.sqrt(float(np.mean(np.concatenate(speed) ** 2)))
+        mask = [
+            np.maximum(minimum_filter1d(v, n), minimum_filter1d(-v, n)) > FAST * size
+            for v, n in zip(speed, (int(AROUND / t) for t in self.rows.periods), strict=True)
+        ]
+        fit = self.problem.fit & (self.rows.used([m.astype(np.float64) for m in mask]) > 0.5)
+        if np.count_nonzero(fit) < LEAST_ROWS:
+            return DriveLaw(self.start, None, math.inf, math.inf, False)
+        other = copy(self)
+        other.problem = replace(self.problem, fit=fit)
+        signs = self.rows.columns([np.sign(v) for v in speed])
+        return other._fitted(signs, [self._theta(corner, 0.0) for corner in CORNERS], None, 0.0)
+
+    def _beside_an_effect(self) -> DriveLaw:
+        """All rows, beside the effects that go best with some law."""
+        starts = [self._theta(CORNERS[-1], 0.0)]
+        near = [self._fitted(columns, starts, name) for name, columns in self._candidates()]
+        return min(near, key=lambda law: law.left)
+
+    def _fitted(
+        self, beside: Array, starts: list[Theta], name: str | None, latest: float = LONGEST_DELAY
+    ) -> DriveLaw:
+        theta, left = self._search(beside, starts, latest)
+        size = float(np.sqrt(np.mean(self.problem.target[self.problem.fit] ** 2)))
+        return self._found(theta, beside, name, left, left / size)
+
+    def _theta(self, corner: float, late: float) -> Theta:
+        own = () if self.heard else (math.log(self.start.position_gain),)
+        return (math.log(corner), self.start.delay + late, *own)
+
+    def gains(self, theta: Theta) -> ServoAxis:
+        """Gains with the filter and the position gain of θ."""
+        gains = replace(self.start, velocity_filter=math.exp(theta[0]))
+        return gains if self.heard else replace(gains, position_gain=math.exp(theta[2]))
+
+    def _columns(self, theta: Theta) -> Array:
+        """Rows (n, k) of the velocity's error, of its integral and of the integral's start."""
+        gains, late = self.gains(theta), theta[1]
+        parts = [_errors(r, self.i, gains) for r in self.records]
+        held = [
+            [
+                centred_hold(p[:, k], late / r.period)
+                for p, r in zip(parts, self.records, strict=True)
+            ]
+            for k in (0, 1)
+        ]
+        starts = np.equal.outer(self.problem.record, np.unique(self.problem.record))
+        return np.hstack([self.rows.columns(*held), starts.astype(np.float64)])
+
+    def _solved(self, theta: Theta, beside: Array) -> tuple[Array, Array]:
+        """Coefficients of the law and of what stands beside it, and what all leave (m,) [N]."""
+        fit = self.problem.fit
+        matrix = np.hstack([-self._columns(theta), beside])[fit]
+        scale = np.linalg.norm(matrix, axis=0) + 1e-300
+        solution = np.linalg.lstsq(matrix / scale, self.problem.target[fit], rcond=1e-9)[0]
+        return solution / scale, self.problem.target[fit] - matrix / scale @ solution
+
+    def _search(self, beside: Array, starts: list[Theta], latest: float) -> tuple[Theta, float]:
+        """The θ of the least remainder, and its RMS [N]."""
+        free = () if self.heard else (math.log(self.start.position_gain),)
+        low = [math.log(CORNER_BOUNDS[0]), 0.0, *(p - 1.0 for p in free)]
+        high = [math.log(CORNER_BOUNDS[1]), latest + 1e-7, *(p + 1.0 for p in free)]
+        found = [
+            least_squares(
+                lambda z: self._solved(tuple(z), beside)[1],
+                np.clip(start, np.array(low) + 1e-8, np.array(high) - 1e-8),
+                bounds=(low, high),
+                x_scale=[0.1, 1e-4, *(0.1 for _ in free)],
+                xtol=1e-5,
+                ftol=1e-6,
+            )
+            for start in starts
+        ]
+        best = min(found, key=lambda f: float(f.cost))
+        return tuple(best.x.tolist()), math.sqrt(2.0 * float(best.cost) / len(best.fun))
+
+    def _candidates(self) -> list[tuple[str, Array]]:
+        """The effects that go best with some law, each with its columns."""
+        nothing = np.zeros((len(self.problem.target), 0))
+        theta, _ = self._search(nothing, [self._theta(CORNERS[-1], DELAYS[0])], LONGEST_DELAY)
+        residual = nothing.sum(axis=1)
+        residual[self.problem.fit] = self._solved(theta, nothing)[1]
+        laws = [self._theta(corner, 0.0) for corner in SCREENED]
+        freed = [_freed_of(self._columns(t)[self.problem.fit]) for t in laws]
+        target = self.problem.target[self.problem.fit]
+        found = []
+        for name, term in self.problem.terms.items():
+            if split_effect(name)[0] in OF_FORCE:
+                continue
+            grid = term.propose(residual) if term.propose is not None else term.grid
+            best: tuple[float, Array] | None = None
+            for own in grid[:: max(1, len(grid) // MOST)]:
+                columns = term.columns(own)
+                left = min(_remainder(f(columns[self.problem.fit]), f(target)) for f in freed)
+                if best is None or left < best[0]:
+                    best = left, columns
+            if best is not None:
+                found.append((best[0], name, best[1]))
+        found.sort(key=lambda item: item[0])
+        return [(name, columns) for _, name, columns in found[:TRIED]]
+
+    def _found(
+        self, theta: Theta, columns: Array, beside: str | None, left: float, share: float
+    ) -> DriveLaw:
+        coefficients, _ = self._solved(theta, columns)
+        gains = replace(
+            self.gains(theta),
+            velocity_gain=float(coefficients[0]),
+            integral_gain=max(float(coefficients[1]), 0.0),
+        )
+        if beside == VISCOUS:
+            extra = float(coefficients[-1]) / max(gains.viscous, 1e-300)
+            if 1.0 / MASS - 1.0 < extra < MASS - 1.0:
+                gains, beside = replace(gains, viscous=gains.viscous * (1.0 + extra)), None
+        return DriveLaw(gains, beside, left, share, left < AT_NOISE * self.problem.floor)
+
+    def applied(self, record: Record, gains: ServoAxis) -> Record:
+        """The record with the force of the law, and with what it changes by."""
+        force = record.force.copy()
+        force[:, self.i] = _force(record, self.i, gains)
+        names = ('velocity_gain', 'integral_gain', 'velocity_filter')
+        other = [replace(gains, **{n: getattr(gains, n) * (1.0 + STEP)}) for n in names]
+        if not self.heard:
+            other.append(replace(gains, position_gain=gains.position_gain * (1.0 + STEP)))
+            ahead = gains.velocity_feedforward + STEP
+            other.append(replace(gains, velocity_feedforward=ahead))
+        moved = [(_force(record, self.i, g) - force[:, self.i]) / STEP for g in other]
+        uncertain = {**record.uncertain, self.axis: np.column_stack(moved)}
+        return replace(record, force=force, uncertain=uncertain)
+
+
+def _errors(record: Record, i: int, gains: ServoAxis) -> Array:
+    """Error of the velocity [m/s] and its integral [m], both at every tick, shape (n, 2)."""
+    command = record.velocity_command[:, i]
+    if not np.isfinite(command).all():
+        command = velocity_law(record, i, gains)
+    error = command - filtered(record, i, gains.velocity_filter)
+    integral = np.concatenate([[0.0], np.cumsum(error)[:-1]]) * record.period
+    return np.column_stack([error, integral])
+
+
+def _force(record: Record, i: int, gains: ServoAxis) -> Array:
+    """Force (n,) [N] of a law that nothing limits."""
+    errors = _errors(record, i, gains)
+    force = errors @ np.array([gains.velocity_gain, gains.integral_gain])
+    if float(np.abs(force).max()) <= gains.force_limit:
+        return np.asarray(force)
+    return _clipped(errors[:, 0], gains, record.period)
+
+
+def _clipped(errors: Array, gains: ServoAxis, period: float) -> Array:
+    """Force (n,) [N] of a law with a limit; its integral is held where it would go beyond."""
+    limit, own, rise = gains.force_limit, gains.velocity_gain, gains.integral_gain * period
+    out, integral = np.empty_like(errors), 0.0
+    for k, error in enumerate(errors.tolist()):
+        wanted = own * error + integral
+        out[k] = min(max(wanted, -limit), limit)
+        if not (wanted > limit and error > 0.0 or wanted < -limit and error < 0.0):
+            integral += rise * error
+    return out
+
+
+def _followed(records: list[Record], i: int, axis: ServoAxis) -> ServoAxis:
+    """Gains with the position loop that the following error shows: v ≈ K (r − q) + k ṙ."""
+    rows, speed = [], []
+    for record in records:
+        error = record.reference[:, i] - record.encoder[:, i]
+        rate = central_difference(record.reference[:, i], record.period)
+        pairs = np.column_stack([error, rate])
+        rows.append(smooth(pairs, record.period, SLOW))
+        own = central_difference(record.encoder[:, i], record.period)
+        speed.append(smooth(own, record.period, SLOW))
+    matrix, wanted = np.concatenate(rows), np.concatenate(speed)
+    gain = float(matrix[:, 0] @ wanted / (matrix[:, 0] @ matrix[:, 0]))
+    return replace(axis, position_gain=gain, velocity_feedforward=0.0)
+
+
+def _freed_of(columns: Array) -> Callable[[Array], Array]:
+    """What partials columns (n, k) out of rows (n,) or (n, j)."""
+    basis, _ = np.linalg.qr(columns / (np.linalg.norm(columns, axis=0) + 1e-300))
+    return lambda rows: np.asarray(rows - basis @ (basis.T @ rows))
+
+
+def _remainder(columns: Array, target: Array) -> float:
+    """RMS of what columns (n, k) leave of a target (n,)."""
+    scaled = columns / (np.linalg.norm(columns, axis=0) + 1e-300)
+    solution = np.linalg.lstsq(scaled, target, rcond=1e-8)[0]
+    return float(np.sqrt(np.mean((target - scaled @ solution) ** 2)))
