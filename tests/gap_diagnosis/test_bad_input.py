@@ -64,7 +64,6 @@ def cut(session: Session, seconds: float) -> Session:
 
 CASES: list[tuple[str, Callable[[Session], Session], str]] = [
     ('no reference', lambda s: without(s, topics.REFERENCE), topics.REFERENCE),
-    ('no command', lambda s: without(s, topics.COMMAND), topics.COMMAND),
     ('no encoder', lambda s: without(s, topics.JOINT_STATES), topics.JOINT_STATES),
     ('NaN', nan_encoder, 'NaN|not.*number'),
     ('no motion', still, 'motion is missing'),

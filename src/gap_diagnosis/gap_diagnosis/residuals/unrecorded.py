@@ -122,7 +122,9 @@ class _Fit:
     def law(self) -> DriveLaw:
         """The law in the first view that it explains to the noise, else in the best one."""
         found: list[DriveLaw] = []
-        for view in (self._whole, self._sliding, self._beside_an_effect):
+        # Steady rows do not tell a position gain as well.
+        sliding = (self._sliding,) if self.heard else ()
+        for view in (self._whole, *sliding, self._beside_an_effect):
             found.append(view())
             if found[-1].known:
                 return self._limited(found[-1])
@@ -234,8 +236,8 @@ class _Fit:
                 np.clip(start, np.array(low) + 1e-8, np.array(high) - 1e-8),
                 bounds=(low, high),
                 x_scale=[0.1, 1e-4, *(0.1 for _ in free)],
-                xtol=1e-5,
-                ftol=1e-6,
+                xtol=1e-8,
+                ftol=1e-7,
             )
             for start in starts
         ]
