@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import subprocess
 import sys
 import textwrap
 import time
@@ -79,6 +80,15 @@ def example(folder: Path) -> str:
     return '\n'.join(lines)
 
 
+def _commit(path: Path) -> str:
+    """The commit on which a session was run: the newest one before its file."""
+    before = f'--before={int(path.stat().st_mtime)}'
+    command = ['git', 'log', '-1', '--format=%h', before]
+    return subprocess.run(
+        command, cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout.strip()
+
+
 def main() -> None:
     """Write everything that comes from one session."""
     sessions = sorted(p.parent for p in (ROOT / 'bags').glob('*/session.json'))
@@ -87,7 +97,8 @@ def main() -> None:
         raise SystemExit('bags/ holds no session: run make session first')
     folder = named or sessions[-1]
     date = time.strftime('%Y-%m-%d', time.localtime((folder / 'session.json').stat().st_mtime))
-    source = f'\n\nWritten by `make docs-figures` from a session of {date}.'
+    state = f'{date}, commit {_commit(folder / "session.json")}'
+    source = f'\n\nWritten by `make docs-figures` from a session of {state}.'
     replace(ROOT / 'README.md', printed(folder) + source)
     replace(ROOT / 'docs' / 'guide' / 'diagnosis_reading.md', example(folder) + source)
     images = ROOT / 'docs' / 'images'
