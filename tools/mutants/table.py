@@ -1,0 +1,51 @@
+"""Writes the table of results into docs."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from .draw import ROOT, stored
+from .run import Result
+
+PAGE = ROOT / 'docs' / 'results' / 'mutants.md'
+HEAD = """# What the tests catch
+
+A mutant is the source with one operator or number changed.
+`python -m tools.mutants draw --seed 15` drew 40, four from every package
+(`tools/mutants/drawn.json`), and `python -m tools.mutants run` runs each against the tests of its
+package until one fails, at most {seconds:.0f} s; a test that fails without the mutant as well does
+not count.
+
+{summary}
+
+| place | change | outcome | s | commit |
+|---|---|---|---|---|
+"""
+
+
+def write_table(found: list[Result], seconds: float) -> None:
+    """Write one row for each mutant of the list that was tried, in the order of the list."""
+    by_mutant = {result.mutant: result for result in found}
+    tried = [by_mutant[m] for m in stored() if m in by_mutant]
+    counts = Counter(result.outcome for result in tried)
+    summary = f'{len(tried)} of {len(stored())} tried: '
+    summary += ', '.join(f'{n} {outcome}' for outcome, n in sorted(counts.items())) + '.'
+    PAGE.write_text(
+        HEAD.format(seconds=seconds, summary=summary) + ''.join(_row(r) for r in tried)
+    )
+
+
+def _row(result: Result) -> str:
+    mutant = result.mutant
+    place = f'`{mutant.file.split("/", 2)[-1]}`: `{mutant.function}`'
+    change = f'`{_cell(mutant.before)}` → `{_cell(mutant.after)}`'
+    outcome = result.outcome
+    if result.test:
+        outcome += f' by `{_cell(result.test.rpartition("/")[2])}`'
+    return f'| {place} | {change} | {outcome} | {result.seconds:.0f} | {result.commit} |\n'
+
+
+def _cell(text: str) -> str:
+    """Text on one line, short enough for a cell."""
+    line = ' '.join(text.split()).replace('|', '\\|')
+    return line if len(line) <= 60 else line[:57] + '...'
