@@ -48,7 +48,7 @@ class Trial:
         shutil.rmtree(self.root, ignore_errors=True)
         for name in _git('ls-files').splitlines():
             (self.root / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, self.root / name)
+            shutil.copy2(ROOT / name, self.root / name, follow_symlinks=False)
 
     def of(self, mutant: Mutant) -> Result:
         """Result of a mutant, from an earlier run where one has come to an end."""
