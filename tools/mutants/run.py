@@ -82,18 +82,21 @@ class Trial:
             deselected.append(f'--deselect={test}')
 
     def _tests(self, mutant: Mutant) -> list[str]:
-        """Test files of the package, those first that name the function or the module."""
+        """Test files of the package that name the function or the module; all if none does.
+
+        Those that name more of it come first, then the shorter ones.
+        """
         folders = FOLDERS.get(mutant.package, [mutant.package])
         own = [p for name in folders for p in (self.root / 'tests' / name).glob('test_*.py')]
-        module = Path(mutant.file).stem
-        words = [mutant.function.split('.')[0], mutant.function.split('.')[-1], module]
-        patterns = [re.compile(rf'\b{word}\b') for word in words]
+        words = {*mutant.function.split('.'), Path(mutant.file).stem}
 
-        def rank(path: Path) -> tuple[int, int]:
+        def named(path: Path) -> int:
             text = path.read_text()
-            return -sum(bool(p.search(text)) for p in patterns), path.stat().st_size
+            return sum(bool(re.search(rf'\b{word}\b', text)) for word in words)
 
-        return [str(path.relative_to(self.root)) for path in sorted(own, key=rank)]
+        covering = [path for path in own if named(path)] or own
+        covering.sort(key=lambda path: (-named(path), path.stat().st_size))
+        return [str(path.relative_to(self.root)) for path in covering]
 
     def _pytest(self, words: list[str], cache: str, end: float) -> tuple[str, str]:
         """Run the tests until one fails or the time is up."""

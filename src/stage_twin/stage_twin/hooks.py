@@ -3,8 +3,8 @@
 An effect's file takes part in a hook by a function of the hook's name. The function asks by the
 names of its arguments: for signals of the hook (below), for its effect's parameters, for fields
 of the axis (:data:`stage_twin.layout.AXIS_FIELDS`), for `state`, the effect's own states, which it
-may change, and for an array of parameters `c0`, `c1`, … as `c`. It runs only where its effect is
-on. Units are m, s, N, K, rad.
+may change, for an array of parameters `c0`, `c1`, … as `c`, and for all of them in their order
+as `parameters`. It runs only where its effect is on. Units are m, s, N, K, rad.
 
 Compiled, of an axis, in scalars:
 
@@ -90,7 +90,9 @@ def _argument(effect: Effect, name: str, signals: tuple[str, ...], hook: str) ->
 
 
 def _many(effect: Effect, name: str) -> list[str]:
-    """Parameters of an effect that are this name and an index."""
+    """Parameters of an effect that are this name and an index; all for `parameters`."""
+    if name == 'parameters':
+        return [p.name for p in effect.parameters]
     return [p.name for p in effect.parameters if re.fullmatch(rf'{name}\d+', p.name)]
 
 

@@ -35,6 +35,10 @@ DIRECTION, OTHER_POSITION, RISE = (VARIABLES[name][0] for name in 'sqT')
 STATES = tuple(f'{name}{i}' for name in ('direction', 'memory') for i in range(TERMS))
 #: Numbers of the shapes of a variable x with its `scale` b and its `bend` c.
 PLAIN, LINEAR, EVEN, ODD, SINE, BUMP, EXCESS, CURVE = range(8)
+#: Numbers of a term, in their order in a law: the sizes of all terms, then their first variables
+#: and so on; the knots of the curve come last.
+SIZE, FIRST, SHAPE, SCALE, BEND, SECOND, FORM, LENGTH, TURN, REACH, MEMORY = range(11)
+KNOT = 11 * TERMS
 SHAPES = (
     '0 one, 1 x / b, 2 abs(x / b)^c, 3 sign(x) abs(x / b)^c, 4 sin(2 pi x / b + c), '
     '5 exp(-((x - c) / b)^2), 6 sign(x) max(abs(x) - b, 0) / c, 7 the knots from b to c'
@@ -92,48 +96,34 @@ def remembered(state: Array, at: int, value: float, memory: float, step: float) 
 
 @njit(cache=True)
 def total(
-    x: tuple[float, ...],
-    part: int,
-    state: Array,
-    travelled: float,
-    step: float,
-    reach: Array,
-    size: Array,
-    first: Array,
-    shape: Array,
-    scale: Array,
-    bend: Array,
-    second: Array,
-    form: Array,
-    length: Array,
-    turn: Array,
-    memory: Array,
-    knot: Array,
+    x: tuple[float, ...], part: int, state: Array, travelled: float, step: float, law: Array
 ) -> float:
     """Sum of the terms of one `group` (-1: all) at the variables `x`, ordered by number.
 
     `state` holds each term's direction, then what it remembers; both move on by a step [s] in
-    which the axis has `travelled` [m].
+    which the axis has `travelled` [m]. `law` holds the parameters in their order.
     """
     out = 0.0
-    for i in range(len(size)):
-        if size[i] == 0.0 or (part >= 0 and group(first[i], second[i]) != part):
+    for i in range(TERMS):
+        term = law[i:KNOT:TERMS]
+        first, second = term[FIRST], term[SECOND]
+        if term[SIZE] == 0.0 or (part >= 0 and group(first, second) != part):
             continue
         way = 0.0
         if part <= 0:
-            way = state[i] = direction(state[i], travelled, reach[i])
-        one = way if int(first[i]) == DIRECTION else x[int(first[i])]
-        two = way if int(second[i]) == DIRECTION else x[int(second[i])]
+            way = state[i] = direction(state[i], travelled, term[REACH])
+        one = way if int(first) == DIRECTION else x[int(first)]
+        two = way if int(second) == DIRECTION else x[int(second)]
         value = 1.0
-        if int(shape[i]) == CURVE:
-            value = curve(one, scale[i], bend[i], knot)
-        elif first[i] != 0.0:
-            value = factor(one, shape[i], scale[i], bend[i])
-        if second[i] != 0.0:
-            value *= factor(two, form[i], length[i], turn[i])
+        if int(term[SHAPE]) == CURVE:
+            value = curve(one, term[SCALE], term[BEND], law[KNOT:])
+        elif first != 0.0:
+            value = factor(one, term[SHAPE], term[SCALE], term[BEND])
+        if second != 0.0:
+            value *= factor(two, term[FORM], term[LENGTH], term[TURN])
         if part <= 0:
-            value = remembered(state, len(size) + i, value, memory[i], step)
-        out += size[i] * value
+            value = remembered(state, TERMS + i, value, term[MEMORY], step)
+        out += term[SIZE] * value
     return out
 
 
@@ -156,7 +146,7 @@ def parameters(unit: str, largest: float, variables: tuple[str, ...]) -> tuple[P
         ('memory', 's', -1e3, 1e3, (0.1, 0.1), 'time constant behind it; negative: without it'),
     )
     out = []
-    # One array per name in the kernel: those of one name stand together.
+    # The order of `total`: those of one name stand together.
     for name, of, low, high, when_on, meaning in meanings:
         for i in range(TERMS):
             value = float(when_on[i == TERMS - 1])

@@ -28,105 +28,22 @@ def start(state: Array, position: float) -> None:
 
 
 def follow(
-    position: float,
-    velocity: float,
-    step: float,
-    time: float,
-    state: Array,
-    reach: Array,
-    size: Array,
-    first: Array,
-    shape: Array,
-    scale: Array,
-    bend: Array,
-    second: Array,
-    form: Array,
-    length: Array,
-    turn: Array,
-    memory: Array,
-    knot: Array,
+    position: float, velocity: float, step: float, time: float, state: Array, parameters: Array
 ) -> float:
     """Position of the table by what goes with the axis itself [m]."""
     travelled = position - state[-1]
     state[-1] = position
     x = (1.0, position, velocity, 0.0, 0.0, time, 0.0, 0.0, 0.0, 0.0)
-    return position + law_terms.total(
-        x, 0, state, travelled, step, reach, size, first, shape, scale, bend, second,
-        form, length, turn, memory, knot,
-    )  # fmt: skip
+    return position + law_terms.total(x, 0, state, travelled, step, parameters)
 
 
-def turn(
-    position: float,
-    other: float,
-    size: Array,
-    first: Array,
-    shape: Array,
-    scale: Array,
-    bend: Array,
-    second: Array,
-    form: Array,
-    length: Array,
-    turn: Array,
-    memory: Array,
-    knot: Array,
-) -> float:
-    """Displacement along by what goes with the place of the other axis [m]."""
+def turn(position: float, other: float, parameters: Array) -> float:
+    """Displacement along by what goes with the place of the other axis [m], without a state."""
     x = (1.0, position, 0.0, 0.0, 0.0, 0.0, other, 0.0, 0.0, 0.0)
-    return law_terms.total(
-        x,
-        1,
-        size,
-        0.0,
-        0.0,
-        size,
-        size,
-        first,
-        shape,
-        scale,
-        bend,
-        second,
-        form,
-        length,
-        turn,
-        memory,
-        knot,
-    )
+    return law_terms.total(x, 1, parameters, 0.0, 0.0, parameters)
 
 
-def along(
-    motor: float,
-    rise: float,
-    size: Array,
-    first: Array,
-    shape: Array,
-    scale: Array,
-    bend: Array,
-    second: Array,
-    form: Array,
-    length: Array,
-    turn: Array,
-    memory: Array,
-    knot: Array,
-) -> float:
-    """Displacement along by what goes with the temperature [m]."""
+def along(motor: float, rise: float, parameters: Array) -> float:
+    """Displacement along by what goes with the temperature [m], without a state."""
     x = (1.0, motor, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rise)
-    return law_terms.total(
-        x,
-        2,
-        size,
-        0.0,
-        0.0,
-        size,
-        size,
-        first,
-        shape,
-        scale,
-        bend,
-        second,
-        form,
-        length,
-        turn,
-        memory,
-        knot,
-    )
+    return law_terms.total(x, 2, parameters, 0.0, 0.0, parameters)

@@ -39,22 +39,8 @@ def force(
     other_velocity: float,
     other_acceleration: float,
     state: Array,
-    reach: Array,
-    size: Array,
-    first: Array,
-    shape: Array,
-    scale: Array,
-    bend: Array,
-    second: Array,
-    form: Array,
-    length: Array,
-    turn: Array,
-    memory: Array,
-    knot: Array,
+    parameters: Array,
 ) -> float:
-    """Force on the moving mass [N]."""
+    """Force on the moving mass [N]; the first parameter is the mass."""
     x = (1.0, position, velocity, 0.0, acting, time, 0.0, other_velocity, other_acceleration)
-    return law_terms.total(
-        x, -1, state, velocity * step, step, reach, size, first, shape, scale, bend, second,
-        form, length, turn, memory, knot,
-    )  # fmt: skip
+    return law_terms.total(x, -1, state, velocity * step, step, parameters[1:])
