@@ -28,7 +28,7 @@ def main() -> int:
     if arguments.command == 'draw':
         store(draw(arguments.count, arguments.seed), arguments.seed)
         return 0
-    dirty = subprocess.run(['git', 'diff', '--quiet', 'HEAD'], cwd=ROOT).returncode
+    dirty = subprocess.run(['git', 'diff', '--quiet', 'HEAD', 'src', 'tests'], cwd=ROOT).returncode
     if dirty:
         parser.error('the tree has changes that no commit holds: commit them first')
     trial = Trial(arguments.seconds)

@@ -6,8 +6,6 @@ Each encoder message goes in, at most one set-point comes out. Time is the messa
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +14,7 @@ from contour_ctrl.contour_error import of_record
 from contour_ctrl.curves import circle
 from contour_ctrl.figures import Figures, figures
 from contour_ctrl.learning import Learner
+from contour_ctrl.phases import Pair, Phase, RunSettings, SetPoint
 from contour_ctrl.reference import plan
 from contour_ctrl.tick import EX, QX, Controller, Gains
 from stage_core import topics
@@ -23,58 +22,6 @@ from stage_core.clocks import NANOSECONDS
 from stage_core.errors import StageError
 
 FloatArray = NDArray[np.float64]
-Pair = tuple[float, float]
-
-
-class Phase(Enum):
-    """Where a run stands."""
-
-    APPROACH = 'moving to the start'
-    STREAM = 'following the contour'
-    STOPPING = 'stopping'
-    DONE = 'done'
-
-
-@dataclass(frozen=True)
-class SetPoint:
-    """A set-point [m], [m/s] with the stamp [ns] of its tick."""
-
-    stamp: int
-    position: Pair | None
-    velocity: Pair | None = None
-
-
-@dataclass(frozen=True)
-class RunSettings:
-    """How a run approaches and stops.
-
-    Attributes
-    ----------
-    start_tolerance
-        Largest distance from the start point at which the contour begins [m].
-    rest_motion, rest_time
-        At rest: moved less than this [m] for this long [s].
-    approach_timeout
-        Time to reach the start point [s].
-    stop_time
-        Duration of a feed hold [s].
-    lockstep
-        Wait for `world_is_quiet` before the first tick, which keeps results identical.
-    missed_share
-        Largest share of ticks without a message from which is still learned.
-    longest_step
-        Way of the contour that may go by without a message [m]. The set-point after it is a step
-        of that length to the driver, whose following error limit is a latched fault.
-    """
-
-    start_tolerance: float = 1e-4
-    rest_motion: float = 5e-6
-    rest_time: float = 0.1
-    approach_timeout: float = 30.0
-    stop_time: float = 0.2
-    lockstep: bool = False
-    missed_share: float = 0.05
-    longest_step: float = 1e-3
 
 
 class ContourRun:

@@ -17,6 +17,7 @@ from session_bags.measured import (
     convert,
     derivative,
     drive_session,
+    fit_force,
     load,
     second_derivative,
 )
@@ -44,16 +45,15 @@ def fit_twin(record: dict[str, Array]) -> TwinFile:
     """Nominal twin of kind ``measured_force``, from the fast return of a turn.
 
     No inertia and no torque constant is published, so the mass is in A·s²/rad and viscous in
-    A·s/rad: least squares of the current on acceleration, speed, its sign and a constant.
+    A·s/rad.
     """
     ticks, angle, current = even(record)
     own = ticks < _RETURNED
     speed, acceleration = derivative(angle, ticks, 11), second_derivative(angle, ticks, 11)
-    columns = np.hstack([acceleration, speed, np.sign(speed), np.ones_like(speed)])
-    found, *_ = np.linalg.lstsq(columns[own], current[own, 0], rcond=None)
+    mass, viscous = fit_force(current[own, 0], speed[own, 0], acceleration[own, 0])
     axis = ForceAxis(
-        mass=float(found[0]),
-        viscous=float(found[1]),
+        mass=mass,
+        viscous=viscous,
         encoder_resolution=2.0 * math.pi / COUNTS,
         lead=2.0 * math.pi,
     )

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from session_bags.measured import (
     DAY,
     EPOCH,
@@ -17,6 +15,7 @@ from session_bags.measured import (
     convert,
     derivative,
     drive_session,
+    fit_force,
     load,
     second_derivative,
     series,
@@ -31,20 +30,16 @@ _FIT = 'day1_a'
 
 
 def fit_twin(seconds: Array, encoder: Array, command: Array) -> TwinFile:
-    """Nominal twin of kind ``measured_force``: least squares of command on motion, per axis.
+    """Nominal twin of kind ``measured_force``: the command fitted to the motion, per axis.
 
-    command = mass · a + viscous · v + Coulomb · sign(v) + constant, in command units (volt): no
-    force constant is published, so mass is in V·s²/m and viscous in V·s/m. The Coulomb term and
-    the constant keep the other two unbiased; a nominal twin does not hold them. The lap
-    accelerates by 0.02 m/s² only, so that the mass is uncertain to a factor of two.
+    Commands are in volt: no force constant is published, so mass is in V·s²/m and viscous in
+    V·s/m. The lap accelerates by 0.02 m/s² only, so that the mass is uncertain to a factor of two.
     """
     velocity, acceleration = derivative(encoder, seconds), second_derivative(encoder, seconds)
     axes = {}
     for number, axis in enumerate('xy'):
-        speed = velocity[:, number]
-        columns = (acceleration[:, number], speed, np.sign(speed), np.ones(len(seconds)))
-        found, *_ = np.linalg.lstsq(np.column_stack(columns), command[:, number], rcond=None)
-        axes[axis] = ForceAxis(mass=float(found[0]), viscous=float(found[1]))
+        mass, viscous = fit_force(command[:, number], velocity[:, number], acceleration[:, number])
+        axes[axis] = ForceAxis(mass=mass, viscous=viscous)
     return TwinFile(kind='measured_force', axes=dict(axes), control_period=0.001)
 
 

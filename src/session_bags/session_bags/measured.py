@@ -58,6 +58,17 @@ def second_derivative(values: Array, seconds: Array, window: int = 41) -> Array:
     return savgol_filter(values, window, 3, deriv=2, delta=step, axis=0)
 
 
+def fit_force(effort: Array, speed: Array, acceleration: Array) -> tuple[float, float]:
+    """Mass and viscous coefficient of one axis, in units of `effort` (n,): least squares.
+
+    effort = mass · acceleration + viscous · speed + Coulomb · sign(speed) + constant. The last two
+    keep the first two unbiased; a nominal twin does not hold them.
+    """
+    columns = np.column_stack([acceleration, speed, np.sign(speed), np.ones_like(speed)])
+    found, *_ = np.linalg.lstsq(columns, effort, rcond=None)
+    return float(found[0]), float(found[1])
+
+
 def series(topic: str, seconds: Array, start: int, columns: Mapping[str, Array]) -> Series:
     """Columns (n, axes) per quantity as a series; a quantity's columns are x, then y."""
     values = {

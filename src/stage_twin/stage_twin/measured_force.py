@@ -50,9 +50,8 @@ class MeasuredForceResult:
     encoder, velocity
         Simulated motor position and velocity, restarted at every window.
     force : recorded force [N].
-    filtered_force : recorded force behind the filter that smoothing puts before `required` [N].
-    required : force that the model needs for the recorded motion [N]; compare it with
-        `filtered_force`.
+    required : force that the model needs for the recorded motion [N]; compare it with the force
+        behind :func:`filter_force`.
     window : int
         Ticks of a window.
     """
@@ -61,7 +60,6 @@ class MeasuredForceResult:
     encoder: np.ndarray
     velocity: np.ndarray
     force: np.ndarray
-    filtered_force: np.ndarray
     required: np.ndarray
     window: int
 
@@ -198,7 +196,6 @@ def simulate_measured_force(
         encoder=simulated,
         velocity=velocity,
         force=force,
-        filtered_force=filter_force(force, arrays.period, motion.width),
         required=_required(arrays, motion, external, states),
         window=ticks,
     )

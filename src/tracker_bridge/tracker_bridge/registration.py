@@ -29,9 +29,8 @@ class Registration:
         Transformed tracker point minus stage position, (n, 3) [m].
     rms
         Root mean square of the residuals' lengths [m].
-    rotation_std, translation_std
-        Standard deviations from the residuals, about x, y, z [rad] and along them [m], the
-        translation at the centre of the points.
+    rotation_std
+        Standard deviations from the residuals, about x, y, z [rad].
     planar
         Eq. 24 of paper 1: (2, 3) matrix Tr with p_tracker = Tr · (x, y, 1), stage to tracker,
         with scale and skew free.
@@ -43,7 +42,6 @@ class Registration:
     residuals: Array
     rms: float
     rotation_std: Array
-    translation_std: Array
     planar: Array
     planar_rms: float
 
@@ -106,6 +104,4 @@ def register(tracker: ArrayLike, stage: ArrayLike) -> Registration:
     deviations = np.sqrt(variance * np.diag(np.linalg.inv(flat.T @ flat)))
     planar = fit_planar(target, source)
     left = source[:, :2] - (target[:, :2] @ planar[:, :2].T + planar[:, 2])
-    return Registration(
-        transform, residuals, _rms(residuals), deviations[:3], deviations[3:], planar, _rms(left)
-    )
+    return Registration(transform, residuals, _rms(residuals), deviations[:3], planar, _rms(left))
