@@ -11,6 +11,7 @@ from contour_ctrl.contour_parameters import PARAMETERS, make_curve, make_referen
 from contour_ctrl.curves import check_regular
 from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence import experiments
+from gap_diagnosis.evidence.judgement import name_beside_unknown
 
 
 def test_the_contour_controller_plans_the_next_experiment(
@@ -38,3 +39,12 @@ def test_no_open_question_no_experiment(open_question: Diagnosis, tmp_path: Path
     closed = replace(open_question, verdict=[], causes=[])
     assert experiments.write_reference(closed, tmp_path) is None
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_no_run_can_confirm_stands_beside_unknown(open_question: Diagnosis) -> None:
+    causes = [replace(c) for c in open_question.causes]
+    name_beside_unknown(causes, [], ['drive_play.x', 'coulomb_friction.y'])
+    beside = {c.effect: c.alternatives for c in causes if c.status == 'accepted'}
+    assert beside['unknown'] == ['drive_play.x']
+    told = ' '.join(experiments.steps(replace(open_question, causes=causes)))
+    assert 'drive_play.x would explain the force' in told

@@ -153,6 +153,7 @@ def diagnose(
                     result.channels,
                     seed,
                 )
+            judge.name_beside_unknown(result.causes, result.parts, barred[len(without) :])
             return result
         name = beside or min(failed, key=lambda c: c.interval[0]).effect
         progress(f'{name} does not hold in the twin as it is run: without it')

@@ -57,12 +57,14 @@ def model_of(name: str) -> str:
 def with_model_error(
     name: str, values: dict[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Parameters whose deviations hold what models of their kind get wrong (`SPREAD`)."""
+    """Parameters whose deviations hold what models get wrong: of their kind, and their own."""
     factor, share = SPREAD[model_of(name)]
-    return {
-        k: (v, std and math.hypot(factor * std, share * abs(v) if is_magnitude(name, k) else 0.0))
-        for k, (v, std) in values.items()
-    }
+    out = {}
+    for key, (value, std) in values.items():
+        doubt = effect_of(name).parameter(key).doubt
+        missed = math.hypot(share if is_magnitude(name, key) else 0.0, doubt) * abs(value)
+        out[key] = (value, std and math.hypot(factor * std, missed))
+    return out
 
 
 def surer(

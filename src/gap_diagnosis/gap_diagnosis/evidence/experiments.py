@@ -10,7 +10,7 @@ from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.input.checks import EXCITATION_HINT
 from stage_core.quantities import UNKNOWN
 from stage_core.whole_file import write_whole
-from stage_twin.effects import separating
+from stage_twin.effects import effect_of, separating
 
 REFERENCE_FILE = 'next_reference.yaml'
 SHARE_OF_TRAVEL, POINTS = 0.4, 240
@@ -23,6 +23,12 @@ def steps(diagnosis: Diagnosis) -> list[str]:
         if cause.status != 'accepted':
             continue
         for rival in cause.alternatives:
+            if cause.effect == UNKNOWN:
+                found.append(
+                    f'{rival} would explain the force; the loop swings by it at a phase that no '
+                    f'run of the twin repeats. Measure {effect_of(rival).excited_by}.'
+                )
+                continue
             how = separating(cause.effect, rival)
             found.append(f'{cause.effect} or {rival}: these data cannot tell. Measure {how}.')
     if UNKNOWN in diagnosis.verdict:

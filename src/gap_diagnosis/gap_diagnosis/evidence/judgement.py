@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from gap_diagnosis.residuals.regression import Problem
 from gap_diagnosis.selection.forward import Evidence
 from stage_core.quantities import UNKNOWN
 from stage_core.twin_file import TwinFile
+from stage_twin.effects import effect_of
 
 if TYPE_CHECKING:
     from gap_diagnosis.diagnose import Channel, Part
@@ -175,6 +177,17 @@ def rejected_causes(
             Cause(name, 0.0, {}, after, after, (0.0, 0.0), 'accepted' if named else 'rejected')
         )
     return out
+
+
+def name_beside_unknown(
+    causes: Sequence[Cause], parts: Sequence[Part], refuted: Sequence[str]
+) -> None:
+    """Lists with `unknown` what a residual shows although no run of the twin can confirm it."""
+    shown = {n for p in parts for n in p.unconfirmed}
+    shown |= {n for n in refuted if effect_of(n).swings}
+    for cause in causes:
+        if cause.effect == UNKNOWN and cause.status == 'accepted':
+            cause.alternatives = sorted(shown)
 
 
 def channel_floor(twin: TwinFile, channel: str, resolution: float | None = None) -> float:

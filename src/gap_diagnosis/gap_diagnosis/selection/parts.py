@@ -22,7 +22,7 @@ from gap_diagnosis.selection.forward import Evidence, Rules, Selection, Selector
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import link_of
+from stage_twin.effects import effect_of, link_of
 
 Array = NDArray[np.float64]
 
@@ -59,6 +59,7 @@ class Part:
     row_axis: NDArray[np.int64]
     structure: judge.Structure
     rows: ForceRows | Kinematics | None = None  # what the problem was made of
+    unconfirmed: tuple[str, ...] = ()  # what the residual shows and no run of the twin can
 
 
 def with_steps(
@@ -278,17 +279,23 @@ def fit_servo(
     balance; the twin with such an effect then follows the record worse than without it.
     """
     barred = list(without)
+    unconfirmed: tuple[str, ...] = ()
     while True:
         part = fit_part(f'servo.{axis}', problem, SERVO_RULES, seed, barred)
         accepted = part.selection.accepted
         if not accepted or twin.kind != 'servo':
-            return part
+            return replace(part, unconfirmed=unconfirmed)
         found = describe(part.selection, part.selector.regression)
         found.update(quantisation)
         effects = {n: {k: v for k, (v, _) in p.items()} for n, p in found.items()}
         contradicted = _contradicted(axis, accepted, effects, records, twin)
         if not contradicted:
-            return part
+            return replace(part, unconfirmed=unconfirmed)
+        # Beside a loop that swings at another phase nothing else can be judged.
+        swinging = tuple(n for n in accepted if effect_of(n).swings)
+        if len(contradicted) > 1 and swinging:
+            contradicted = list(swinging)
+        unconfirmed += tuple(n for n in contradicted if n in swinging)
         barred += contradicted
 
 

@@ -38,6 +38,8 @@ class Parameter:
     fitted : bool
         False for geometry that the user states (a period, a reference position) and that data
         of one session cannot determine.
+    doubt : float
+        Standard deviation, as a share of the value, of what a fit gets wrong beyond what it says.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Parameter:
     neutral: float | None = 0.0
     nuisance: bool = False
     fitted: bool = True
+    doubt: float = 0.0
 
     def said(self, value: float) -> str:
         """A value with its unit, as a report says it: `12 µm`."""
@@ -81,6 +84,9 @@ class Effect:
     separated_from : mapping
         Rival effect -> the experiment that tells them apart, as the object of "measure". One of
         two rivals names the other.
+    swings : bool
+        Whether the loop may swing by it, at a phase that no second run repeats. The gap of a run
+        then cannot confirm it, and a report lists it beside `unknown`.
     holds : tuple of str
         Effects that are special cases of this one: it must beat them clearly, and takes their
         place.
@@ -103,6 +109,7 @@ class Effect:
     excited_by: str
     per_axis: bool = True
     reverses: bool = False
+    swings: bool = False
     separated_from: Mapping[str, str] = field(default_factory=dict)
     holds: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()

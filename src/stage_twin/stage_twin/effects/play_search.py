@@ -1,0 +1,107 @@
+"""How a drive crosses its play between a recorded force and a recorded path.
+
+While the drive touches no edge the recorded force accelerates it alone. So it is followed from
+edge to edge; what its own mass needs beyond the carriage's motion is the force that a balance of
+both as one mass misses. Twice integrated that force is (mass · width) from edge to edge: of both
+only the product shows well, so that the search has it in its first place.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.term import Array, Theta
+
+#: Contact where nothing is said of it: natural frequency [Hz] and damping ratio.
+FREQUENCY, DAMPING = 300.0, 0.2
+#: Radians of the contact's oscillation that a substep of the search may cover.
+REACH = 0.3
+#: Starts of a search: share of the mass times width [m], damping ratios, and that share.
+MOMENTS, DAMPINGS, SHARE = np.geomspace(3e-7, 4e-5, 14), (0.1, 0.2, 0.35, 1.5), 0.25
+#: Least share of the residual that the best of them explains where a play is searched further.
+LEAST = 0.03
+
+
+@njit(cache=True)
+def push(apart: float, rate: float, width: float, stiffness: float, damping: float) -> float:
+    """Force [N] of the edge that a drive touches `apart` [m] from the middle; it never pulls."""
+    if abs(apart) <= 0.5 * width:
+        return 0.0
+    pressed = stiffness * (apart - math.copysign(0.5 * width, apart)) + damping * rate
+    return max(pressed, 0.0) if apart > 0.0 else min(pressed, 0.0)
+
+
+@njit(cache=True)
+def crossed(
+    force: Array, path: Array, period: float, mass: float, width: float, contact: float
+) -> Array:
+    """Where a drive of some mass [kg] is in its play, (n,) [m], from the middle on.
+
+    A force (n,) [N] at the ticks drives it beside a carriage on a path (n,) [m]; `contact` is
+    the damping ratio of the edges.
+    """
+    natural = 2.0 * math.pi * FREQUENCY
+    stiffness, damping = mass * natural * natural, 2.0 * contact * mass * natural
+    count = int(period * natural / REACH) + 1
+    short = period / count
+    out = np.zeros(len(force))
+    place, rate = path[0], 0.0
+    for k in range(len(force) - 1):
+        speed = (path[k + 1] - path[k]) / period
+        slope = (force[k + 1] - force[k]) / count
+        for i in range(count):
+            apart = place - path[k] - speed * short * i
+            edge = push(apart, rate - speed, width, stiffness, damping)
+            rate += short * (force[k] + slope * (i + 0.5) - edge) / mass
+            place += short * rate
+        out[k + 1] = place - path[k + 1]
+    return out
+
+
+class Crossing:
+    """Columns of a play in the drive; θ is share of the mass · width [m], the share, damping."""
+
+    def __init__(self, rows: ForceRows) -> None:
+        self.rows = rows
+        self._kept: dict[Theta, Array] = {}
+
+    def columns(self, theta: Theta) -> Array:
+        """Force [N] that the drive's mass needs beside the carriage's motion, (n, 1)."""
+        moment, share, contact = theta
+        own, signals = share * self.rows.mass, []
+        runs = zip(self.rows.applied(), self.rows.position(), self.rows.periods, strict=True)
+        for force, path, period in runs:
+            place = crossed(force, path, period, own, moment / share, contact)
+            needed = np.zeros_like(place)
+            needed[1:-1] = own * np.diff(place, 2) / period**2
+            signals.append(needed)
+        return self.rows.columns(signals)
+
+    def propose(self, residual: Array) -> tuple[Theta, ...]:
+        """The start that explains most of a residual (n,); no width where none explains any."""
+        starts = [(float(m), SHARE, d) for m in MOMENTS for d in DAMPINGS]
+        best = max(starts, key=lambda start: self._explains(start, residual))
+        if self._explains(best, residual) < LEAST * float(residual @ residual):
+            return ((0.0, SHARE, DAMPING),)
+        moment, _, contact = best
+        near = [
+            (moment * m, s, contact * d)
+            for m in (0.85, 1.0, 1.18)
+            for s in (0.15, 0.25, 0.38)
+            for d in (0.8, 1.0, 1.25)
+        ]
+        return (max(near, key=lambda start: self._gain(self.columns(start)[:, 0], residual)),)
+
+    def _explains(self, start: Theta, residual: Array) -> float:
+        if start not in self._kept:
+            self._kept[start] = self.columns(start)[:, 0].astype(np.float32)
+        return self._gain(self._kept[start], residual)
+
+    @staticmethod
+    def _gain(column: Array, residual: Array) -> float:
+        """By how much the sum of squares of a residual falls with a column taken out."""
+        return float(column @ (2.0 * residual - column))
