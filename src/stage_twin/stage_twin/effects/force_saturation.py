@@ -10,6 +10,10 @@ from stage_twin.effects.term import Array, Term, Theta
 
 #: By how much the missing share of the force beyond the limit may differ from all of it.
 WHOLE = 0.1
+#: Least correlation of the clipped force with the acceleration where it clips most of the time:
+#: 0.92 and more with an amplifier that clips 97 % of the ticks, 0.63 at most on seven development
+#: sessions without one.
+MOVES = 0.8
 
 EFFECT = Effect(
     name='force_saturation',
@@ -64,10 +68,19 @@ def term(rows: ForceRows) -> Term | None:
         return None
     direct = rows.applied()
     strength = np.abs(rows.used(rows.commanded()))
+    pushed = rows.columns(rows.acceleration())[:, 0]
 
     def columns(theta: Theta) -> Array:
         clipped = rows.applied(limit=theta[0] * peak)
         return rows.columns([f - g for f, g in zip(direct, clipped, strict=True)])
+
+    def real(theta: Theta) -> bool:
+        """Whether it clips now and then, or what it leaves is what accelerates the mass."""
+        if np.mean(strength > theta[0] * peak) < 0.5:
+            return True
+        left = rows.columns(rows.applied(limit=theta[0] * peak))[:, 0]
+        together = float(left @ pushed) / float(np.linalg.norm(left) * np.linalg.norm(pushed))
+        return together > MOVES
 
     return Term(
         columns,
@@ -77,7 +90,5 @@ def term(rows: ForceRows) -> Term | None:
         upper=(1.0,),
         # All of the force beyond the limit is missing, whatever a free coefficient says; with no
         # force at all the equation of motion has the trivial solution 0 = 0.
-        admissible=lambda theta, c: bool(
-            abs(c[0] - 1.0) < WHOLE and np.mean(strength > theta[0] * peak) < 0.5
-        ),
+        admissible=lambda theta, c: bool(abs(c[0] - 1.0) < WHOLE) and real(theta),
     )
