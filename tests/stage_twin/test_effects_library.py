@@ -179,7 +179,7 @@ def test_no_effect_is_bit_identical_to_effects_at_zero(nominal):
         ({'backlash.x': {'width': -1e-6}}, 'effects.backlash.x.width = -1e-06 is out of range'),
         ({'backlash.x': {'width': 1.0}}, 'give 0 to 0.001 m'),
         ({'backlash.x': {'width': float('nan')}}, 'out of range'),
-        ({'coulomb_friction.y': {'presliding': 21e-6}}, 'give 0 to 2e-05 m'),
+        ({'coulomb_friction.y': {'presliding': 2e-3}}, 'give 0 to 0.001 m'),
         ({'viscous_friction.x': {'viscous': -41.0}}, 'axis x: viscous friction comes to -1'),
     ],
 )

@@ -5,10 +5,11 @@ from __future__ import annotations
 from stage_twin.effects.definition import Effect
 from stage_twin.effects.friction import (
     PRESLIDING,
-    PRESLIDING_GRID,
     SHORTEST_PRESLIDING,
     bristles,
     friction_force,
+    longest_presliding,
+    presliding_grid,
     speed_curve,
     viscous,
 )
@@ -84,9 +85,9 @@ def term(rows: ForceRows) -> Term:
             'viscous_negative': float(c[3]),
             'presliding': theta[0],
         },
-        grid=tuple((g,) for g in PRESLIDING_GRID),
+        grid=tuple((g,) for g in presliding_grid(rows)),
         lower=(0.0,),
-        upper=(20e-6,),
+        upper=(longest_presliding(rows),),
         admissible=lambda theta, c: bool(
             0.0 < c[0] < 500.0
             and 0.0 < c[1] < 500.0

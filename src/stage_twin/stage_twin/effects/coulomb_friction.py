@@ -5,10 +5,11 @@ from __future__ import annotations
 from stage_twin.effects.definition import Effect
 from stage_twin.effects.friction import (
     PRESLIDING,
-    PRESLIDING_GRID,
     SHORTEST_PRESLIDING,
     bristles,
     friction_force,
+    longest_presliding,
+    presliding_grid,
     speed_curve,
 )
 from stage_twin.effects.rows import ForceRows
@@ -45,8 +46,8 @@ def term(rows: ForceRows) -> Term:
     return Term(
         lambda theta: rows.columns(bristles(rows, theta[0])),
         lambda theta, c: {'coulomb': float(c[0]), 'presliding': theta[0]},
-        grid=tuple((g,) for g in PRESLIDING_GRID),
+        grid=tuple((g,) for g in presliding_grid(rows)),
         lower=(0.0,),
-        upper=(20e-6,),
+        upper=(longest_presliding(rows),),
         admissible=lambda theta, c: 0.0 < c[0] < 500.0,
     )

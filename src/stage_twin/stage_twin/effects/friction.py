@@ -15,7 +15,7 @@ PRESLIDING = Parameter(
     'presliding',
     'm',
     0.0,
-    20e-6,
+    1e-3,
     1e-6,
     'displacement over which the force builds up after a reversal (bristle deflection when it '
     'slides or breaks away); 0 is dry friction',
@@ -23,7 +23,9 @@ PRESLIDING = Parameter(
 )
 #: Shortest pre-sliding displacement [m]; below it friction is dry for any encoder.
 SHORTEST_PRESLIDING = 1e-9
-PRESLIDING_GRID = (0.0, 1e-6, 3e-6, 8e-6, 15e-6)
+#: Longest one that is looked for [m], and as a share of the travel: large machines are softer.
+LONGEST_PRESLIDING, OF_TRAVEL = 20e-6, 1.0 / 3000.0
+PRESLIDING_GRID = (0.0, 0.05, 0.15, 0.4, 0.75)  # as shares of the longest one
 CURVE_KNOTS = (0.0, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1)  # m/s
 
 
@@ -60,6 +62,17 @@ def presliding_state(position: Array, presliding: float) -> Array:
 def bristles(rows: ForceRows, presliding: float) -> Signal:
     """:func:`presliding_state` of the axis in each session."""
     return [presliding_state(p, presliding) for p in rows.position()]
+
+
+def longest_presliding(rows: ForceRows) -> float:
+    """Longest pre-sliding displacement that is looked for [m]."""
+    travel = max(float(np.ptp(p)) for p in rows.position())
+    return max(LONGEST_PRESLIDING, OF_TRAVEL * travel)
+
+
+def presliding_grid(rows: ForceRows) -> list[float]:
+    """Pre-sliding displacements from which a search starts [m]."""
+    return [share * longest_presliding(rows) for share in PRESLIDING_GRID]
 
 
 def speed_curve(rows: ForceRows) -> Array:

@@ -7,10 +7,11 @@ import numpy as np
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import (
     PRESLIDING,
-    PRESLIDING_GRID,
     SHORTEST_PRESLIDING,
     bristles,
     friction_force,
+    longest_presliding,
+    presliding_grid,
     speed_curve,
 )
 from stage_twin.effects.rows import ForceRows
@@ -91,8 +92,8 @@ def term(rows: ForceRows) -> Term:
             'presliding': theta[0],
             **{f'c{k}': float(value) for k, value in enumerate(c)},
         },
-        grid=tuple((g,) for g in PRESLIDING_GRID),
+        grid=tuple((g,) for g in presliding_grid(rows)),
         lower=(0.0,),
-        upper=(20e-6,),
+        upper=(longest_presliding(rows),),
         admissible=varies,
     )

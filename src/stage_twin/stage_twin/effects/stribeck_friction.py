@@ -9,10 +9,11 @@ import numpy as np
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import (
     PRESLIDING,
-    PRESLIDING_GRID,
     SHORTEST_PRESLIDING,
     bristles,
     friction_force,
+    longest_presliding,
+    presliding_grid,
     speed_curve,
 )
 from stage_twin.effects.rows import ForceRows
@@ -81,8 +82,8 @@ def term(rows: ForceRows) -> Term:
             'stribeck_velocity': theta[1],
             'presliding': theta[0],
         },
-        grid=tuple((g, w) for g in PRESLIDING_GRID for w in STRIBECK_GRID),
+        grid=tuple((g, w) for g in presliding_grid(rows) for w in STRIBECK_GRID),
         lower=(0.0, 1e-3),
-        upper=(20e-6, 0.2),
+        upper=(longest_presliding(rows), 0.2),
         admissible=lambda theta, c: bool(0.0 < c[0] < 500.0 and 0.0 < c[1] < 500.0),
     )
