@@ -202,3 +202,23 @@ def test_gaussian_process_equals_the_textbook_solution(samples):
         residual = target[:, output] - model._predict_scaled(x)[:, output]
         noise = residual @ state['weights'][output] / (state['weights'][output] ** 2).sum()
         np.testing.assert_allclose(residual, noise * state['weights'][output], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('method', 'options', 'words'),
+    [
+        ('polynomial', {'degree': 'x'}, 'degree .* whole number, 0 or more, or "auto"'),
+        ('polynomial', {'degree': -3}, 'got -3'),
+        ('polynomial', {'degree': 0.5}, 'got 0.5'),
+        ('structured', {'degre': 4}, 'did you mean degree'),
+        ('structured', {'lead': 'x'}, 'a length per axis'),
+        ('structured', {'harmonics': 2}, 'a list of whole numbers'),
+        ('it2fls', {'particles': 0}, 'particles .* 1 or more'),
+        ('lolimot', {'split_all': 1}, 'true or false'),
+        ('gradient_boosting', {'rate': float('nan')}, 'not negative'),
+        ('identity', {'degree': 1}, 'it has none'),
+    ],
+)
+def test_an_option_of_another_kind_is_refused(method, options, words):
+    with pytest.raises(StageError, match=words):
+        make_model(method, **options)

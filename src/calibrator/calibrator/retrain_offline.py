@@ -133,6 +133,18 @@ def _progress() -> Any:
     return show
 
 
+def _not_negative(kind: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Reads a number that is finite and not negative."""
+
+    def number(text: str) -> Any:
+        value = kind(text)
+        if not 0 <= value < float('inf'):
+            raise ValueError(text)
+        return value
+
+    return number
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='retrain_offline', description=__doc__)
     parser.add_argument(
@@ -152,16 +164,22 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--compare', action='store_true', help='table of all methods, no model')
     parser.add_argument('--machine', default='', help='name of the stage, kept in the model')
-    parser.add_argument('--seed', type=int, default=0)
+    parser.add_argument('--seed', type=_not_negative(int), default=0)
     parser.add_argument('--out', default='', help='model file to write')
     parser.add_argument(
-        '--max-correction', type=float, default=Job.max_correction, help='largest error left [m]'
+        '--max-correction',
+        type=_not_negative(float),
+        default=Job.max_correction,
+        help='largest error left [m]',
     )
     parser.add_argument(
         '--force', action='store_true', help='write a model that is no better than none, marked'
     )
     parser.add_argument(
-        '--restarts', type=int, default=1, help='random starts of a swarm; the best is taken'
+        '--restarts',
+        type=_not_negative(int),
+        default=1,
+        help='random starts of a swarm; the best is taken',
     )
     parser.add_argument(
         '--results',

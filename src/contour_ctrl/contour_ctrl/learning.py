@@ -21,6 +21,10 @@ OWN_SHARE = 0.5
 #: The longest lead that is looked for, in 1 / L: two is the range of `ilc.design`, a delay of 5 ms
 #: and three times the mass ask for three.
 LONGEST_LEAD = 3.0
+#: Share of the rate in the first update, when nobody has seen yet whether the model is right. With
+#: twice the mass the second lap then has 4.5 instead of 8.0 um (the first 6.8), with the nominal
+#: mass 2.6 um with either (`benchmarks/paper3_tables.py --peers`).
+FIRST_STEP = 0.5
 #: A loop oscillates where this share of an axis' error, above the frequencies of a contour [Hz],
 #: lies within a band of this half width [Hz], and is more than this share of the lag v / K_p.
 OSCILLATION_SHARE, OSCILLATION_ABOVE, OSCILLATION_BAND, OSCILLATION_OF_LAG = 0.5, 7.0, 2.0, 0.1
@@ -170,13 +174,15 @@ class Learner:
     def _update(self, lap: Lap) -> None:
         """Scheme 2 or 3 (eqs. 26, 30) from an iteration's error."""
         settings, factors = self.settings, [1.0, 1.0]
+        cautious = settings.divergence > 0.0 and not self.factors
+        rate = self.rate * (FIRST_STEP if cautious else 1.0)
         for axis in range(2):
             if settings.reinforced:
                 factors[axis] = self.regulators[axis].after(float(lap.rms[axis]))
             self.learned[:, axis : axis + 1] = ilc.p_type_update(
                 self.learned[:, axis : axis + 1],
                 lap.error[:, axis : axis + 1],
-                factors[axis] * self.rate * settings.gain[axis],
+                factors[axis] * rate * settings.gain[axis],
                 settings.cutoff,
                 self.period,
                 self.lead[axis],

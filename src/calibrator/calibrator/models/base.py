@@ -14,6 +14,7 @@ from calibrator.models.domain import Domain
 from calibrator.models.encoding import from_json, to_json
 from calibrator.models.inputs import Array, checked, require_finite
 from calibrator.models.inverse import invert
+from calibrator.models.options import checked_options
 from calibrator.models.selection import Conditions, Learner, choose, conditions, deviation
 from calibrator.places import Labels, distinct_places
 from stage_core.errors import StageError
@@ -46,12 +47,7 @@ class CalibrationModel(ABC):
     """Whether temperatures are inputs of the method."""
 
     def __init__(self, **options: Any) -> None:
-        unknown = sorted(set(options) - set(self.defaults))
-        if unknown:
-            known = ', '.join(sorted(self.defaults)) or 'none'
-            raise StageError(
-                f'method {self.method} has no option {unknown[0]}: its options are {known}'
-            )
+        checked_options(self.method, options, self.defaults)
         self.options: dict[str, Any] = {**self.defaults, **options}
         self.state: dict[str, Any] = {}
         #: What the data chose, by the name of the option.
