@@ -3,18 +3,20 @@ PYTHON_ENV := .venv/bin/python
 SESSION ?=
 
 # Numba does not notice that a kernel's callee changed: the cache belongs to one state of the code.
-export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell cat src/*/*/*.py src/*/*/*/*.py 2>/dev/null | sha1sum | cut -c1-12)
+export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell LC_ALL=C sh -c 'cat src/*/*/*.py src/*/*/*/*.py' 2>/dev/null | sha1sum | cut -c1-12)
 # Small matrices run slower on many threads, and the control loop needs a core.
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: setup kernels session test check lint bench soak calibrate-diagnosis clean reference docs-figures screenshots tutorials site
+.PHONY: setup venv kernels session test check lint bench soak calibrate-diagnosis clean reference docs-figures screenshots tutorials site
 
-setup:
+setup: kernels
+
+venv:
 	@bash tools/setup.sh
 
 # What Numba compiles, before anything waits for it.
-kernels: setup
+kernels: venv
 	@$(PYTHON_ENV) -m stage_bringup.kernels
 
 session: kernels
@@ -25,18 +27,18 @@ test: kernels
 
 # What can be said in under a minute: format, lint, types of what changed, structure and docs.
 CHANGED := $(shell git diff --name-only --diff-filter=d main -- 'src/*/*/*.py' 2>/dev/null)
-check: setup
+check: venv
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	$(if $(CHANGED),.venv/bin/mypy $(CHANGED))
 	$(PYTHON_ENV) -m pytest -q tests/test_structure.py tests/test_docs.py tests/stage_core
 
-lint: setup
+lint: venv
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy $(patsubst %/__init__.py,%,$(wildcard src/*/*/__init__.py))
 
-bench: setup
+bench: venv
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" bash benchmarks/run.sh
 
 # Probabilities and intervals of the diagnosis, fitted and measured on simulated sessions.
@@ -50,11 +52,11 @@ soak: kernels
 	nice -n 15 $(PYTHON_ENV) tools/notebooks.py --docs .cache/tutorials
 	nice -n 15 $(PYTHON_ENV) benchmarks/soak.py --minutes $(MINUTES)
 
-reference: setup
+reference: venv
 	$(PYTHON_ENV) -m stage_bringup.reference docs/reference/reference.md
 
 # Figures and pictures of the newest session in bags/, into README and docs.
-docs-figures: setup
+docs-figures: venv
 	$(PYTHON_ENV) tools/docs_figures.py
 
 # Chromium draws the pages of the newest session and the live view, into docs/images.
@@ -66,7 +68,7 @@ tutorials: kernels
 	$(PYTHON_ENV) tools/notebooks.py
 
 # The documentation as a site in build/site, with links checked.
-site: setup
+site: venv
 	@bash tools/site/build.sh
 
 clean:

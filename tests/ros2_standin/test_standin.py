@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import pytest
 import yaml
 
 from ros2_standin import install as installer
-from ros2_standin.executables import command, find, packages
+from ros2_standin.executables import command, environment, find, packages
 from ros2_standin.messages import fill, interface, to_plain, to_yaml
 from ros2_standin.topic import rate_report
 from stage_core.errors import StageError
@@ -176,6 +177,25 @@ def test_every_declared_executable_can_be_found() -> None:
             assert line[-1] == '--ros-args'
 
 
+@pytest.mark.skipif(shutil.which('make') is None, reason='no make on PATH')
+def test_nodes_load_the_kernels_that_make_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv('NUMBA_CACHE_DIR', raising=False)
+    show = [
+        'make',
+        '-s',
+        '--no-print-directory',
+        '--eval',
+        'show:;@echo $(NUMBA_CACHE_DIR)',
+        'show',
+    ]
+    root = Path(__file__).resolve().parents[2]
+    made = subprocess.run(show, cwd=root, capture_output=True, text=True, check=True).stdout
+    node = find('stage_driver', 'stage_driver')
+    assert environment(node)['NUMBA_CACHE_DIR'] == made.strip()
+    monkeypatch.setenv('NUMBA_CACHE_DIR', 'chosen')
+    assert environment(node)['NUMBA_CACHE_DIR'] == 'chosen'
+
+
 def test_an_installed_workspace_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = tmp_path / 'lib' / 'session_bags' / 'check'
     marker = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages' / 'session_bags'
@@ -191,9 +211,9 @@ def test_steps_aside_for_a_real_ros2(tmp_path: Path) -> None:
     real = tmp_path / 'ros2'
     real.write_text('#!/bin/sh\necho the real one: "$@"\n')
     real.chmod(0o755)
-    environment = {**os.environ, 'PATH': f'{tmp_path}:{os.environ["PATH"]}'}
+    first = {**os.environ, 'PATH': f'{tmp_path}:{os.environ["PATH"]}'}
     words = [sys.executable, '-m', 'ros2_standin', 'topic', 'list']
-    shown = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=30)
+    shown = subprocess.run(words, env=first, capture_output=True, text=True, timeout=30)
     assert shown.stdout == 'the real one: topic list\n'
 
 

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from ros2_standin import bag, param_node, services, topic
-from ros2_standin.executables import command, find, packages
+from ros2_standin.executables import command, environment, find, packages
 from ros2_standin.install import real_ros2
 from stage_core.errors import StageError, command_line
 
@@ -51,7 +51,7 @@ def run_executable(arguments: argparse.Namespace) -> None:
     executable = find(arguments.package_name, arguments.executable_name)
     line = command(executable, arguments.argv, sys.executable)
     sys.stdout.flush()
-    os.execv(line[0], line)
+    os.execve(line[0], line, environment(executable))
 
 
 def list_packages(_: argparse.Namespace) -> None:

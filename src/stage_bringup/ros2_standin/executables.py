@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import hashlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,16 @@ from stage_core.errors import StageError
 
 #: The folder ``src`` of the workspace, when the package runs from its source tree.
 _SOURCE = Path(__file__).resolve().parents[2]
+
+
+def kernel_cache() -> Path:
+    """Folder of the compiled kernels of this state of the sources, as the Makefile has it.
+
+    Numba does not notice that a kernel's callee changed, so each state has a folder of its own.
+    """
+    files = [*sorted(_SOURCE.glob('*/*/*.py')), *sorted(_SOURCE.glob('*/*/*/*.py'))]
+    state = hashlib.sha1(b''.join(path.read_bytes() for path in files)).hexdigest()[:12]
+    return _SOURCE.parent / '.cache' / 'numba' / state
 
 
 @dataclass(frozen=True)
@@ -75,6 +86,12 @@ def find(package: str, name: str) -> Executable:
             return executable
     names = ', '.join(e.name for e in known[package]) or 'none'
     raise StageError(f'No executable found: package {package} has {names}')
+
+
+def environment(executable: Executable) -> dict[str, str]:
+    """Environment of an executable: one of the source tree loads what `make` compiled."""
+    own = {} if executable.file is not None else {'NUMBA_CACHE_DIR': str(kernel_cache())}
+    return {**own, **os.environ}
 
 
 def command(executable: Executable, arguments: list[str], python: str) -> list[str]:
