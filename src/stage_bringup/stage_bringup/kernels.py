@@ -6,12 +6,13 @@ Numba keeps what it compiled in NUMBA_CACHE_DIR, or beside the sources; the node
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
 import os
+import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import suppress
-from multiprocessing import get_context
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numba
@@ -62,15 +63,31 @@ def marker() -> Path:
     return Path(folder) / f'compiled-{sys.implementation.cache_tag}-{state.hexdigest()[:12]}'
 
 
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Processes that are started here do not hear Ctrl-C, and end without a traceback each."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def compile_all(show: Callable[[float, str], None]) -> None:
     """Compile every part, on as many processors as there are; `show` hears how far it is."""
-    context = get_context('spawn')
-    with ProcessPoolExecutor(min(len(PARTS), os.cpu_count() or 1), mp_context=context) as pool:
-        waiting = {pool.submit(part): name for name, part in PARTS.items()}
+    workers, context = min(len(PARTS), os.cpu_count() or 1), multiprocessing.get_context('spawn')
+    with ProcessPoolExecutor(workers, context) as pool:
+        with _deaf_to_ctrl_c():
+            waiting = {pool.submit(part): name for name, part in PARTS.items()}
         show(0.0, SENTENCE)
-        for number, done in enumerate(as_completed(waiting), 1):
-            done.result()
-            show(number / len(PARTS), f'compiled {waiting[done]}')
+        try:
+            for number, done in enumerate(as_completed(waiting), 1):
+                done.result()
+                show(number / len(PARTS), f'compiled {waiting[done]}')
+        except KeyboardInterrupt:
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
     # A cache that cannot be written is compiled anew each time, as Numba itself does.
     with suppress(OSError):
         place = marker()

@@ -88,7 +88,11 @@ def _changed(node: NodeCommand, port: str | None, tracker: str | None) -> NodeCo
 def main(arguments: Sequence[str] | None = None) -> int:
     """Start the nodes and show what they say until Ctrl-C or the end of one."""
     options, nodes = parse(arguments)
-    kernels.main()
+    try:
+        kernels.main()
+    except KeyboardInterrupt:
+        print('ended before a node was started', flush=True)
+        return 130
     refuse_second_graph([node.name for node in nodes])
     signal.signal(signal.SIGTERM, interrupt)
     processes = Processes(options.out / 'log')
