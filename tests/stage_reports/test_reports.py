@@ -304,6 +304,26 @@ def test_a_positioning_test_gets_a_page_of_its_own() -> None:
     assert '5 with 5 approaches' in words(page.render())
 
 
+def test_friction_and_play_are_the_branches_of_a_contour() -> None:
+    whole = circle_session()
+    stamps = whole.series[topics.REFERENCE].stamps
+    x = whole.series[topics.REFERENCE].values['position.x']
+    y = whole.series[topics.REFERENCE].values['position.y']
+    way = np.sign(np.gradient(x))
+    series = {
+        topics.JOINT_STATES: joint(topics.JOINT_STATES, stamps, position_x=x, position_y=y),
+        topics.TRACKER_POINT: Series(
+            topics.TRACKER_POINT, stamps, {'x': x - 4e-6 * way, 'y': y, 'z': 0.0 * x}
+        ),
+        topics.COMMAND: joint(topics.COMMAND, stamps, effort_x=6.0 * way, effort_y=0.0 * x),
+    }
+    page = session_page(Session('contour', {**whole.series, **series}))
+    (figure,) = (f for title, f in page.figures if title.startswith('What each axis does'))
+    for panel, forwards in zip(figure.axes, (-4.0, 0.0, 6.0, 0.0), strict=True):
+        medians = [np.median(line.get_ydata()) for line in panel.lines]
+        np.testing.assert_allclose(medians, [forwards, -forwards], atol=1e-6)
+
+
 def test_a_report_of_a_recorded_session(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -105,7 +105,8 @@ def _over_axes(page: Page, session: Session, rests: Places, left: Array | None) 
         page.figure(
             figures.error_over_axis(rests.wanted[:, column], error, toward, axis),
             f'Error of {axis} by the direction of approach',
-            f'Two branches a constant apart: play, here {_gap(error, toward)}. A slope: scale.',
+            f'Two branches a constant apart: play as it is at rest, here {_gap(error, toward)}. '
+            'A servo that overshoots takes play up before it rests. A slope: scale.',
         )
     page.figure(
         figures.histogram({axis: errors[:, k] for k, axis in enumerate(session.axes)}),

@@ -14,6 +14,7 @@ from stage_core.wording import measure
 from stage_reports import figures
 from stage_reports.extract import circular_paths
 from stage_reports.figures.contours import Run as Curve
+from stage_reports.hysteresis_section import hysteresis_section
 from stage_reports.sections import (
     circular_section,
     condition_entries,
@@ -56,6 +57,7 @@ def contour_page(
     _over_path(page, found, best, seen)
     _table(page, found, seen)
     _standard(page, found, seen)
+    hysteresis_section(page, session, found[best], seen)
     temperature_section(page, session)
     recorded_section(page, session)
     return page

@@ -12,6 +12,7 @@ from stage_reports.figures.curves import (
     spectrum,
     time_series,
 )
+from stage_reports.figures.hysteresis import hysteresis_loops
 from stage_reports.figures.maps import error_map, error_over_axis, path_plot
 from stage_reports.figures.standards import circular_plot, positioning_plot
 
@@ -23,6 +24,7 @@ __all__ = [
     'error_over_axis',
     'error_over_path',
     'histogram',
+    'hysteresis_loops',
     'learning_rate',
     'path_plot',
     'positioning_plot',
