@@ -35,7 +35,7 @@ from gap_diagnosis.law.learn import Law, learn
 from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.recording import jitter_findings
-from gap_diagnosis.residuals.unrecorded import DriveLaw
+from gap_diagnosis.residuals.unrecorded import DriveLaw, widened
 from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import UNKNOWN, split_effect
@@ -199,6 +199,8 @@ def _diagnose(
                 ('polish', axis, repr((found, own))),
                 lambda axis=axis, found=found, own=own: polish(records, twin, axis, found, own),  # type: ignore[misc]
             )
+            if axis in before.laws:
+                found = widened(found, before.laws[axis])
         for name, values in found.items():
             parameters[name] = surer(parameters.get(name, {}), values)
     parameters.update(_allowed(jitter_findings(records, twin, parameters), without))

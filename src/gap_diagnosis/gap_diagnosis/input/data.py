@@ -83,8 +83,6 @@ class Record:
     offset: Mapping[str, Array] = field(default_factory=dict)
     #: Whether the force is recorded; else `force` is what the drive's own law gives.
     effort_recorded: bool = True
-    #: By axis: what the force (n, k) [N] changes by with each thing that its law does not know.
-    uncertain: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:

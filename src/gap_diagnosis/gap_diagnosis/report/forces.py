@@ -67,7 +67,7 @@ def section(page: Page, diagnosis: Diagnosis) -> None:
     page.heading('Without forces')
     page.text(
         'The session holds no effort. The controller was fitted to reference, velocity command '
-        'and encoder, and what its gains leave open is taken out of every other finding. Only '
+        'and encoder, and the deviation of its gains widens the intervals of forces. Only '
         "force over mass shows in a motion: newtons on this page are those for the twin's mass."
     )
     rows = [

@@ -20,7 +20,6 @@ from gap_diagnosis.input.data import held_out_windows, inside
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.nominal import re_estimated
 from gap_diagnosis.residuals.nuisance import without_nuisances
-from gap_diagnosis.residuals.operators import centred_hold
 from gap_diagnosis.residuals.regression import Problem
 from stage_twin import effects
 from stage_twin.effects.term import Term
@@ -79,8 +78,10 @@ class Servo(ForceRows):
             signatures=effects.signatures(candidates),
             signal=float(np.var(self.columns(self.applied()))),
         )
-        if any(self.axis in r.uncertain for r in self.records):
-            problem = without_nuisances(problem, self._uncertain(problem.record))
+        if not all(r.effort_recorded for r in self.records):
+            # The integral of the controller that made the force may have started anywhere.
+            starts = np.equal.outer(problem.record, np.unique(problem.record))
+            problem = without_nuisances(problem, starts.astype(np.float64))
             self._bar_masses(problem.terms)
         return problem
 
@@ -93,19 +94,6 @@ class Servo(ForceRows):
             terms[name],
             admissible=lambda theta, c: not low < c[0] < high and plain(theta, c),
         )
-
-    def _uncertain(self, session: NDArray[np.int64]) -> Array:
-        """Rows (n, k) of what the law of a force leaves open; its integral starts anywhere."""
-        parts = [r.uncertain[self.axis] for r in self.records]
-        held = [
-            [
-                centred_hold(p[:, k], self.delay / t)
-                for p, t in zip(parts, self.periods, strict=True)
-            ]
-            for k in range(parts[0].shape[1])
-        ]
-        starts = np.equal.outer(session, np.unique(session)).astype(np.float64)
-        return np.hstack([self.columns(*held), starts])
 
     def _nominal(self, without: tuple[str, ...]) -> Array:
         """Force rows that the twin's own effects need [N]."""

@@ -1,11 +1,9 @@
 """The force that nobody recorded: what the drive's own law makes of command and encoder.
 
-The controller reads recorded quantities (docs/interfaces.md, "Servo controller"), so that its
-force follows from them up to its gains. The gains are fitted to the motion, beside the effect
-that goes with them best: mass · a + viscous · v = force of the law − force of the effect. Only
-force over mass shows there; newtons are those for the twin's mass. What the gains may still be is
-kept as `Record.uncertain`, and partialled out of all that is fitted later (Frisch and Waugh,
-Econometrica 1, 1933).
+The controller reads recorded quantities, so that its force follows from them up to its gains
+(docs/reference/interfaces.md, "Servo controller"). The gains are fitted to the motion, beside the
+effect that goes with them best: mass · a + viscous · v = force of the law − force of the effect.
+Only force over mass shows there; newtons are those for the twin's mass.
 """
 
 from __future__ import annotations
@@ -21,15 +19,18 @@ from scipy.ndimage import minimum_filter1d
 from scipy.optimize import least_squares, minimize_scalar
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.residuals.controller import filtered, position_loop, velocity_law
-from gap_diagnosis.residuals.operators import central_difference, centred_hold, smooth
+from gap_diagnosis.residuals.controller import position_loop
+from gap_diagnosis.residuals.drive_law import errors_of, followed, force_of
+from gap_diagnosis.residuals.operators import centred_hold
 from gap_diagnosis.residuals.regression import Problem
 from gap_diagnosis.residuals.servo import MASS, Servo
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ServoAxis, TwinFile
+from stage_twin.effects import effect_of
 
 Array = NDArray[np.float64]
 Theta = tuple[float, ...]
+Parameters = dict[str, dict[str, tuple[float, float]]]
 
 #: What only a recorded force tells, and why.
 NOT_TOLD = {
@@ -55,7 +56,7 @@ CORNERS, CORNER_BOUNDS, DELAYS, LONGEST_DELAY = (300.0, 1200.0), (30.0, 2e4), (2
 #: Corners [rad/s] of the laws beside which the effects are screened, places of a grid that are
 #: tried, and effects that a law is fitted beside in full.
 SCREENED, MOST, TRIED = (200.0, 500.0, 1200.0, 5000.0), 12, 3
-STEP, SLOW = 0.01, 5.0  # relative, of the derivatives; Hz, of the following error
+STEP = 0.01  # relative, of the derivatives
 #: Of the speed's RMS, that slides, and s around a row in which it has to; least number of rows.
 FAST, AROUND, LEAST_ROWS = 0.4, 0.12, 1000
 VISCOUS = 'viscous_friction'
@@ -72,6 +73,7 @@ class DriveLaw:
     gains : newtons are those for the twin's mass
     beside : the effect that the gains were fitted beside, if there was one
     left, share : RMS [N] of what the law and that effect leave, and its share of the whole
+    deviation : relative standard deviation of the velocity gain, which every force has, too
     known : whether that is no more than noise; else the servo link of the axis is not judged
     """
 
@@ -79,6 +81,7 @@ class DriveLaw:
     beside: str | None
     left: float
     share: float
+    deviation: float
     known: bool
 
 
@@ -93,12 +96,24 @@ def with_laws(
             continue
         fit = _Fit(records, twin, name)
         laws[name] = fit.law()
-        records = [fit.applied(r, laws[name].gains) for r in records]
+        records = [fit.applied(r, laws[name]) for r in records]
         # A limit that was found is an effect; one that nobody stated is beyond what was asked for.
         peak = max(float(np.abs(r.force[:, i]).max()) for r in records)
         limit = max(twin.servo(name).force_limit, 2.0 * peak)
         axes[name] = replace(laws[name].gains, force_limit=limit)
     return records, replace(twin, axes=axes), laws
+
+
+def widened(found: Parameters, law: DriveLaw) -> Parameters:
+    """Parameters whose deviations hold that of the force that they were read from."""
+    out: Parameters = {}
+    for name, values in found.items():
+        scaling = {p.name for p in effect_of(name).parameters if p.unit.startswith('N')}
+        out[name] = {
+            k: (v, math.hypot(std, law.deviation * v) if k in scaling else std)
+            for k, (v, std) in values.items()
+        }
+    return out
 
 
 class _Fit:
@@ -117,7 +132,7 @@ class _Fit:
         if self.heard:
             self.start = position_loop(fitted, self.i, self.start)[0]
         else:
-            self.start = _followed(fitted, self.i, self.start)
+            self.start = followed(fitted, self.i, self.start)
 
     def law(self) -> DriveLaw:
         """The law in the first view that it explains to the noise, else in the best one."""
@@ -136,7 +151,7 @@ class _Fit:
         least = AT_NOISE * self.problem.floor
         if self._left(free) < least:
             return replace(law, gains=free)
-        peak = max(float(np.abs(_force(r, self.i, free)).max()) for r in self.records)
+        peak = max(float(np.abs(force_of(r, self.i, free)).max()) for r in self.records)
         limits = [share * peak for share in LIMITS]
         left = [self._left(replace(free, force_limit=limit)) for limit in limits]
         at = int(np.argmin(left))
@@ -152,7 +167,7 @@ class _Fit:
 
     def _left(self, gains: ServoAxis) -> float:
         """RMS [N] of what the force of a law leaves of the motion."""
-        forces = [_force(r, self.i, gains) for r in self.records]
+        forces = [force_of(r, self.i, gains) for r in self.records]
         held = [
             centred_hold(f, gains.delay / t)
             for f, t in zip(forces, self.rows.periods, strict=True)
@@ -175,7 +190,7 @@ class _Fit:
         ]
         fit = self.problem.fit & (self.rows.used([m.astype(np.float64) for m in mask]) > 0.5)
         if np.count_nonzero(fit) < LEAST_ROWS:
-            return DriveLaw(self.start, None, math.inf, math.inf, False)
+            return DriveLaw(self.start, None, math.inf, math.inf, math.inf, False)
         other = copy(self)
         other.problem = replace(self.problem, fit=fit)
         signs = self.rows.columns([np.sign(v) for v in speed])
@@ -206,7 +221,7 @@ class _Fit:
     def _columns(self, theta: Theta) -> Array:
         """Rows (n, k) of the velocity's error, of its integral and of the integral's start."""
         gains, late = self.gains(theta), theta[1]
-        parts = [_errors(r, self.i, gains) for r in self.records]
+        parts = [errors_of(r, self.i, gains) for r in self.records]
         held = [
             [
                 centred_hold(p[:, k], late / r.period)
@@ -282,67 +297,41 @@ class _Fit:
             extra = float(coefficients[-1]) / max(gains.viscous, 1e-300)
             if 1.0 / MASS - 1.0 < extra < MASS - 1.0:
                 gains, beside = replace(gains, viscous=gains.viscous * (1.0 + extra)), None
-        return DriveLaw(gains, beside, left, share, left < AT_NOISE * self.problem.floor)
+        known = left < AT_NOISE * self.problem.floor
+        deviation = self._deviation(gains, columns, left)
+        return DriveLaw(gains, beside, left, share, deviation, known)
 
-    def applied(self, record: Record, gains: ServoAxis) -> Record:
-        """The record with the force of the law, and with what it changes by."""
-        force = record.force.copy()
-        force[:, self.i] = _force(record, self.i, gains)
+    def _deviation(self, gains: ServoAxis, beside: Array, left: float) -> float:
+        """Relative standard deviation of the velocity gain, and so of every force, in a view."""
+        parts = [self._tangents(r, gains) for r in self.records]
+        held = [
+            [
+                centred_hold(p[:, k], gains.delay / t)
+                for p, t in zip(parts, self.rows.periods, strict=True)
+            ]
+            for k in range(parts[0].shape[1])
+        ]
+        starts = np.equal.outer(self.problem.record, np.unique(self.problem.record))
+        others = np.hstack([beside, starts.astype(np.float64)])[self.problem.fit]
+        own = _freed_of(others)(self.rows.columns(*held)[self.problem.fit])
+        # Rows that a low-pass has made are alike for a while.
+        alike = 1.0 / (2.0 * CUT * self.rows.periods[0])
+        return left * math.sqrt(alike * float(np.linalg.pinv(own.T @ own)[0, 0]))
+
+    def _tangents(self, record: Record, gains: ServoAxis) -> Array:
+        """What the force (n, k) [N] changes by with each of its gains, relative."""
         names = ('velocity_gain', 'integral_gain', 'velocity_filter')
         other = [replace(gains, **{n: getattr(gains, n) * (1.0 + STEP)}) for n in names]
         if not self.heard:
             other.append(replace(gains, position_gain=gains.position_gain * (1.0 + STEP)))
-            ahead = gains.velocity_feedforward + STEP
-            other.append(replace(gains, velocity_feedforward=ahead))
-        moved = [(_force(record, self.i, g) - force[:, self.i]) / STEP for g in other]
-        uncertain = {**record.uncertain, self.axis: np.column_stack(moved)}
-        return replace(record, force=force, uncertain=uncertain)
+        force = force_of(record, self.i, gains)
+        return np.column_stack([(force_of(record, self.i, g) - force) / STEP for g in other])
 
-
-def _errors(record: Record, i: int, gains: ServoAxis) -> Array:
-    """Error of the velocity [m/s] and its integral [m], both at every tick, shape (n, 2)."""
-    command = record.velocity_command[:, i]
-    if not np.isfinite(command).all():
-        command = velocity_law(record, i, gains)
-    error = command - filtered(record, i, gains.velocity_filter)
-    integral = np.concatenate([[0.0], np.cumsum(error)[:-1]]) * record.period
-    return np.column_stack([error, integral])
-
-
-def _force(record: Record, i: int, gains: ServoAxis) -> Array:
-    """Force (n,) [N] of a law that nothing limits."""
-    errors = _errors(record, i, gains)
-    force = errors @ np.array([gains.velocity_gain, gains.integral_gain])
-    if float(np.abs(force).max()) <= gains.force_limit:
-        return np.asarray(force)
-    return _clipped(errors[:, 0], gains, record.period)
-
-
-def _clipped(errors: Array, gains: ServoAxis, period: float) -> Array:
-    """Force (n,) [N] of a law with a limit; its integral is held where it would go beyond."""
-    limit, own, rise = gains.force_limit, gains.velocity_gain, gains.integral_gain * period
-    out, integral = np.empty_like(errors), 0.0
-    for k, error in enumerate(errors.tolist()):
-        wanted = own * error + integral
-        out[k] = min(max(wanted, -limit), limit)
-        if not (wanted > limit and error > 0.0 or wanted < -limit and error < 0.0):
-            integral += rise * error
-    return out
-
-
-def _followed(records: list[Record], i: int, axis: ServoAxis) -> ServoAxis:
-    """Gains with the position loop that the following error shows: v ≈ K (r − q) + k ṙ."""
-    rows, speed = [], []
-    for record in records:
-        error = record.reference[:, i] - record.encoder[:, i]
-        rate = central_difference(record.reference[:, i], record.period)
-        pairs = np.column_stack([error, rate])
-        rows.append(smooth(pairs, record.period, SLOW))
-        own = central_difference(record.encoder[:, i], record.period)
-        speed.append(smooth(own, record.period, SLOW))
-    matrix, wanted = np.concatenate(rows), np.concatenate(speed)
-    gain = float(matrix[:, 0] @ wanted / (matrix[:, 0] @ matrix[:, 0]))
-    return replace(axis, position_gain=gain, velocity_feedforward=0.0)
+    def applied(self, record: Record, law: DriveLaw) -> Record:
+        """The record with the force of the law."""
+        force = record.force.copy()
+        force[:, self.i] = force_of(record, self.i, law.gains)
+        return replace(record, force=force)
 
 
 def _freed_of(columns: Array) -> Callable[[Array], Array]:
