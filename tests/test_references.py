@@ -50,7 +50,7 @@ def wrong_references(text: str, place: Path) -> list[str]:
     for name, anchor in PAGE.findall(text):
         if name in MADE:
             continue
-        folders = (place, ROOT, *FOLDERS)
+        folders = (place, ROOT, ROOT / 'docs', *FOLDERS)
         page = next((f / name for f in folders if (f / name).is_file()), None)
         if page is None or (anchor and anchor[1:] not in headings(page)):
             wrong.append(name + anchor)
