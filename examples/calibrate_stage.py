@@ -27,6 +27,8 @@ def main() -> int:
     parser.add_argument('--grid', type=int, default=5, help='points per side, visited twice')
     parser.add_argument('--settle', type=float, default=0.5, help='rest at each position, s')
     given = parser.parse_args()
+    if given.grid < 3:
+        parser.error('--grid must be 3 or more: four places do not prove a model')
     centre = np.array(given.centre)
     with SessionClient(given.settle, use_sim_time=False) as client:
 

@@ -139,7 +139,7 @@ def _not_negative(kind: Callable[[str], Any]) -> Callable[[str], Any]:
     def number(text: str) -> Any:
         value = kind(text)
         if not 0 <= value < float('inf'):
-            raise ValueError(text)
+            raise argparse.ArgumentTypeError(f'{text} is not a finite number from 0 on')
         return value
 
     return number
