@@ -14,7 +14,7 @@ from gap_diagnosis.law.learn import law_of
 from gap_diagnosis.law.signals import Signals
 from gap_diagnosis.report import document, page
 from gap_diagnosis.residuals.nominal import Prediction
-from gap_diagnosis.residuals.regression import Problem
+from gap_diagnosis.residuals.problem import Problem
 from stage_twin.effects.friction import presliding_state
 
 PERIOD = 5e-3

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.residuals.regression import Problem
+from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.forward import Evidence
 from stage_core.quantities import UNKNOWN
 from stage_core.twin_file import TwinFile

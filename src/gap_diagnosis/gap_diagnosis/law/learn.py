@@ -19,7 +19,8 @@ from gap_diagnosis.law.search import Search
 from gap_diagnosis.law.signals import Signals, error_signals, force_signals
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
-from gap_diagnosis.residuals.regression import Fit, Problem, Regression
+from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.selection.parts import LEAST_ROWS, Part
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile

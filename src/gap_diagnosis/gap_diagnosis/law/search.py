@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.residuals.regression import Fit, Problem, Regression
+from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.selection.gains import block_rms_gains, bootstrap_interval
 from stage_twin.effects.law_terms import EVEN, LINEAR, ODD, PLAIN, TERMS
 

@@ -19,7 +19,7 @@ from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import Record, held_out_windows, inside, motion_step
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
 from gap_diagnosis.residuals.operators import band_limited, smooth
-from gap_diagnosis.residuals.regression import Problem
+from gap_diagnosis.residuals.problem import Problem
 from stage_core.twin_file import TwinFile
 from stage_twin import effects
 

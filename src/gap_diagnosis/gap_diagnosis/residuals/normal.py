@@ -20,3 +20,15 @@ def solve_gram(gram: Array, right: Array) -> Array:
     scaled = gram / np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += 1e-10
     return np.asarray(np.linalg.solve(scaled, right / scale) / scale)
+
+
+def predicts(columns: Array, target: Array, old: Array) -> bool:
+    """Whether coefficients from one half of some rows suit the other half better than old ones."""
+    middle = len(target) // 2
+    first, second = slice(None, middle), slice(middle, None)
+    left = [
+        target[b] - columns[b] @ solve(columns[a], target[a])
+        for a, b in ((first, second), (second, first))
+    ]
+    kept = target - columns @ old
+    return sum(float(r @ r) for r in left) < float(kept @ kept)

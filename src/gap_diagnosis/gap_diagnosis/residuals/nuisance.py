@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.residuals.regression import Problem
+from gap_diagnosis.residuals.problem import Problem
 from stage_twin.effects.term import Term, Theta
 
 Array = NDArray[np.float64]

@@ -8,85 +8,23 @@ Evidence for a term is the gain of its set on rows that no fit has seen.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from gap_diagnosis.residuals.normal import solve, solve_gram
+from gap_diagnosis.residuals.normal import predicts, solve, solve_gram
+from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.search import Recent, Search
-from stage_twin.effects.term import Term, Theta
+from stage_twin.effects.term import Theta
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 FOLD, FOLDS = 2.0, 6  # s, and number of the folds of cross-validation
 LEAST_BLOCKS = 12  # of which a deviation is told
 KEPT = 96 << 20  # bytes of columns that a search may need again
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Rows of a residual: target (n,), which fit and which are held out, blocks and times.
-
-    `signatures` holds, for effects that are functions of one condition (of the speed, say), a
-    general basis (n, k) of that condition: what they leave must not go with it any more.
-    """
-
-    target: Array
-    fit: Mask
-    held_out: Mask
-    block: NDArray[np.int64]
-    time: Array
-    record: NDArray[np.int64]  # number of the session of each row
-    terms: dict[str, Term]
-    floor: float  # standard deviation of a row's noise, in the target's unit
-    crossable: bool = True  # False where the held-out rows are a session of their own
-    signatures: dict[str, Callable[[], Array]] = field(default_factory=dict)
-    #: Variance of the whole signal of which the target is what the twin leaves: of the force.
-    signal: float = 0.0
-    whitening: float = 0.0  # ρ of rows and columns r_k - ρ r_(k-1)
-    #: Parts of the gap that were taken out of the target before, by their effect.
-    before: dict[str, Array] = field(default_factory=dict)
-    seams: NDArray[np.int64] | None = None  # rows before which no row of the same series comes
-
-    def whiten(self, rows: Array) -> Array:
-        """Rows (n,) or (n, k) freed of a slow remainder, r_k - ρ r_(k-1); zero at the seams."""
-        if self.whitening == 0.0:
-            return rows
-        out = rows.copy()
-        out[1:] -= self.whitening * rows[:-1]
-        if self.seams is not None:
-            out[self.seams] = 0.0
-        return out
-
-    def whitened(self, rho: float) -> Problem:
-        """The same problem for generalised least squares with a first-order remainder."""
-        other = replace(self, whitening=rho, floor=self.floor * math.sqrt(1.0 + rho**2))
-        return replace(other, target=other.whiten(self.target))
-
-    @property
-    def gap(self) -> Array:
-        """The target (n,) with what was taken out of it before."""
-        return self.target + sum(self.before.values())
-
-    @cached_property
-    def judged(self) -> Mask:
-        """Rows on which a gain is judged (see :class:`Fit`)."""
-        return (self.fit | self.held_out) if self.crossable else self.held_out
-
-    @cached_property
-    def judged_block(self) -> NDArray[np.int64]:
-        """Number of the block of each judged row, from zero."""
-        return np.asarray(np.unique(self.block[self.judged], return_inverse=True)[1])
-
-    def mean_square(self, rows: Mask) -> float:
-        """Mean square of the unexplained target on some rows."""
-        return float(np.mean(self.target[rows] ** 2))
 
 
 @dataclass
@@ -213,7 +151,7 @@ class Regression:
             if len(at) < max(12, 4 * len(old)):
                 continue
             own, target = columns[at], residual[at] + columns[at] @ old
-            if not _predicts(own, target, old):
+            if not predicts(own, target, old):
                 continue
             new, start, found[number] = solve(own, target), 0, {}
             for name, which in zip(names, chosen, strict=True):
@@ -361,15 +299,3 @@ class Regression:
                 np.array([d for d, at in zip(deviation, layout, strict=True) if at == (name, 1)]),
             )
         return out
-
-
-def _predicts(columns: Array, target: Array, old: Array) -> bool:
-    """Whether coefficients from one half of some rows suit the other half better than old ones."""
-    middle = len(target) // 2
-    first, second = slice(None, middle), slice(middle, None)
-    left = [
-        target[b] - columns[b] @ solve(columns[a], target[a])
-        for a, b in ((first, second), (second, first))
-    ]
-    kept = target - columns @ old
-    return sum(float(r @ r) for r in left) < float(kept @ kept)

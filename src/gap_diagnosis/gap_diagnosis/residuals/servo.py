@@ -20,7 +20,7 @@ from gap_diagnosis.input.data import held_out_windows, inside
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.nominal import re_estimated
 from gap_diagnosis.residuals.nuisance import without_nuisances
-from gap_diagnosis.residuals.regression import Problem
+from gap_diagnosis.residuals.problem import Problem
 from stage_twin import effects
 from stage_twin.effects.term import Term
 

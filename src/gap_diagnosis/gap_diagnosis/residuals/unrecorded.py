@@ -22,7 +22,7 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.controller import position_loop
 from gap_diagnosis.residuals.drive_law import errors_of, followed, force_of
 from gap_diagnosis.residuals.operators import centred_hold
-from gap_diagnosis.residuals.regression import Problem
+from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import MASS, Servo
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ServoAxis, TwinFile

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.residuals.regression import Fit, Problem, Regression
+from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.selection.gains import block_gains, block_rms_gains, bootstrap_interval
 from gap_diagnosis.selection.grow import grow
 from stage_twin.effects import EFFECTS, effect_of

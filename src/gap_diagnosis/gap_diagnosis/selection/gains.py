@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.residuals.regression import Fit, Problem
+from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.residuals.regression import Fit
 
 Array = NDArray[np.float64]
 

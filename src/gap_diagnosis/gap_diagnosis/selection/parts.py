@@ -16,7 +16,7 @@ from gap_diagnosis.evidence.judgement import Structure
 from gap_diagnosis.input.data import Record, scored_ticks
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
-from gap_diagnosis.residuals.regression import Problem
+from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.backward import select_backwards
 from gap_diagnosis.selection.forward import Evidence, Rules, Selection, Selector
 from stage_core.errors import StageError

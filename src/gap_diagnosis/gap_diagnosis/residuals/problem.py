@@ -1,0 +1,76 @@
+"""Rows of a residual with the terms that may explain it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stage_twin.effects.term import Term
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Rows of a residual: target (n,), which fit and which are held out, blocks and times.
+
+    `signatures` holds, for effects that are functions of one condition (of the speed, say), a
+    general basis (n, k) of that condition: what they leave must not go with it any more.
+    """
+
+    target: Array
+    fit: Mask
+    held_out: Mask
+    block: NDArray[np.int64]
+    time: Array
+    record: NDArray[np.int64]  # number of the session of each row
+    terms: dict[str, Term]
+    floor: float  # standard deviation of a row's noise, in the target's unit
+    crossable: bool = True  # False where the held-out rows are a session of their own
+    signatures: dict[str, Callable[[], Array]] = field(default_factory=dict)
+    #: Variance of the whole signal of which the target is what the twin leaves: of the force.
+    signal: float = 0.0
+    whitening: float = 0.0  # ρ of rows and columns r_k - ρ r_(k-1)
+    #: Parts of the gap that were taken out of the target before, by their effect.
+    before: dict[str, Array] = field(default_factory=dict)
+    seams: NDArray[np.int64] | None = None  # rows before which no row of the same series comes
+
+    def whiten(self, rows: Array) -> Array:
+        """Rows (n,) or (n, k) freed of a slow remainder, r_k - ρ r_(k-1); zero at the seams."""
+        if self.whitening == 0.0:
+            return rows
+        out = rows.copy()
+        out[1:] -= self.whitening * rows[:-1]
+        if self.seams is not None:
+            out[self.seams] = 0.0
+        return out
+
+    def whitened(self, rho: float) -> Problem:
+        """The same problem for generalised least squares with a first-order remainder."""
+        other = replace(self, whitening=rho, floor=self.floor * math.sqrt(1.0 + rho**2))
+        return replace(other, target=other.whiten(self.target))
+
+    @property
+    def gap(self) -> Array:
+        """The target (n,) with what was taken out of it before."""
+        return self.target + sum(self.before.values())
+
+    @cached_property
+    def judged(self) -> Mask:
+        """Rows on which a gain is judged (see :class:`Fit`)."""
+        return (self.fit | self.held_out) if self.crossable else self.held_out
+
+    @cached_property
+    def judged_block(self) -> NDArray[np.int64]:
+        """Number of the block of each judged row, from zero."""
+        return np.asarray(np.unique(self.block[self.judged], return_inverse=True)[1])
+
+    def mean_square(self, rows: Mask) -> float:
+        """Mean square of the unexplained target on some rows."""
+        return float(np.mean(self.target[rows] ** 2))
