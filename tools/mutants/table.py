@@ -15,7 +15,7 @@ A mutant is the source with one operator or number changed.
 (`tools/mutants/drawn.json`), and `python -m tools.mutants run` runs each against the test files
 of its package that name its function or module, until a test fails, at most {seconds:.0f} s; a
 test that fails without the mutant as well does not count. `not finished` says that this time was
-up, on a busy machine often before the first test, and nothing about the tests.
+up: neither caught nor survived.
 
 {summary}
 
