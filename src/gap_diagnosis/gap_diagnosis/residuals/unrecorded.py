@@ -137,9 +137,9 @@ class _Fit:
     def law(self) -> DriveLaw:
         """The law in the first view that it explains to the noise, else in the best one."""
         found: list[DriveLaw] = []
-        # Steady rows do not tell a position gain as well.
-        sliding = (self._sliding,) if self.heard else ()
-        for view in (self._whole, *sliding, self._beside_an_effect):
+        # An effect and a position gain at once are not told from each other.
+        others = (self._sliding, self._beside_an_effect) if self.heard else ()
+        for view in (self._whole, *others):
             found.append(view())
             if found[-1].known:
                 return self._limited(found[-1])
