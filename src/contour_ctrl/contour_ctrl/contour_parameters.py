@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from contour_ctrl import cmac, curve_file, curves, reinforcement
+from contour_ctrl import cmac, curve_file, curves, reinforcement, timed
 from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.friction import LuGre
 from contour_ctrl.learning import LearningSettings
@@ -18,6 +18,9 @@ from stage_core.quantities import AXES
 from stage_core.untrusted import file_text
 
 Values = Callable[[str], Any]
+
+#: A motion that is no contour: a table of times and positions in `curve_file`.
+TIMED = 'timed'
 
 BASES = ('p_ff', 'ccc', 'cccmac')
 #: Feedback law, then what learns between the iterations.
@@ -57,7 +60,7 @@ def _axis_parameters(axis: str) -> list[Parameter]:
 
 PARAMETERS: tuple[Parameter, ...] = (
     THREAD_PRIORITY,
-    Parameter('contour', 'circle', 'what to follow', choices=curves.NAMES),
+    Parameter('contour', 'circle', 'what to follow', choices=(*curves.NAMES, TIMED)),
     Parameter('centre_x', 0.0, 'centre of the contour', 'm'),
     Parameter('centre_y', 0.0, 'centre of the contour', 'm'),
     Parameter('radius', 0.02, 'circle, star (outer points)', 'm', 1e-6),
@@ -67,7 +70,9 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter('corner_radius', 0.002, 'square and star: least radius of curvature', 'm', 1e-7),
     Parameter('width', 0.05, 'eight', 'm', 1e-6),
     Parameter('height', 0.025, 'eight', 'm', 1e-6),
-    Parameter('curve_file', '', 'freeform, nurbs, hra: YAML file; empty: the topic ~/curve'),
+    Parameter(
+        'curve_file', '', 'freeform, nurbs, hra: YAML; empty: the topic ~/curve; timed: CSV'
+    ),
     Parameter('feed', 0.03, 'feed along the contour', 'm/s', 1e-6, 1e2),
     Parameter('reduce_feed', False, 'take the highest possible feed instead of refusing'),
     Parameter('path_acceleration', 0.5, 'of the ramps along the contour', 'm/s^2', 1e-4, 1e4),
@@ -167,18 +172,36 @@ def check_curve(value: Values, text: str | None = None) -> None:
 
 def make_reference(value: Values, curve: curves.Curve) -> Reference:
     """Plan the contour within the axes' limits."""
-    limits = AxisLimits(
-        _pair(value, 'max_velocity'), _pair(value, 'max_acceleration'), _pair(value, 'max_jerk')
-    )
     return plan(
         curve,
         value('feed'),
         1.0 / value('control_rate'),
-        limits,
+        _limits(value),
         value('path_acceleration'),
         value('path_jerk'),
         value('laps'),
         value('reduce_feed'),
+    )
+
+
+def make_timed(value: Values) -> Reference:
+    """The motion of the table in `curve_file`, if the axes can follow it.
+
+    Raises
+    ------
+    StageError
+        What is wrong with the file.
+    """
+    path = value('curve_file')
+    if not path:
+        raise StageError('the contour timed needs a table: set curve_file')
+    text = file_text(path, f'the motion {path}', 'check the parameter curve_file')
+    return timed.from_text(text, path, 1.0 / value('control_rate'), _limits(value))
+
+
+def _limits(value: Values) -> AxisLimits:
+    return AxisLimits(
+        _pair(value, 'max_velocity'), _pair(value, 'max_acceleration'), _pair(value, 'max_jerk')
     )
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contour_ctrl.feedrate import AxisLimits, SCurve
-from contour_ctrl.path import PathTable
 from contour_ctrl.reference import Reference
+from contour_ctrl.timed import free_motion
 from stage_core.errors import StageError
 
 FloatArray = NDArray[np.float64]
@@ -94,19 +94,7 @@ def excitation(
     excess, name, _ = bounds.excess(velocity, acceleration, jerk)
     if excess > 1.0:
         raise StageError(f'the excitation exceeds the {name}: lower its speeds')
-    grid = np.linspace(0.0, 1.0, 8)[:, None] * np.array([1.0, 0.0])
-    return Reference(
-        period=period,
-        position=position + np.asarray(centre),
-        velocity=velocity,
-        acceleration=acceleration,
-        angle=np.arctan2(velocity[:, 1], velocity[:, 0]),
-        arc=np.zeros(len(position)),
-        # Motion along a line and back has no contour: the tick takes the tangent estimate.
-        path=PathTable.from_points(grid, 1.0, False),
-        feed=float(np.linalg.norm(velocity, axis=1).max()),
-        fluctuation=0.0,
-    )
+    return free_motion(period, position + np.asarray(centre), velocity, acceleration)
 
 
 def _straight(

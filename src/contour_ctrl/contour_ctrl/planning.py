@@ -44,8 +44,11 @@ def prepare(
     StageError
         If the parameters make no contour, or there is no learned signal to reload.
     """
-    reference = parameters.make_reference(value, parameters.make_curve(value, curve_text))
-    if invert is not None:
+    if value('contour') == parameters.TIMED:
+        reference = parameters.make_timed(value)
+    else:
+        reference = parameters.make_reference(value, parameters.make_curve(value, curve_text))
+    if invert is not None and value('contour') != parameters.TIMED:
         reference = reference.corrected(invert)
     controller = Controller(reference, parameters.make_gains(value))
     settings = parameters.make_learning(value)

@@ -1,0 +1,137 @@
+"""Machines with one effect, and sessions of little motion: simulated with the twin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stage_core import topics
+from stage_core.session import Series, Session
+from stage_core.twin_file import TrackerSpec, TwinFile
+from stage_twin.effects import EFFECTS
+from stage_twin.simulate import simulate
+
+Array = NDArray[np.float64]
+Effects = Mapping[str, Mapping[str, float]]
+
+START = 1_750_000_000_000_000_000
+PERIOD = 0.001
+DURATION = 12.0  # s, of the first session
+AXES = ('x', 'y')
+#: What is planted, one at a time. Of the others no motion decides (a convention, a jitter, a
+#: coarse encoder), or a temperature does.
+PLANTED = (
+    'inertia_mismatch', 'viscous_friction', 'coulomb_friction', 'asymmetric_friction',
+    'stribeck_friction', 'force_offset', 'force_ripple', 'cable_force', 'position_force',
+    'drive_gain', 'current_loop_lag', 'actuation_delay', 'position_dependent_friction',
+    'torque_sag', 'scale_error', 'cyclic_pitch_error', 'straightness', 'backlash',
+    'angular_error', 'nonorthogonality', 'tracker_latency',
+)  # fmt: skip
+MOTIONS = ('one_way', 'one_speed', 'small', 'diagonal')
+
+
+@dataclass(frozen=True)
+class Case:
+    """One machine and the motion of its first session."""
+
+    seed: int
+    effect: str
+    values: Mapping[str, float]
+    motion: str
+
+
+def draw(seed: int) -> Case:
+    """The case of a seed: effects and motions in turn, sizes by chance."""
+    generator = np.random.default_rng(seed)
+    name = PLANTED[seed % len(PLANTED)]
+    effect = EFFECTS[name]
+    values = effect.defaults()
+    for parameter in effect.parameters:
+        if parameter.fitted and parameter.neutral is not None:
+            factor = math.exp(generator.uniform(math.log(0.7), math.log(2.0)))
+            value = parameter.when_on * factor
+            values[parameter.name] = float(np.clip(value, parameter.minimum, parameter.maximum))
+    axis = f'.{generator.choice(AXES)}' if effect.per_axis else ''
+    motion = MOTIONS[(seed + seed // len(PLANTED)) % len(MOTIONS)]
+    return Case(seed, name + axis, values, motion)
+
+
+def poor_motion(case: Case) -> Array:
+    """Reference (n, 2) [m] of the first session: little of what would tell effects apart."""
+    generator = np.random.default_rng(1000 + case.seed)
+    t = np.arange(round(DURATION / PERIOD)) * PERIOD
+    if case.motion == 'one_way':
+        steps = [_strokes(t, generator, 0.004, forth=True) for _ in AXES]
+    elif case.motion == 'one_speed':
+        steps = [_strokes(t, generator, 0.012, forth=False) for _ in AXES]
+    elif case.motion == 'small':
+        steps = [
+            _faded(t, 0.002 * np.sin(2.0 * np.pi * generator.uniform(0.3, 0.6) * t)) for _ in AXES
+        ]
+    else:
+        one = _strokes(t, generator, 0.010, forth=False)
+        steps = [one, one]
+    return np.column_stack(steps)
+
+
+def _faded(t: Array, values: Array) -> Array:
+    return np.asarray(values * np.minimum(1.0, t) * np.minimum(1.0, t[-1] - t))
+
+
+def _strokes(t: Array, generator: np.random.Generator, length: float, forth: bool) -> Array:
+    """Equal smooth strokes of one duration with rests: forth only, or forth and back."""
+    out, at, sign = np.zeros_like(t), 0.4, 1.0
+    lasting = float(generator.uniform(0.9, 1.3))
+    while at < t[-1] - lasting - 0.2:
+        s = np.clip((t - at) / lasting, 0.0, 1.0)
+        out += sign * length * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        at += lasting + 0.3
+        sign = sign if forth else -sign
+    return out
+
+
+def nominal() -> TwinFile:
+    """The nominal machine, with a tracker."""
+    return replace(TwinFile.nominal_servo(), tracker=TrackerSpec(100.0, 1e-6))
+
+
+def record(case: Case, position: Array, seed: int, name: str) -> Session:
+    """What a bag holds of the machine of a case on a reference (n, 2) [m]."""
+    rate = np.gradient(position, PERIOD, axis=0)
+    rise = 20.0 + 4.0 * (1.0 - np.exp(-np.arange(len(position)) * PERIOD / 60.0))
+    warm = np.tile(rise[:, None], (1, 2))
+    twin = nominal().with_effects({case.effect: case.values})
+    made = simulate(twin, position, rate, temperatures=warm, seed=seed)
+    start = START + seed * 10**13
+
+    def stamps(seconds: Array) -> NDArray[np.int64]:
+        return start + np.rint(seconds * 1e9).astype(np.int64)
+
+    def joints(topic: str, **columns: Array) -> Series:
+        values = {f'{k}.{a}': c[:, i] for k, c in columns.items() for i, a in enumerate(AXES)}
+        return Series(topic, stamps(made.times), values)
+
+    points = made.tracker_points
+    series = {
+        topics.REFERENCE: joints(topics.REFERENCE, position=position, velocity=rate),
+        topics.COMMAND: joints(topics.COMMAND, velocity=made.velocity_command, effort=made.force),
+        topics.JOINT_STATES: joints(
+            topics.JOINT_STATES, position=made.encoder, velocity=made.velocity
+        ),
+        topics.TRACKER_POINT: Series(
+            topics.TRACKER_POINT,
+            stamps(made.tracker_stamps),
+            {'x': points[:, 0], 'y': points[:, 1], 'z': points[:, 2]},
+        ),
+    }
+    seconds = np.arange(0.0, len(position) * PERIOD, 1.0)
+    for i, axis in enumerate(AXES):
+        warmth = np.interp(seconds, made.times, warm[:, i])
+        series[topics.temperature_key(f'screw_{axis}')] = Series(
+            topics.TEMPERATURE, stamps(seconds), {'temperature': warmth}
+        )
+    return Session(name, series, nominal().to_dict(), None)

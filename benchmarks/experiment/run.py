@@ -1,0 +1,117 @@
+"""How often the right name stands alone before and after one experiment.
+
+    python -m benchmarks.experiment.run --first 0 --cases 42 --out build/experiment
+
+Each case is a machine with one effect and a session of poor excitation (`machine.py`). Where the
+diagnosis leaves a question open, the machine moves once more: with the designed experiment, and
+with a sweep, a raster and a multisine of the same length within the same limits. Each time old
+and new session are diagnosed together. A run that was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.blind.run import commit
+from benchmarks.experiment.machine import PERIOD, Array, Case, draw, nominal, poor_motion, record
+from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.experiment.motions import Limits, Motion, sample
+from gap_diagnosis.experiment.propose import limits_of, propose
+from stage_core.errors import StageError
+from stage_core.whole_file import write_whole
+
+TRAVEL = {'x': (-0.04, 0.04), 'y': (-0.04, 0.04)}
+#: Of the experiment [s].
+DURATION = 14.0
+#: Size and speed of the standard motions, of the range that the experiment has too.
+SIZE, SPEED = 0.9, 0.8
+STANDARD = ('sweep', 'raster', 'multisine')
+
+
+def standard(kind: str, limits: Limits, duration: float) -> Array:
+    """A standard motion of both axes in the middle of the travel."""
+    return sample(Motion(kind, SIZE, SPEED, (0.5, 0.5), 3), limits, duration, PERIOD)
+
+
+def answer(found: Diagnosis) -> dict[str, Any]:
+    """What a diagnosis says."""
+    named = {c.effect: c.alternatives for c in found.causes if c.status == 'accepted'}
+    return {'verdict': found.verdict, 'alternatives': named}
+
+
+def alone(case: Case, said: dict[str, Any] | None) -> bool:
+    """Whether the right name stands alone."""
+    if said is None or said['verdict'] != [case.effect]:
+        return False
+    return not said['alternatives'].get(case.effect)
+
+
+def run_case(seed: int) -> dict[str, Any]:
+    """Answers before and after each motion; no `after` where nothing is open."""
+    case = draw(seed)
+    first = record(case, poor_motion(case), seed, 'first')
+    found = diagnose([first], [], nominal())
+    out: dict[str, Any] = {'seed': seed, 'effect': case.effect, 'motion': case.motion}
+    out |= {'before': answer(found), 'after': {}}
+    experiment = propose(found, TRAVEL, DURATION)
+    if experiment is None:
+        return out
+    out |= {'expected': experiment.expected, 'motions': experiment.motions}
+    limits = limits_of(found, TRAVEL)
+    motions = {'experiment': experiment.position}
+    motions |= {k: standard(k, limits, experiment.duration) for k in STANDARD}
+    for name, position in motions.items():
+        second = record(case, np.asarray(position), seed + 500, name)
+        try:
+            out['after'][name] = answer(diagnose([first, second], [], nominal()))
+        except StageError as error:
+            out['after'][name] = None
+            out.setdefault('errors', []).append(f'{name}: {error}')
+    return out
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Counts of right names that stand alone."""
+    cases = [(draw(r['seed']), r) for r in rows]
+    opened = [(c, r) for c, r in cases if r['after']]
+    lines = [
+        f'{len(rows)} sessions: alone before {sum(alone(c, r["before"]) for c, r in cases)}',
+        f'{len(opened)} with a question that an experiment was found for:',
+        f'  before: {sum(alone(c, r["before"]) for c, r in opened)}',
+    ]
+    for name in ('experiment', *STANDARD):
+        lines.append(f'  {name}: {sum(alone(c, r["after"].get(name)) for c, r in opened)}')
+    if opened:
+        expected = np.mean([r['expected'] for _, r in opened])
+        lines.append(f'  expected share decided: {expected:.2f}')
+    return '\n'.join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--first', type=int, default=0, help='seed of the first case')
+    parser.add_argument('--cases', type=int, default=42)
+    parser.add_argument('--out', type=Path, default=Path('build/experiment'))
+    options = parser.parse_args(arguments)
+    options.out.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for seed in range(options.first, options.first + options.cases):
+        path = options.out / f'case_{seed:04d}.json'
+        if not path.exists():
+            write_whole(path, json.dumps(run_case(seed)))
+        rows.append(json.loads(path.read_text(encoding='utf-8')))
+        print(json.dumps(rows[-1]), flush=True)
+    print(f'code {commit()}\n{table(rows)}')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

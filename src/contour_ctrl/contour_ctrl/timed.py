@@ -1,0 +1,74 @@
+"""A motion whose times are given: a table of time and position, no path that is followed."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from contour_ctrl.feedrate import AxisLimits
+from contour_ctrl.path import PathTable
+from contour_ctrl.reference import LONGEST, Reference
+from stage_core.errors import StageError
+
+FloatArray = NDArray[np.float64]
+
+COLUMNS = 't,x,y'
+
+
+def free_motion(
+    period: float, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
+) -> Reference:
+    """Reference of a motion (n, 2) that follows no contour: the tick takes the tangent."""
+    grid = np.linspace(0.0, 1.0, 8)[:, None] * np.array([1.0, 0.0])
+    return Reference(
+        period=period,
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        angle=np.arctan2(velocity[:, 1], velocity[:, 0]),
+        arc=np.zeros(len(position)),
+        path=PathTable.from_points(grid, 1.0, False),
+        feed=float(np.linalg.norm(velocity, axis=1).max()),
+        fluctuation=0.0,
+    )
+
+
+def from_text(text: str, origin: str, period: float, limits: AxisLimits) -> Reference:
+    """Reference of a table with the columns ``t,x,y`` [s, m, m], a quintic spline through it.
+
+    Raises
+    ------
+    StageError
+        If the text is no such table, or an axis cannot follow the motion.
+    """
+    time, position = _table(text, origin)
+    spline = make_interp_spline(time, position, k=5)
+    ticks = time[0] + period * np.arange(int((time[-1] - time[0]) / period + 1e-6) + 1)
+    if len(ticks) > LONGEST:
+        raise StageError(f'{origin} lasts {len(ticks):.2g} ticks, more than {LONGEST:.2g}')
+    position, velocity, acceleration = (spline(ticks, nu) for nu in range(3))
+    velocity[[0, -1]] = 0.0
+    excess, name, tick = limits.excess(velocity, acceleration, spline(ticks, 3))
+    if excess > 1.0:
+        raise StageError(f'{origin} exceeds the {name} at {period * tick:.3f} s: slow it down')
+    return free_motion(period, position, velocity, acceleration)
+
+
+def _table(text: str, origin: str) -> tuple[FloatArray, FloatArray]:
+    """Times (n,) [s] and positions (n, 2) [m]."""
+    head, _, body = text.partition('\n')
+    remedy = f'give a first line {COLUMNS} and rows of numbers in s and m'
+    if head.strip() != COLUMNS:
+        raise StageError(f'{origin} is no timed motion: {remedy}')
+    try:
+        rows = np.loadtxt(io.StringIO(body), delimiter=',', ndmin=2)
+    except ValueError as error:
+        raise StageError(f'{origin}: {error}: {remedy}') from None
+    if rows.shape[0] < 6 or rows.shape[1] != 3 or not np.all(np.isfinite(rows)):
+        raise StageError(f'{origin} needs six rows of three finite numbers at least: {remedy}')
+    if np.any(np.diff(rows[:, 0]) <= 0.0):
+        raise StageError(f'{origin}: the time must rise from row to row')
+    return rows[:, 0], rows[:, 1:]

@@ -1,0 +1,1 @@
+"""The motion that would decide best between what a session cannot tell apart."""

@@ -1,0 +1,69 @@
+"""How far two candidates are apart on a motion, beyond what their parameters could make up for.
+
+Of the difference of two predictions only that counts which no choice of parameters within their
+intervals takes back (Buzzi-Ferraris and Forzatti, Chemical Engineering Science 38, 1983, where
+the difference is weighed by the covariance of the predictions). The draws of the parameters give
+that covariance; a ridge over them is its inverse.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: What a selection asks before it prefers one of two effects: a share of the noise's mean square
+#: (`Rules.of_noise` of the force balance) and of what the effect itself explains
+#: (`Selector.find_rivals`).
+OF_NOISE, OF_GAIN = 0.05, 0.05
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Predictions of one candidate, each (c, m) over the floors.
+
+    Attributes
+    ----------
+    mean : with the parameters as they were found
+    draws : (k, c, m) with parameters drawn from their intervals
+    """
+
+    mean: Array
+    draws: Array
+
+    @property
+    def spread(self) -> Array:
+        """Deviations (c * m, k) of the draws, such that their Gram matrix is the covariance."""
+        if not len(self.draws):
+            return np.zeros((self.mean.size, 0))
+        flat = (self.draws - self.mean).reshape(len(self.draws), -1)
+        return np.asarray(flat.T / np.sqrt(len(flat)))
+
+
+def margin(one: Predicted, two: Predicted, common: Array) -> float:
+    """How far two candidates are apart, over what a selection asks for; above 1 it decides.
+
+    `common` (c, m) is the prediction without what they explain: their gain is measured from it.
+    """
+    return _margin(one.mean - two.mean, one, two, common)
+
+
+def decided(one: Predicted, two: Predicted, common: Array) -> float:
+    """Share of the pairs of draws whose margin is above 1."""
+    pairs = [(a, b) for a in (one.mean, *one.draws) for b in (two.mean, *two.draws)]
+    return float(np.mean([_margin(a - b, one, two, common) > 1.0 for a, b in pairs]))
+
+
+def _margin(difference: Array, one: Predicted, two: Predicted, common: Array) -> float:
+    spread = np.hstack([one.spread, two.spread])
+    left = difference.reshape(-1)
+    if spread.shape[1]:
+        gram = spread.T @ spread + np.eye(spread.shape[1])
+        left = left - spread @ np.linalg.solve(gram, spread.T @ left)
+    apart = np.mean(left.reshape(difference.shape) ** 2, axis=1)
+    gains = [np.mean((p.mean - common) ** 2, axis=1) for p in (one, two)]
+    asked = OF_NOISE + OF_GAIN * np.minimum(*gains)
+    return float(np.max(apart / asked))
