@@ -60,6 +60,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--no-page', action='store_true', help='write report.json and the twin, no report.html'
     )
+    parser.add_argument(
+        '--travel',
+        action='append',
+        default=[],
+        metavar='AXIS:LOW:HIGH',
+        help='what the experiment may use of an axis in metres, as x:-0.05:0.05; default: the '
+        'travel of the session',
+    )
     add_arguments(parser)
     options = parser.parse_args(words)
     folders = [path for path in options.bag if Path(path).is_dir() and not is_bag(path)]
@@ -84,9 +92,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with_page=not options.no_page,
         controller=options.controller,
         sim_bags=options.sim_bag,
+        travel=_travel(options.travel),
     )
     print(verdict)
     return 0
+
+
+def _travel(given: Sequence[str]) -> dict[str, tuple[float, float]]:
+    out = {}
+    for text in given:
+        try:
+            axis, low, high = text.split(':')
+            out[axis] = float(low), float(high)
+        except ValueError:
+            raise StageError(f'--travel {text}: give AXIS:LOW:HIGH, as x:-0.05:0.05') from None
+        if not out[axis][0] < out[axis][1]:
+            raise StageError(f'--travel {text}: LOW must be below HIGH')
+    return out
 
 
 if __name__ == '__main__':

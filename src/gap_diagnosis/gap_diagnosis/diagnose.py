@@ -45,6 +45,7 @@ from stage_twin.effects import effect_of, link_of
 from stage_twin.packing import pack
 
 if TYPE_CHECKING:
+    from gap_diagnosis.experiment.design import Experiment
     from gap_diagnosis.report.model import Mended
 
 Array = NDArray[np.float64]
@@ -79,6 +80,8 @@ class Diagnosis:
     model: Mended | None = None
     #: By axis, what stands for the forces where none are recorded.
     drives: dict[str, DriveLaw] = field(default_factory=dict)
+    #: The motion that would decide what is open, where there is one.
+    experiment: Experiment | None = None
 
     @property
     def simulators(self) -> list[str]:

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gap_diagnosis.diagnose import diagnose, silent, to_stderr
-from gap_diagnosis.evidence import experiments
+from gap_diagnosis.experiment.propose import Travel, propose
 from gap_diagnosis.report import document as report
+from gap_diagnosis.report import experiment as motion
 from gap_diagnosis.report import model as own_model
 from session_bags.reader import read_session
 from stage_core import topics
@@ -37,12 +38,14 @@ def run(
     with_page: bool = True,
     controller: str | None = None,
     sim_bags: Sequence[str] = (),
+    travel: Travel | None = None,
 ) -> str:
     """Diagnose, write the report into `out`, and return the verdict line.
 
     `without` takes effects out of the library; `with_page` false leaves out report.html;
     `controller` is the twin file beside a `twin_path` that is a model file; `sim_bags` are a
-    simulator's runs of `bags` and `holdout`, in this order.
+    simulator's runs of `bags` and `holdout`, in this order; `travel` is what the experiment may
+    use of each axis [m].
 
     Raises
     ------
@@ -51,7 +54,7 @@ def run(
     """
     progress = silent if quiet else to_stderr
     # A report of an earlier run must not stand for an input that fails.
-    for name in ('report.json', 'report.html', 'corrected_twin.yaml', experiments.REFERENCE_FILE,
+    for name in ('report.json', 'report.html', 'corrected_twin.yaml', motion.FILE,
                  own_model.MODEL, own_model.PATCH):  # fmt: skip
         (out / name).unlink(missing_ok=True)
     if is_model(twin_path) != bool(controller):
@@ -92,12 +95,15 @@ def run(
         except StageError as error:
             # The diagnosis stands, whatever the file can hold of it.
             found.warnings.append(str(error))
+    if not sim_bags and model is None:
+        found.experiment = propose(found, travel, seed=seed, progress=progress)
     progress('writing the report')
     report.write(found, out)
+    if found.experiment is not None:
+        motion.write(found.experiment, out)
     if with_page:
         # Plotting takes seconds to import and to draw: only who wants a page waits for it.
         from gap_diagnosis.report import page
 
         page.write(found, out)
-    experiments.write_reference(found, out)
     return report.sentence(found)

@@ -141,19 +141,19 @@ def _strokes(motion: Motion, limits: Limits, t: Array, reach: Array, pace: Array
         if own == 0.0:
             continue
         at, position, turn = 0.2, 0.0, 0
+        back = (0.0, 0.0, 0.0)
         while True:
             factor = (1.0, 0.5, 2.0)[turn // 2 % 3]
             speed = min(own * factor * feed(motion, limits), limits.speed)
             goal = size if turn % 2 == 0 else -size
             stroke = _stroke(abs(goal - position), speed, limits)
-            home = _stroke(abs(goal), speed, limits)
+            home = _stroke(size, speed, limits)
             if at + stroke[2] + home[2] + 2.0 * PAUSE > t[-1]:
                 break
             out[:, i] += _path(t, position, goal, at, stroke)
-            at, position, turn = at + stroke[2] + PAUSE, goal, turn + 1
+            at, position, turn, back = at + stroke[2] + PAUSE, goal, turn + 1, home
         if position != 0.0:
-            home = _stroke(abs(position), speed, limits)
-            out[:, i] += _path(t, position, 0.0, at, home)
+            out[:, i] += _path(t, position, 0.0, at, back)
     return out
 
 
@@ -165,20 +165,16 @@ def _raster(motion: Motion, limits: Limits, t: Array, reach: Array, pace: Array)
     fast = int(np.argmax(np.ptp(out, axis=0)))
     out[:, 1 - fast] = 0.0
     slow, lines = float(reach[1 - fast]), 6
-    length = t[-1] / (2 * lines)
-    corners = [*np.linspace(0.0, slow, lines // 2), *np.linspace(slow, -slow, lines)]
-    corners = [*corners, 0.0][1:]
-    length = t[-1] / (len(corners) + 1)
-    position = 0.0
-    for k, goal in enumerate(corners):
-        way = abs(goal - position)
-        if way == 0.0:
-            continue
+    corners = [*np.linspace(0.0, slow, lines // 2), *np.linspace(slow, -slow, lines)[1:], 0.0]
+    length = t[-1] / len(corners)
+    for k, (start, stop) in enumerate(zip(corners[:-1], corners[1:], strict=True)):
+        way = abs(stop - start)
         stroke = _stroke(way, min(limits.speed, 2.5 * way / length), limits)
-        if stroke[2] > length:
-            return out
-        out[:, 1 - fast] += _path(t, position, goal, length * (k + 0.4), stroke)
-        position = float(goal)
+        if stroke[2] > 0.95 * length:
+            # Too far for the time: the fast axis alone.
+            out[:, 1 - fast] = 0.0
+            break
+        out[:, 1 - fast] += _path(t, float(start), float(stop), length * (k + 0.4), stroke)
     return out
 
 

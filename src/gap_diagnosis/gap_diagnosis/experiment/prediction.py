@@ -21,7 +21,7 @@ Effects = Mapping[str, Mapping[str, float]]
 STEP = 0.02
 #: The step [m] of an encoder whose counts do not stand between two predictions.
 FINE = 1e-9
-#: Below this speed of its reference [m/s] an axis rests: a force within the friction says nothing.
+#: Below this mean speed of its encoder [m/s] an axis rests: its friction holds any force then.
 RESTING = 1.5e-4
 
 
@@ -110,15 +110,16 @@ class Predictor:
 
         It is zero where the axis rests. All are (n, a): reference and encoder [m], force [N].
         """
-        rate = np.gradient(position, self.twin.control_period, axis=0)
-        left = force - self._needed(encoder, self.twin.control_period)
-        out = (self._means(np.abs(rate)) > RESTING) * self._means(left)
+        period = self.twin.control_period
+        rate = np.gradient(position, period, axis=0)
+        out = self._means(force - self._needed(encoder, period))
         for i, column in enumerate(rate.T):
-            at = self.noise.cut(i, column, self.twin.control_period)
+            at = self.noise.cut(i, column, period)
             if self.noise.cuts[at] < 0.5 / STEP:
                 out[i] = band_limited(out[i], STEP, self.noise.cuts[at])
             out[i] /= self.noise.force[at, i]
-        return out
+        moving = np.abs(self._means(np.gradient(encoder, period, axis=0))) > RESTING
+        return np.asarray(out * moving)
 
     @property
     def _size(self) -> int:

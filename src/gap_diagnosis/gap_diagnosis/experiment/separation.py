@@ -39,8 +39,13 @@ class Predicted:
         """Deviations (c * m, k) of the draws, such that their Gram matrix is the covariance."""
         if not len(self.draws):
             return np.zeros((self.mean.size, 0))
-        flat = (self.draws - self.mean).reshape(len(self.draws), -1)
+        flat = apart(self.draws, self.mean).reshape(len(self.draws), -1)
         return np.asarray(flat.T / np.sqrt(len(flat)))
+
+
+def apart(one: Array, two: Array) -> Array:
+    """Difference of predictions where both move: a channel is zero where its axis rests."""
+    return np.asarray((one - two) * ((one != 0.0) & (two != 0.0)))
 
 
 def margin(one: Predicted, two: Predicted, common: Array) -> float:
@@ -48,13 +53,13 @@ def margin(one: Predicted, two: Predicted, common: Array) -> float:
 
     `common` (c, m) is the prediction without what they explain: their gain is measured from it.
     """
-    return _margin(one.mean - two.mean, one, two, common)
+    return _margin(apart(one.mean, two.mean), one, two, common)
 
 
 def decided(one: Predicted, two: Predicted, common: Array) -> float:
     """Share of the pairs of draws whose margin is above 1."""
     pairs = [(a, b) for a in (one.mean, *one.draws) for b in (two.mean, *two.draws)]
-    return float(np.mean([_margin(a - b, one, two, common) > 1.0 for a, b in pairs]))
+    return float(np.mean([_margin(apart(a, b), one, two, common) > 1.0 for a, b in pairs]))
 
 
 def _margin(difference: Array, one: Predicted, two: Predicted, common: Array) -> float:
@@ -63,7 +68,7 @@ def _margin(difference: Array, one: Predicted, two: Predicted, common: Array) ->
     if spread.shape[1]:
         gram = spread.T @ spread + np.eye(spread.shape[1])
         left = left - spread @ np.linalg.solve(gram, spread.T @ left)
-    apart = np.mean(left.reshape(difference.shape) ** 2, axis=1)
+    remaining = np.mean(left.reshape(difference.shape) ** 2, axis=1)
     gains = [np.mean((p.mean - common) ** 2, axis=1) for p in (one, two)]
     asked = OF_NOISE + OF_GAIN * np.minimum(*gains)
-    return float(np.max(apart / asked))
+    return float(np.max(remaining / asked))

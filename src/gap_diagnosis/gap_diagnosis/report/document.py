@@ -11,6 +11,7 @@ from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.law.learn import Law
 from gap_diagnosis.report import forces
+from gap_diagnosis.report.experiment import as_dict as as_entry
 from stage_core.quantities import split_effect
 from stage_core.whole_file import write_whole
 from stage_twin.effects import EFFECTS
@@ -62,6 +63,7 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         **(_without_forces(diagnosis) if diagnosis.drives else {}),
         **({'simulated': ', '.join(diagnosis.simulators)} if diagnosis.simulators else {}),
         **({} if diagnosis.model is None else {'model': diagnosis.model.as_dict()}),
+        **({} if diagnosis.experiment is None else {'experiment': as_entry(diagnosis.experiment)}),
     }
 
 

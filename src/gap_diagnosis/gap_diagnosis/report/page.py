@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gap_diagnosis.diagnose import Diagnosis
-from gap_diagnosis.evidence import experiments
-from gap_diagnosis.report import figures, forces, hysteresis, model, response
+from gap_diagnosis.report import experiment, figures, forces, hysteresis, model, response
 from gap_diagnosis.report.causes import causes_section, contained_section, found_section
 from gap_diagnosis.report.laws import laws_section
 from gap_diagnosis.report.leftovers import leftovers
@@ -173,11 +172,10 @@ def _where(page: Page, diagnosis: Diagnosis) -> None:
 
 def _next(page: Page, diagnosis: Diagnosis) -> None:
     page.heading('What to do next')
-    steps = experiments.steps(diagnosis)
+    experiment.section(page, diagnosis)
+    steps = []
     found = leftovers(diagnosis)
     if found:
-        # The steps know the causes alone; what the picture shows must not be passed over.
-        steps = [s for s in steps if not s.startswith('Nothing')]
         worst = max(found, key=lambda item: item.largest)
         steps.append(
             f'{worst.channel} still leaves {worst.count} short events of up to '
@@ -185,6 +183,8 @@ def _next(page: Page, diagnosis: Diagnosis) -> None:
             'reversal. Measure strokes in both directions at several speeds, then diagnose with '
             'the corrected twin: what is left then has the shape of the missing effect.'
         )
+    elif diagnosis.experiment is None and UNKNOWN not in diagnosis.verdict:
+        steps.append('Nothing: run the corrected twin, and diagnose again after a change.')
     page.items(steps)
     page.text(
         '`corrected_twin.yaml` beside this page is the nominal twin with the accepted effects. '

@@ -1,0 +1,98 @@
+"""The experiment of a report: its file, its entry in report.json, its section of the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.experiment.design import Experiment
+from stage_core.pages import Page
+from stage_core.quantities import UNKNOWN
+from stage_core.whole_file import write_whole
+from stage_core.wording import effect_words
+from stage_twin.effects import effect_of
+
+FILE = 'experiment.csv'
+#: Of the table [s]: the contour controller takes a spline through it.
+SPACING = 0.004
+
+
+def as_dict(experiment: Experiment) -> dict[str, Any]:
+    """The entry `experiment` of report.json."""
+    return {
+        'separates': experiment.separates,
+        'duration': experiment.duration,
+        'expected': experiment.expected,
+        'expected_before': experiment.before,
+        'pairs': [
+            {'candidates': list(names), 'before': before, 'expected': expected}
+            for names, before, expected in experiment.pairs
+        ],
+        'motions': experiment.motions,
+        'file': FILE,
+    }
+
+
+def write(experiment: Experiment, directory: Path) -> Path:
+    """Write the motion as the contour controller reads it (contour `timed`)."""
+    path = directory / FILE
+    write_whole(path, table(experiment.position, experiment.period, experiment.axes))
+    return path
+
+
+def table(position: NDArray[np.float64], period: float, axes: tuple[str, ...]) -> str:
+    """Text of a motion (n, a) [m]: a row of time [s] and positions [m] every `SPACING`."""
+    step = max(1, round(SPACING / period))
+    rows = np.arange(0, len(position), step)
+    lines = [','.join(('t', *axes))]
+    for k in rows.tolist():
+        numbers = ','.join(f'{v:.9f}' for v in position[k])
+        lines.append(f'{k * period:.6f},{numbers}')
+    return '\n'.join(lines) + '\n'
+
+
+def section(page: Page, found: Diagnosis) -> None:
+    """What to measure next, why, and what is expected of it."""
+    for cause in found.causes:
+        if cause.effect == UNKNOWN and cause.status == 'accepted':
+            page.items(
+                [
+                    f'{rival} would explain the force; the loop swings by it at a phase that no '
+                    f'run of the twin repeats. Measure {effect_of(rival).excited_by}.'
+                    for rival in cause.alternatives
+                ]
+            )
+    experiment = found.experiment
+    if experiment is None:
+        if UNKNOWN in found.verdict:
+            page.text(
+                'Structure remains that no effect of the library explains, and no two candidates '
+                'that a motion could tell apart. Repeat the session as it is: what repeats is '
+                'the machine, the rest is not.'
+            )
+        return
+    names = ', '.join(effect_words(name) for name in experiment.separates)
+    page.text(
+        f'These data cannot tell apart: {names}. Of motions within the limits, this one of '
+        f'{experiment.duration:.0f} s moves the predictions of the twin with each of them '
+        f'furthest apart, whatever their parameters are within their intervals: '
+        f'{"; ".join(experiment.motions)}.'
+    )
+    page.table(
+        ['candidates', 'decided by this session', 'expected of the experiment'],
+        [
+            [' or '.join(pair), f'{100 * before:.0f} %', f'{100 * expected:.0f} %']
+            for pair, before, expected in experiment.pairs
+        ],
+        'share of the machines with parameters within the intervals on which a diagnosis would '
+        'prefer the right one',
+    )
+    page.text(
+        f'`{FILE}` beside this page is the motion. `ros2 service call /gap_diagnosis/experiment '
+        'std_srvs/srv/Trigger` has the stage run it, where the node allows motion, and diagnoses '
+        'both sessions together.'
+    )
