@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from contour_ctrl.contour_parameters import PARAMETERS, make_timed
+from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.evidence.judgement import name_beside_unknown
 from gap_diagnosis.experiment import motions
 from gap_diagnosis.experiment.design import Experiment, design
 from gap_diagnosis.experiment.motions import Limits
@@ -18,6 +20,7 @@ from gap_diagnosis.experiment.questions import Pair
 from gap_diagnosis.experiment.separation import Predicted, decided, margin
 from gap_diagnosis.report import experiment as file
 from stage_core.errors import StageError
+from stage_core.pages import Page
 from stage_core.twin_file import TwinFile
 
 PERIOD = 0.001
@@ -88,14 +91,6 @@ def test_friction_and_offset_are_told_apart_by_a_motion_that_turns(
     assert rate.max() > 1e-7 and rate.min() < -1e-7
 
 
-def test_what_is_the_same_machine_cannot_be_told_apart() -> None:
-    small = {'force_offset.x': {'offset': (10.0, 1.0)}}
-    large = {'force_offset.x': {'offset': (11.0, 1.0)}}
-    pair = Pair(('force_offset.x', 'force_offset.x'), small, large, small)
-    found = design([pair], PREDICTOR, replace(LIMITS, duration=7.0), one_way())
-    assert found is not None and found.expected < 0.5
-
-
 def test_a_motion_that_needs_too_much_force_is_none() -> None:
     pair = Pair(('force_offset.x', 'coulomb_friction.x'), OFFSET, FRICTION, {})
     weak = replace(LIMITS, force=np.array([5.0, 5.0]))
@@ -117,3 +112,13 @@ def test_the_contour_controller_takes_the_motion(experiment: Experiment, tmp_pat
     path.write_text('t,x\n0,1\n')
     with pytest.raises(StageError, match='no timed motion'):
         make_timed(values.__getitem__)
+
+
+def test_what_no_run_can_confirm_stands_beside_unknown(open_question: Diagnosis) -> None:
+    causes = [replace(c) for c in open_question.causes]
+    name_beside_unknown(causes, [], ['drive_play.x', 'coulomb_friction.y'])
+    beside = {c.effect: c.alternatives for c in causes if c.status == 'accepted'}
+    assert beside['unknown'] == ['drive_play.x']
+    page = Page('test')
+    file.section(page, replace(open_question, causes=causes))
+    assert 'drive_play.x would explain the force' in page.render()

@@ -1,18 +1,19 @@
-"""Live mode in a graph of real processes, on the experiment that a report asks for."""
+"""Live mode in a graph of real processes, on a timed motion as an experiment is one."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from gap_diagnosis.diagnose import Diagnosis
-from gap_diagnosis.evidence import experiments
+from gap_diagnosis.experiment.motions import Limits, Motion, sample
+from gap_diagnosis.report.experiment import FILE, table
 from stage_bringup.graph import Options, commands
 from stage_bringup.processes import NodeCommand, Processes
 from stage_core import topics
@@ -25,9 +26,12 @@ LIVE: dict[str, object] = {'window': 2.0, 'learn': 2}
 
 @pytest.mark.timeout(900)
 def test_live_mode_warns_when_the_machine_is_another_one(
-    open_question: Diagnosis, ros_env: dict[str, str], tmp_path: Path
+    ros_env: dict[str, str], tmp_path: Path
 ) -> None:
-    curve = experiments.write_reference(open_question, tmp_path)
+    limits = Limits(np.full(2, -0.02), np.full(2, 0.02), np.full(2, 600.0))
+    motion = sample(Motion('strokes', 0.95, 0.7, (0.5, 0.5), 3), limits, 12.0, 0.001)
+    curve = tmp_path / FILE
+    curve.write_text(table(motion, 0.001, ('x', 'y')), encoding='utf-8')
     first, second = tmp_path / 'first.yaml', tmp_path / 'second.yaml'
     TwinFile.nominal_servo().save(first)
     TwinFile.nominal_servo().with_effects(CHANGED).save(second)
@@ -55,10 +59,9 @@ def test_live_mode_warns_when_the_machine_is_another_one(
                 client.trigger('/stage_driver/home', 200.0)
                 client.set_parameters(
                     'contour_ctrl',
-                    contour='freeform',
+                    contour='timed',
                     curve_file=str(curve),
-                    reduce_feed=True,
-                    feed=0.05,
+                    estimator_steps=0,
                     iterations=1,
                     scheme='p_ff',
                 )

@@ -13,7 +13,7 @@ from stage_core.errors import StageError
 from stage_core.quantities import LINKS
 from stage_core.twin_file import TwinFile
 from stage_twin import effects
-from stage_twin.effects import EFFECTS, separating
+from stage_twin.effects import EFFECTS
 from stage_twin.packing import pack
 from stage_twin.simulate import simulate
 
@@ -222,14 +222,5 @@ def test_a_report_says_what_was_found(name):
     sentence = effect.says(values)
     assert sentence[0].islower() and not set('{}') & set(sentence)
     assert any(p.said(values[p.name]) in sentence for p in effect.parameters)
-    rivals = {*effect.separated_from, *effect.holds, *effect.excludes, *effect.merges}
+    rivals = {*effect.holds, *effect.excludes, *effect.merges}
     assert rivals <= EFFECTS.keys()
-
-
-def test_what_separates_two_effects_does_not_depend_on_their_order():
-    play = separating('backlash.x', 'cyclic_pitch_error.x')
-    assert play == separating('cyclic_pitch_error.x', 'backlash.x')
-    assert 'both sides' in play
-    # Where none of the two files knows, both are excited.
-    unknown = separating('backlash.x', 'tracker_latency')
-    assert EFFECTS['backlash'].excited_by in unknown

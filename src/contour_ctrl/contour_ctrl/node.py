@@ -71,7 +71,7 @@ class ContourCtrl(StreamingNode):
         self._last_message, self._last_failed = course.message, not course.success
         self._missed_before = course.missed
         folder = self.value('session_folder')
-        if not (course.success and folder):
+        if not (course.success and folder) or self.value('contour') == parameters.TIMED:
             return
         signal, weights = np.zeros_like(course.controller.learned), course.best_weights
         if course.learner is not None and course.learner.best is not None:

@@ -14,6 +14,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from gap_diagnosis.experiment_node import run_experiment
 from gap_diagnosis.live import LiveMonitor
 from stage_core import topics
 from stage_core.errors import StageError
@@ -39,6 +40,10 @@ PARAMETERS = (
     Parameter('twin', '', 'twin file of the nominal machine; live mode follows it'),
     Parameter('out', 'gap_report', 'directory that gets the report', read_only=True),
     Parameter('seed', 0, 'of bootstrap and permutations', minimum=0),
+    Parameter('allow_motion', False, 'whether ~/experiment may move the stage'),
+    Parameter(
+        'travel', '', 'what an experiment may use, as x:-0.05:0.05 y:0:0.1; empty: as the session'
+    ),
     Parameter('live', True, 'follow the running session and keep its gap on /diagnostics'),
     Parameter('window', 6.0, 'length of a window of live mode', 's', minimum=2.0, maximum=600.0),
     Parameter('learn', 5, 'windows that make the band of live mode', minimum=2, maximum=1000),
@@ -60,6 +65,7 @@ class GapDiagnosisNode(StageNode):
         # the computation in a process of its own, so that live mode misses nothing.
         self._worker = Node('_gap_diagnosis_worker', use_global_arguments=False)
         self._worker.create_service(Trigger, '/gap_diagnosis/diagnose', self._on_diagnose)
+        self._worker.create_service(Trigger, '/gap_diagnosis/experiment', self._on_experiment)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._worker)
         self._thread = threading.Thread(target=self._serve, daemon=True)
@@ -167,11 +173,39 @@ class GapDiagnosisNode(StageNode):
             response.success = False
             response.message = 'set the parameters bag and twin first'
             return response
-        command = [sys.executable, '-m', 'gap_diagnosis', 'diagnose', '--bag', self.value('bag')]
+        response.success, response.message = self._diagnose([self.value('bag')])
+        return response
+
+    def _on_experiment(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        """Run the experiment of the last report; the message says what it decided."""
+
+        def diagnosed(bags: list[str]) -> str:
+            success, message = self._diagnose(bags)
+            if not success:
+                raise StageError(message)
+            return message
+
+        lockstep = bool(self.get_parameter('use_sim_time').value)
+        try:
+            response.message = run_experiment(self.value, lockstep, diagnosed)
+            response.success = True
+        except (StageError, OSError, ValueError) as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _diagnose(self, bags: list[str]) -> tuple[bool, str]:
+        """Whether a diagnosis of some bags in a process of its own succeeded; its last line."""
+        command = [sys.executable, '-m', 'gap_diagnosis', 'diagnose']
+        for bag in bags:
+            command += ['--bag', bag]
         if self.value('holdout'):
             command += ['--holdout', self.value('holdout')]
         command += ['--twin', self.value('twin'), '--out', self.value('out')]
         command += ['--seed', str(self.value('seed'))]
+        for axis in self.value('travel').split():
+            command += ['--travel', axis]
         with self._lock:
             self._process = subprocess.Popen(
                 command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -184,11 +218,10 @@ class GapDiagnosisNode(StageNode):
             # What it does now is the diagnosis's sentence on /diagnostics.
             self.verdict = line.strip().removeprefix('[gap_diagnosis] ')
         output = self._process.stdout.read()
-        response.success = self._process.wait() == 0
-        lines = output.strip().splitlines() if response.success else said
-        response.message = lines[-1].strip() if lines else 'the diagnosis ended without a word'
-        self.verdict = response.message
-        return response
+        success = self._process.wait() == 0
+        lines = output.strip().splitlines() if success else said
+        self.verdict = lines[-1].strip() if lines else 'the diagnosis ended without a word'
+        return success, self.verdict
 
     def shutdown(self) -> None:
         """End a running diagnosis and the service's thread."""

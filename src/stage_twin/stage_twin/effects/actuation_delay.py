@@ -15,10 +15,6 @@ EFFECT = Effect(
     '(1997), sampling of systems with time delay.',
     sentence='the force acts {delay} later than the twin says',
     excited_by='a frequency sweep',
-    separated_from={
-        'structural_resonance': 'a frequency sweep beyond the suspected resonance (to 150 Hz): a '
-        'delay turns the phase without a peak of the amplitude',
-    },
 )
 
 

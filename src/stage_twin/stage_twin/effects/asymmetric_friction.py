@@ -33,12 +33,6 @@ EFFECT = Effect(
     '{coulomb_negative} backwards',
     reverses=True,
     excited_by='strokes in both directions at several speeds',
-    separated_from={
-        'coulomb_friction': 'strokes of equal speed in both directions with the force averaged '
-        'over whole screw turns',
-        'force_offset': 'reversals within a few micrometres: an offset stays constant while '
-        'friction builds up',
-    },
     holds=('coulomb_friction', 'viscous_friction', 'force_offset'),
 )
 

@@ -21,10 +21,6 @@ EFFECT = Effect(
     sentence='the other axis pulls with {mass} times its acceleration and {viscous} times its '
     'velocity',
     excited_by='strokes of one axis while the other one moves slowly',
-    separated_from={
-        'inertia_mismatch': 'strokes of each axis alone, then of both at different times',
-        'viscous_friction': 'strokes of each axis alone, then of both at different times',
-    },
 )
 
 

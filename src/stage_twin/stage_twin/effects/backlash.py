@@ -19,10 +19,6 @@ EFFECT = Effect(
     states=('position',),
     reverses=True,
     excited_by='the same positions approached from both sides',
-    separated_from={
-        'cyclic_pitch_error': 'the same positions approached from both sides: play changes sign '
-        'with the direction, a pitch error does not',
-    },
 )
 
 

@@ -33,10 +33,6 @@ EFFECT = Effect(
     sentence='the machine, of which the moving mass is {mass_ratio}, swings on its mounts at '
     '{frequency}',
     excited_by='a frequency sweep from 1 to 40 Hz',
-    separated_from={
-        'structural_resonance': 'an accelerometer or a tracker that does not stand on the machine '
-        'on its base: both make the same force, and only one of them moves the base',
-    },
     excludes=('structural_resonance',),
     states=('base', 'momentum', 'last_velocity'),
 )

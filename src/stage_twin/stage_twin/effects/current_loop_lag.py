@@ -22,11 +22,6 @@ EFFECT = Effect(
     'lag.',
     sentence='the force follows its command with a time constant of {time_constant}',
     excited_by='a frequency sweep to 150 Hz',
-    separated_from={
-        'actuation_delay': 'a frequency sweep to 150 Hz: a lag takes amplitude, a delay does not',
-        'structural_resonance': 'a frequency sweep beyond the suspected resonance (to 150 Hz): a '
-        'lag turns the phase without a peak of the amplitude',
-    },
     states=('force',),
     order=3,
 )

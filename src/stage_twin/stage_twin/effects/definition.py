@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from stage_core.quantities import LINKS
 
@@ -81,9 +81,6 @@ class Effect:
         Whether it is named with its axis, as in ``backlash.x``.
     reverses : bool
         Whether only a reversal of the axis shows it: a motion in one direction cannot.
-    separated_from : mapping
-        Rival effect -> the experiment that tells them apart, as the object of "measure". One of
-        two rivals names the other.
     swings : bool
         Whether the loop may swing by it, at a phase that no second run repeats. The gap of a run
         then cannot confirm it, and a report lists it beside `unknown`.
@@ -110,7 +107,6 @@ class Effect:
     per_axis: bool = True
     reverses: bool = False
     swings: bool = False
-    separated_from: Mapping[str, str] = field(default_factory=dict)
     holds: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()
     merges: tuple[str, ...] = ()

@@ -15,10 +15,6 @@ EFFECT = Effect(
     '(2014).',
     sentence='the drive gives {error} more force than it is asked for',
     excited_by='strokes at several accelerations and speeds',
-    separated_from={
-        'inertia_mismatch': 'a known mass on the table, or strokes at constant high speed: '
-        'viscous friction does not depend on the mass',
-    },
     excludes=('inertia_mismatch',),
     merges=('inertia_mismatch', 'viscous_friction'),
 )

@@ -59,11 +59,6 @@ EFFECT = Effect(
     sentence='the drive crosses a play of {width} before it moves the carriage, with {mass_ratio} '
     'of the moving mass',
     excited_by='short strokes with many reversals',
-    separated_from={
-        'coulomb_friction': 'short strokes at several accelerations: the time without force falls '
-        'with the acceleration, friction does not',
-        'structural_resonance': 'the same sweep at two amplitudes: a play softens at small ones',
-    },
     swings=True,
     states=('position', 'velocity'),
     order=4,

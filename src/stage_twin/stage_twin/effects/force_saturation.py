@@ -38,10 +38,6 @@ EFFECT = Effect(
     'Astrom and Hagglund, "Advanced PID control" (2006), wind-up.',
     sentence='the drive gives no more than {limit}',
     excited_by='strokes at the highest acceleration',
-    separated_from={
-        'inertia_mismatch': 'the same stroke at two accelerations: saturation acts only on the '
-        'fast one',
-    },
 )
 
 

@@ -22,10 +22,6 @@ EFFECT = Effect(
     sentence='the axes are out of square by {angle}',
     excited_by='lines along both axes',
     per_axis=False,
-    separated_from={
-        'tracker_misalignment': 'lines along both axes: squareness turns only one of them in the '
-        'tracker frame',
-    },
 )
 
 

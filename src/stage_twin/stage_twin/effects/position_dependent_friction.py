@@ -38,13 +38,6 @@ EFFECT = Effect(
     'its middle to {c6} at the other',
     reverses=True,
     excited_by='slow strokes over the whole travel in both directions',
-    separated_from={
-        'coulomb_friction': 'slow strokes over the whole travel in both directions',
-        'stribeck_friction': 'strokes of one constant speed over the whole travel',
-        'asymmetric_friction': 'strokes of one constant speed over the whole travel',
-        'cable_force': 'slow strokes over the whole travel in both directions: friction changes '
-        'sign with the direction, a spring does not',
-    },
     holds=('coulomb_friction',),
 )
 

@@ -118,10 +118,3 @@ def held_by(name: str) -> tuple[str, ...]:
 def _on_axis(name: str, others: tuple[str, ...]) -> tuple[str, ...]:
     axis = split_effect(name)[1]
     return tuple(f'{other}.{axis}' for other in others)
-
-
-def separating(one: str, other: str) -> str:
-    """What to measure where two effects cannot be told apart: the object of "measure"."""
-    first, second = effect_of(one), effect_of(other)
-    known = first.separated_from.get(second.name) or second.separated_from.get(first.name)
-    return known or f'{first.excited_by}, and {second.excited_by}'

@@ -13,10 +13,6 @@ EFFECT = Effect(
     model='Mean pitch error of the screw or the scale. ISO 230-2:2014; paper 1, section 2.',
     sentence='the table travels {error} further than the encoder says',
     excited_by='positions over the whole travel',
-    separated_from={
-        'thermal_expansion': 'the same grid cold and warm (temperature apart by at least 3 K): a '
-        'scale error does not change',
-    },
 )
 
 

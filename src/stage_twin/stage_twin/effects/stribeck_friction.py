@@ -44,10 +44,6 @@ EFFECT = Effect(
     sentence='friction of {coulomb} rises by {breakaway} below {stribeck_velocity}',
     reverses=True,
     excited_by='constant-speed strokes from 0.1 to 20 mm/s',
-    separated_from={
-        'coulomb_friction': 'constant-speed strokes from 0.1 to 20 mm/s: only Stribeck friction '
-        'falls with speed',
-    },
     holds=('coulomb_friction',),
 )
 

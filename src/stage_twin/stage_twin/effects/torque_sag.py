@@ -25,14 +25,6 @@ EFFECT = Effect(
     'drives" (2001).',
     sentence='the drive gives less force than it is asked for, by {sag_force} and by {sag_speed}',
     excited_by='strokes at several accelerations and speeds',
-    separated_from={
-        'drive_gain': 'strokes at several accelerations: the share that is missing grows with the '
-        'force',
-        'inertia_mismatch': 'strokes at several accelerations: the share that is missing grows '
-        'with the force',
-        'force_saturation': 'strokes at several accelerations: a limit takes nothing below it',
-        'viscous_friction': 'strokes at constant high speed: a sag takes from small forces little',
-    },
     order=1,
 )
 

@@ -18,10 +18,6 @@ EFFECT = Effect(
     sentence='the tracker clock runs fast by {drift}',
     excited_by='the same fast stroke at the beginning and at the end of a session of 10 minutes',
     per_axis=False,
-    separated_from={
-        'tracker_latency': 'the same fast stroke at the beginning and at the end of a session of '
-        '10 minutes: a latency stays the same',
-    },
 )
 
 
