@@ -31,7 +31,7 @@ def propose(
 
     `travel` is what each axis may use [m]; that of the session where it is not named.
     """
-    if found.twin.kind != 'servo':
+    if found.twin.kind != 'servo' or found.drives:
         return None
     predictor = predictor_of(found)
     pairs = open_pairs(found, predictor)
