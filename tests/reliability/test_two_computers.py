@@ -37,7 +37,12 @@ SLOW: dict[str, dict[str, object]] = {
 def test_a_cut_cable_brings_the_stage_to_rest_and_the_graph_heals(tmp_path: Path) -> None:
     with ExitStack() as stack:
         stack.enter_context(
-            own_domain(ROS_AUTOMATIC_DISCOVERY_RANGE='SUBNET', FASTDDS_BUILTIN_TRANSPORTS='UDPv4')
+            # Other tests of the run may have chosen a profile that stays on this machine.
+            own_domain(
+                ROS_AUTOMATIC_DISCOVERY_RANGE='SUBNET',
+                FASTDDS_BUILTIN_TRANSPORTS='UDPv4',
+                FASTRTPS_DEFAULT_PROFILES_FILE=None,
+            )
         )
         try:
             cable = stack.enter_context(two_computers(delay=0.01, loss=0.01))
