@@ -55,6 +55,8 @@ class GraphClient:
         self._ended.set()
         self._thread.join(timeout=5.0)
         self._executor.remove_node(self.node)
+        # An executor that is not shut down keeps the node in the graph for as long as the process.
+        self._executor.shutdown()
         self.node.destroy_node()
         if self._owns_context and rclpy.ok():
             rclpy.shutdown()
