@@ -119,7 +119,7 @@ def widened(found: Parameters, law: DriveLaw) -> Parameters:
 class _Fit:
     """The law of one axis beside the equation of its motion."""
 
-    def __init__(self, records: list[Record], twin: TwinFile, axis: str, cut: float = CUT) -> None:
+    def __init__(self, records: list[Record], twin: TwinFile, axis: str) -> None:
         self.axis, self.start = axis, twin.servo(axis)
         self.i = records[0].column(axis)
         self.records = records
