@@ -53,11 +53,11 @@ def test_a_figure_of_another_state_is_seen() -> None:
 @pytest.mark.parametrize(
     ('page', 'command'),
     [
-        ('concepts/hra.md', '-m hra_curves table3'),
-        ('concepts/hra.md', '-m hra_curves table4'),
-        ('concepts/calibration.md', 'benchmarks/paper5_examples.py'),
-        ('concepts/calibration.md', 'benchmarks/paper2_figure11.py'),
-        ('concepts/contour.md', 'benchmarks/contour_estimators.py'),
+        ('results/hra.md', '-m hra_curves table3'),
+        ('results/hra.md', '-m hra_curves table4'),
+        ('results/calibration.md', 'benchmarks/paper5_examples.py'),
+        ('results/calibration.md', 'benchmarks/paper2_figure11.py'),
+        ('results/contour.md', 'benchmarks/contour_estimators.py'),
     ],
 )
 def test_the_page_holds_what_the_command_prints(

@@ -100,6 +100,6 @@ contour_polar(
 #
 # - `curves` knows more paths, and a path of your own comes as points:
 #   [curves to high relative accuracy](paper4.md).
-# - [Contour control](../../concepts/contour.md) explains the laws and says what was measured.
+# - [Contour control](../../concepts/contour.md) explains the laws and their settings.
 # - `ros2 run stage_bringup up`, then `ros2 service call /contour_ctrl/run std_srvs/srv/Trigger`,
 #   follows the circle with the nodes.

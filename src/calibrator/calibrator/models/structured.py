@@ -1,8 +1,8 @@
 """The stage's physics as regressors: scale, squareness, straightness, lead screw, backlash, heat.
 
-The default method: on the effects that a screw stage has it beats every black box (see
-calibration.md), its parameters have units and standard deviations, and it extrapolates as
-the physics does.
+The default method: on the effects that a screw stage has it beats every black box
+(docs/results/calibration.md), its parameters have units and standard deviations, and it
+extrapolates as the physics does.
 """
 
 from __future__ import annotations
