@@ -22,8 +22,10 @@ kernels: venv
 session: kernels
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" $(PYTHON_ENV) -m stage_bringup.session $(SESSION)
 
+# Tests wait more than they compute: four processes on two cores. A file stays in one process.
+SIDE_BY_SIDE := -n 4 --dist loadfile --no-loadscope-reorder
 test: kernels
-	$(PYTHON_ENV) -m pytest -q --session-timeout=4200 $(PYTEST)
+	$(PYTHON_ENV) -m pytest -q $(SIDE_BY_SIDE) --session-timeout=4200 $(PYTEST)
 
 # What can be said in under a minute: format, lint, types of what changed, structure and docs.
 CHANGED := $(shell git diff --name-only --diff-filter=d main -- 'src/*/*/*.py' 2>/dev/null)

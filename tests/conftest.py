@@ -19,6 +19,13 @@ os.environ.setdefault('MPLBACKEND', 'Agg')
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parents[1]
+#: Folders whose files take minutes: they begin first, so that no process is left alone with one.
+SLOW = ('reliability', 'gap_diagnosis', 'contour_ctrl', 'stage_bringup')
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the slow folders; all else stays in order."""
+    items.sort(key=lambda item: item.path.parent.name not in SLOW)
 
 
 @pytest.fixture

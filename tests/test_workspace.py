@@ -31,7 +31,6 @@ def test_launch_file(path: Path) -> None:
     assert not {n for n in named if not (ROOT / 'ros_ws' / 'config' / n).is_file()}
 
 
-@pytest.mark.timeout(400)
 def test_colcon_build(tmp_path: Path) -> None:
     """Every package builds and its executables are where ros2 run looks for them."""
     colcon = Path(sys.executable).with_name('colcon')

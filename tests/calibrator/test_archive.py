@@ -47,7 +47,6 @@ def same_samples(first, second) -> bool:
     )
 
 
-@pytest.mark.timeout(400)
 def test_every_place_gives_the_same_samples(
     archive: Path, tmp_path: Path, dask_cluster: str
 ) -> None:
@@ -116,7 +115,6 @@ def let_go(bag: Path) -> None:
     pipe.unlink()
 
 
-@pytest.mark.timeout(400)
 def test_a_killed_run_goes_on_where_it_was(
     archive: Path, blocking_bag: Path, tmp_path: Path, dask_cluster: str, grid_session
 ) -> None:
@@ -156,7 +154,6 @@ def test_a_killed_run_goes_on_where_it_was(
     assert one.training == two.training and len(one.training) == BAGS + 1
 
 
-@pytest.mark.timeout(500)
 def test_restarts_take_the_least_training_error(
     tmp_path: Path, grid_session, dask_cluster: str
 ) -> None:
@@ -180,7 +177,6 @@ def test_restarts_take_the_least_training_error(
         train_restarts(samples, 'affine', {}, 0, 'position', 2, tmp_path)
 
 
-@pytest.mark.timeout(500)
 def test_restarts_on_the_command_line(
     archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

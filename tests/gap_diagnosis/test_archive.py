@@ -16,7 +16,6 @@ from stage_core.twin_file import TwinFile
 Maker = Callable[..., Session]
 
 
-@pytest.mark.timeout(400)
 def test_an_archive_is_diagnosed_bag_by_bag(
     planted: Maker, tmp_path: Path, dask_cluster: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

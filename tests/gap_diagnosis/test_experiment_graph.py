@@ -42,7 +42,6 @@ def open_report(folder: Path) -> None:
     (folder / 'report.json').write_text(json.dumps(report), encoding='utf-8')
 
 
-@pytest.mark.timeout(900)
 def test_the_experiment_is_refused_then_run_and_stopped(
     planted: Callable[..., Session], ros_env: dict[str, str], tmp_path: Path
 ) -> None:

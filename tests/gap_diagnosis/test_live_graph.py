@@ -24,7 +24,6 @@ CHANGED = {'coulomb_friction.x': {'coulomb': 25.0}, 'viscous_friction.y': {'visc
 LIVE: dict[str, object] = {'window': 2.0, 'learn': 2}
 
 
-@pytest.mark.timeout(900)
 def test_live_mode_warns_when_the_machine_is_another_one(
     ros_env: dict[str, str], tmp_path: Path
 ) -> None:

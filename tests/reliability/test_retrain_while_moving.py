@@ -11,7 +11,6 @@ pytest.importorskip('rclpy')
 from benchmarks.retrain_while_moving import follow, training_bag
 
 
-@pytest.mark.timeout(600)
 def test_a_retrain_leaves_the_contour_alone(ros_env: dict[str, str], tmp_path: Path) -> None:
     bag = training_bag(tmp_path)
     alone, _, _ = follow(tmp_path / 'alone', bag, 'lockstep', 1, retrain=False)

@@ -66,7 +66,6 @@ def test_bags_of_a_folder(archive: Path, tmp_path: Path) -> None:
         find_bags(tmp_path / 'absent')
 
 
-@pytest.mark.timeout(400)
 def test_all_places_give_the_same(archive: Path, tmp_path: Path, dask_cluster: str) -> None:
     """One bag is bad: it is reported and skipped."""
     bags = find_bags(archive)
@@ -81,7 +80,6 @@ def test_all_places_give_the_same(archive: Path, tmp_path: Path, dask_cluster: s
     assert all('/stage/reference' in outcome.result for outcome in here[1:])
 
 
-@pytest.mark.timeout(400)
 @pytest.mark.parametrize('place', ['one process', 'processes', 'cluster'])
 def test_a_bad_item_is_its_own(place: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     """`eval` stands for any function: it is found by name in every process."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from sensor_msgs.msg import JointState
 
 from stage_bringup.graph import Options, commands
@@ -55,7 +54,6 @@ def lockstep_run(out: Path, is_composed: bool) -> tuple[str, dict[str, list], se
     return answer, heard, with_services
 
 
-@pytest.mark.timeout(400)
 def test_one_process_and_two_give_the_same_numbers(
     tmp_path: Path, ros_env: dict[str, str]
 ) -> None:

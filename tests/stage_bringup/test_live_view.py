@@ -70,7 +70,6 @@ def start(env: dict[str, str], **ports: int) -> subprocess.Popen:
     )
 
 
-@pytest.mark.timeout(200)
 def test_node_without_the_sdk_serves_its_page(ros_env: dict[str, str], tmp_path: Path) -> None:
     (tmp_path / 'foxglove.py').write_text('raise ImportError')
     path = os.pathsep.join([str(tmp_path), ros_env.get('PYTHONPATH', '')])
@@ -136,7 +135,6 @@ def answer_stop(_: Any, response: Any) -> Any:
     return response
 
 
-@pytest.mark.timeout(300)
 def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> None:
     """Over the real server: channels with their definitions, and bytes that decode."""
     pytest.importorskip('foxglove', reason='foxglove-sdk is an optional extra')

@@ -101,7 +101,6 @@ def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
         assert [str(f) for f in check_bag(first / bag) if f.level != OK] == []
 
 
-@pytest.mark.timeout(600)
 def test_interrupted_session_leaves_nothing(tmp_path: Path, ros_env: dict[str, str]) -> None:
     out = tmp_path / 'interrupted'
     process = start(out, ros_env)

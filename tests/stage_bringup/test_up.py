@@ -61,7 +61,6 @@ def test_a_model_of_mujoco_is_the_machine(tmp_path: Path) -> None:
     assert 'engine' not in next(n for n in nodes if n.name == 'stage_twin').parameters
 
 
-@pytest.mark.timeout(600)
 def test_ctrl_c_ends_all(tmp_path: Path, ros_env: dict[str, str]) -> None:
     with socket.socket() as free:
         free.bind(('127.0.0.1', 0))

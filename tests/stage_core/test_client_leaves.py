@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
+import rclpy
 from geometry_msgs.msg import PointStamped
 
 from stage_core import topics
@@ -33,3 +34,16 @@ def test_a_closed_client_leaves_the_graph() -> None:
         client.watch(PointStamped, topics.TRACKER_POINT)
         assert sockets() > before
     assert sockets() == before
+
+
+@pytest.mark.usefixtures('ros_env')
+def test_a_client_ends_what_it_began_and_nothing_else() -> None:
+    """The context of a node that runs in the same process goes on."""
+    rclpy.init()
+    try:
+        GraphClient().close()
+        assert rclpy.ok()
+    finally:
+        rclpy.shutdown()
+    GraphClient().close()
+    assert not rclpy.ok()

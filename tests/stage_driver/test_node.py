@@ -124,7 +124,6 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
         plant.close()
 
 
-@pytest.mark.timeout(400)
 def test_home_waits_for_a_twin_that_starts_later(ros_env):
     port = free_port()
     twin = [sys.executable, '-m', 'stage_twin.node', '--ros-args']

@@ -3,7 +3,6 @@
 import random
 import time
 
-import pytest
 from driver_rig import Recorder
 
 from stage_core.clocks import LOCKSTEP_EXCHANGE, NANOSECONDS
@@ -83,7 +82,6 @@ def run(folder, pauses):
     return recorder, points.points, stamps, ends
 
 
-@pytest.mark.timeout(300)
 def test_two_runs_are_identical(tmp_path):
     results = []
     for number in range(2):
