@@ -25,6 +25,8 @@ from session_bags.reader import read_session
 from session_bags.writer import write_session
 from stage_core.errors import StageError
 
+from ..patience import PATIENCE
+
 BAGS = 6
 
 
@@ -102,7 +104,7 @@ def blocking_bag(archive: Path) -> Iterator[Path]:
 def let_go(bag: Path) -> None:
     """End the reading of a blocking bag; it finds an empty file."""
     pipe = bag / 'slow_0.mcap'
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
         try:
             os.close(os.open(pipe, os.O_WRONLY | os.O_NONBLOCK))
@@ -127,7 +129,7 @@ def test_a_killed_run_goes_on_where_it_was(
         stderr=subprocess.DEVNULL,
     )
     try:
-        deadline = time.monotonic() + 180.0
+        deadline = time.monotonic() + PATIENCE
         while len(list(results.glob('*.json'))) < 3 and time.monotonic() < deadline:
             assert run.poll() is None, 'it cannot end: one bag blocks'
             time.sleep(0.02)

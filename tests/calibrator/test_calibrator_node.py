@@ -14,6 +14,8 @@ from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
 
+from ..patience import PATIENCE
+
 
 @pytest.fixture
 def calibrator(ros_env, tmp_path):
@@ -53,11 +55,11 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
         targets = make(JointState, topics.TARGET, SETPOINT_QOS)
         states = make(JointState, topics.REFERENCE, STATE_QOS)
         measured = make(PointStamped, topics.TRACKER_POINT, STATE_QOS)
-        client.wait_for(lambda: client.latest(topics.MODEL) is not None, 60.0, 'a model')
+        client.wait_for(lambda: client.latest(topics.MODEL) is not None, PATIENCE, 'a model')
         for publisher in (targets, states, measured):
-            client.wait_for(lambda p=publisher: p.get_subscription_count() > 0, 30.0, 'discovery')
+            client.wait_for(lambda p=publisher: p.get_subscription_count() > 0, PATIENCE, 'reader')
         client.wait_for(
-            lambda: client.node.count_publishers(topics.SETPOINT) > 0, 30.0, 'discovery'
+            lambda: client.node.count_publishers(topics.SETPOINT) > 0, PATIENCE, 'discovery'
         )
 
         def corrected(target, stamp):
@@ -74,7 +76,7 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
 
         np.testing.assert_array_equal(corrected((0.01, 0.02), 5 * 10**9), (0.01, 0.02))
         with pytest.raises(StageError, match='live buffer holds no pair'):
-            client.trigger('/calibrator/retrain', 60.0)
+            client.trigger('/calibrator/retrain', PATIENCE)
         with pytest.raises(StageError, match='no model to activate'):
             client.set_bool('/calibrator/activate', True)
 
@@ -90,12 +92,12 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
             if i % 200 == 0:
                 time.sleep(0.01)
         time.sleep(0.5)
-        message = client.trigger('/calibrator/retrain', 60.0)
+        message = client.trigger('/calibrator/retrain', PATIENCE)
         assert 'held-out RMS' in message and 'before' in message and 'after' in message
         assert 'heard live (the parameter bag is empty)' in message and 'tracker points' in message
         client.set_bool('/calibrator/activate', True)
         client.wait_for(
-            lambda: json.loads(client.latest(topics.MODEL).data)['active'], 30.0, 'activation'
+            lambda: json.loads(client.latest(topics.MODEL).data)['active'], PATIENCE, 'activation'
         )
         content = json.loads(client.latest(topics.MODEL).data)
         assert content['method'] == 'structured' and content['version'] == 1
@@ -111,7 +113,7 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
         # A training that fails leaves the model in use, and says why.
         client.set_parameters('/calibrator', bag='/nonexistent/bag')
         with pytest.raises(StageError, match='there is no bag /nonexistent/bag'):
-            client.trigger('/calibrator/retrain', 60.0)
+            client.trigger('/calibrator/retrain', PATIENCE)
         np.testing.assert_array_equal(corrected(goal.tolist(), 8 * 10**9), command)
     calibrator.send_signal(signal.SIGTERM)
     assert calibrator.wait(20.0) == 0
@@ -142,10 +144,10 @@ def contour_start(client):
     with ThreadPoolExecutor(1) as pool:
         asked = time.time_ns()
         run = pool.submit(client.trigger, '/contour_ctrl/run', 60.0)
-        client.wait_for(lambda: run.done() or moved(), 30.0, 'a move to the start')
+        client.wait_for(lambda: run.done() or moved(), PATIENCE, 'a move to the start')
         assert moved(), run.result()
         move = client.latest(topics.SETPOINT)
-        client.trigger('/contour_ctrl/abort', 30.0)
+        client.trigger('/contour_ctrl/abort', PATIENCE)
         with pytest.raises(StageError, match='aborted by request'):
             run.result()
     return np.array(move.position)
@@ -171,11 +173,11 @@ def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
         client.watch(JointState, topics.SETPOINT, SETPOINT_QOS)
         targets = client.node.create_publisher(JointState, topics.TARGET, SETPOINT_QOS)
         sensors = client.node.create_publisher(Temperature, topics.TEMPERATURE, STATE_QOS)
-        client.wait_for_service('/calibrator/retrain', 60.0)
+        client.wait_for_service('/calibrator/retrain', PATIENCE)
         for publisher in (targets, sensors):
-            client.wait_for(lambda p=publisher: p.get_subscription_count() > 0, 30.0, 'discovery')
+            client.wait_for(lambda p=publisher: p.get_subscription_count() > 0, PATIENCE, 'reader')
         client.wait_for(
-            lambda: client.node.count_publishers(topics.SETPOINT) > 0, 30.0, 'discovery'
+            lambda: client.node.count_publishers(topics.SETPOINT) > 0, PATIENCE, 'discovery'
         )
         stamp = 0
 
@@ -218,10 +220,10 @@ def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
                 command = np.array(client.latest(topics.SETPOINT).position)
                 return np.abs(warm_stage(command, degrees) - goal).max() < 3e-7
 
-            client.wait_for(answered, 60.0, f'a correction at {degrees} degC')
+            client.wait_for(answered, PATIENCE, f'a correction at {degrees} degC')
 
         client.set_parameters('/calibrator', bag=str(bag), method='thermal')
-        message = client.trigger('/calibrator/retrain', 120.0)
+        message = client.trigger('/calibrator/retrain', PATIENCE)
         assert message.startswith('thermal: held-out RMS')
         content = json.loads((tmp_path / 'models' / 'model_0001.json').read_text())['content']
         assert content['sensors'] == ['screw_x', 'screw_y']
@@ -239,9 +241,9 @@ def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
         told(b'\x00', 'thermal')
 
         # A contour is planned for what the sensors say when it is asked for.
-        client.wait_for_service('/contour_ctrl/run', 60.0)
+        client.wait_for_service('/contour_ctrl/run', PATIENCE)
         client.wait_for(
-            lambda: client.node.count_publishers(topics.SETPOINT) == 2, 30.0, 'discovery'
+            lambda: client.node.count_publishers(topics.SETPOINT) == 2, PATIENCE, 'discovery'
         )
         for degrees in ((23.5, 20.5), (21.5, 22.5)):
             start = np.array([0.035, 0.0])
@@ -252,7 +254,7 @@ def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
                 move = contour_start(client)
                 return np.abs(warm_stage(move, degrees) - start).max() < 3e-7
 
-            client.wait_for(planned, 60.0, f'a contour planned at {degrees} degC')
+            client.wait_for(planned, PATIENCE, f'a contour planned at {degrees} degC')
 
         before = client.latest(topics.SETPOINT).header.stamp.sec
         client.set_parameters('/calibrator', temperature_timeout=1.0)

@@ -23,6 +23,8 @@ from calibrator.training_job import Job, run_job
 from stage_core import topics
 from stage_core.errors import StageError
 
+from ..patience import PATIENCE
+
 
 def stored(method='structured', size=4e-5, **options):
     generator = np.random.default_rng(0)
@@ -219,7 +221,7 @@ def test_training_ends_when_its_parent_is_killed(grid_session, tmp_path):
     assert _runs(training)
     parent.kill()
     parent.communicate()
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + PATIENCE
     while _runs(training) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not _runs(training)

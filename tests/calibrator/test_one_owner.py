@@ -13,6 +13,8 @@ from calibrator.node import Calibrator
 from stage_core import topics
 from stage_core.ros.node import make_executor, spin
 
+from ..patience import PATIENCE
+
 
 def fill(buffer, session):
     """Give a buffer what the node would hear in a session."""
@@ -60,7 +62,7 @@ def test_a_training_that_ends_within_an_adaptation_waits_for_it(
         assert spinning.is_alive()
     finally:
         ended.set()
-        spinning.join(20.0)
+        spinning.join(PATIENCE)
         node.shutdown()
         executor.remove_node(node)
         node.destroy_node()

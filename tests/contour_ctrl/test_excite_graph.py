@@ -16,6 +16,8 @@ from stage_bringup.processes import NodeCommand, Processes
 from stage_core.ros.client_node import GraphClient
 from stage_core.twin_file import TwinFile
 
+from ..patience import PATIENCE
+
 FRICTION = {
     'stribeck_friction.x': {'coulomb': 20.0, 'breakaway': 8.0, 'presliding': 4e-6},
     'stribeck_friction.y': {'coulomb': 8.0, 'breakaway': 2.0, 'presliding': 4e-6},
@@ -45,13 +47,13 @@ def test_friction_is_identified_from_a_recorded_session(
                 graph.start(command)
         with GraphClient('friction_test', use_sim_time=True) as client:
             for service in ('/stage_driver/home', '/session_recorder/start'):
-                client.wait_for_service(service, 200.0)
+                client.wait_for_service(service, PATIENCE)
             # The driver looks a minute for its drive; a plant that compiles takes longer.
             client.wait_for(
-                lambda: client.node.get_clock().now().nanoseconds > 0, 400.0, 'a plant'
+                lambda: client.node.get_clock().now().nanoseconds > 0, PATIENCE, 'a plant'
             )
-            client.trigger('/stage_driver/home', 200.0)
-            client.trigger('/session_recorder/start', 60.0)
+            client.trigger('/stage_driver/home', PATIENCE)
+            client.trigger('/session_recorder/start', PATIENCE)
             excite = NodeCommand('excite', 'contour_ctrl.excite_node', EXCITATION)
             done = subprocess.run(
                 excite.arguments(),
@@ -61,7 +63,7 @@ def test_friction_is_identified_from_a_recorded_session(
                 text=True,
             )
             assert done.returncode == 0, done.stdout + done.stderr
-            client.trigger('/session_recorder/stop', 60.0)
+            client.trigger('/session_recorder/stop', PATIENCE)
     finally:
         graph.end()
     found = subprocess.run(
@@ -74,7 +76,6 @@ def test_friction_is_identified_from_a_recorded_session(
         ],
         capture_output=True,
         text=True,
-        timeout=300,
     )
     assert found.returncode == 0, found.stdout + found.stderr
     values = {

@@ -28,6 +28,8 @@ from stage_core.errors import StageError
 from stage_core.ros.client_node import GraphClient
 from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
 
+from ..patience import PATIENCE
+
 MS = 1_000_000
 RADIUS = 0.002
 
@@ -124,15 +126,15 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
     )
     try:
         with pytest.raises(StageError, match='curve_file'):
-            client.wait_for_service('/contour_ctrl/run', 40.0)
+            client.wait_for_service('/contour_ctrl/run', PATIENCE)
             client.set_parameters('/contour_ctrl', contour='nurbs')
-            client.trigger('/contour_ctrl/run', 20.0)
+            client.trigger('/contour_ctrl/run', PATIENCE)
         with pytest.raises(StageError, match='cannot read the curve'):
             client.set_parameters('/contour_ctrl', curve_file='/none')
         client.set_parameters('/contour_ctrl', contour='circle')
         with pytest.raises(StageError, match='nothing to abort'):
-            client.trigger('/contour_ctrl/abort', 20.0)
-        message = client.trigger('/contour_ctrl/run', 60.0)
+            client.trigger('/contour_ctrl/abort', PATIENCE)
+        message = client.trigger('/contour_ctrl/run', PATIENCE)
         assert '2 iterations; first: tracking RMS' in message and 'best, iteration' in message
         first = list(plant.streamed)
         assert plant.moves[0] == pytest.approx((RADIUS, 0.0))
@@ -144,14 +146,14 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         assert saved.is_file()
 
         plant.streamed.clear()
-        again = client.trigger('/contour_ctrl/run', 60.0)
+        again = client.trigger('/contour_ctrl/run', PATIENCE)
         # The plant starts at the start point now: same ticks, same set-points, same figures.
         assert again == message
         assert plant.streamed == first
 
         client.set_parameters('/contour_ctrl', reuse_learned=True, feed=0.029)
         with pytest.raises(StageError, match='another contour'):
-            client.trigger('/contour_ctrl/run', 20.0)
+            client.trigger('/contour_ctrl/run', PATIENCE)
         client.set_parameters('/contour_ctrl', reuse_learned=False, feed=0.03)
 
         plant.streamed.clear()
@@ -160,15 +162,15 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
 
         def run() -> None:
             try:
-                client.trigger('/contour_ctrl/run', 60.0)
+                client.trigger('/contour_ctrl/run', PATIENCE)
             except StageError as error:
                 failures.append(str(error))
 
         waiting = threading.Thread(target=run)
         waiting.start()
-        assert plant.streaming.wait(30.0)
-        assert client.trigger('/contour_ctrl/abort', 20.0) == 'stopping'
-        waiting.join(60.0)
+        assert plant.streaming.wait(PATIENCE)
+        assert client.trigger('/contour_ctrl/abort', PATIENCE) == 'stopping'
+        waiting.join(PATIENCE)
         assert 'aborted by request' in failures[0]
         speed = np.hypot(*np.array(plant.streamed)[:, 2:].T)
         assert speed[-1] < 2e-3 and np.abs(np.diff(speed)).max() < 3e-3
@@ -176,7 +178,7 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         plant.streamed.clear()
         plant.break_at = 300
         with pytest.raises(StageError, match='encoder position is not a number'):
-            client.trigger('/contour_ctrl/run', 60.0)
+            client.trigger('/contour_ctrl/run', PATIENCE)
         assert len(plant.streamed) == 300
         assert plant.moves[-1] == pytest.approx(plant.streamed[-1][:2], abs=4e-3)
 
@@ -190,14 +192,14 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         seen: list[str] = []
         client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=lambda m: seen.append(str(m)))
         client.wait_for(
-            lambda: latched.get_subscription_count() > 0, 30.0, 'a reader of the model'
+            lambda: latched.get_subscription_count() > 0, PATIENCE, 'a reader of the model'
         )
         latched.publish(String(data=json.dumps(content)))
-        client.wait_for(lambda: any('model.json' in text for text in seen), 30.0, 'the model')
+        client.wait_for(lambda: any('model.json' in text for text in seen), PATIENCE, 'the model')
         plant.streamed.clear()
         plant.moves.clear()
         client.set_parameters('/contour_ctrl', iterations=1, scheme='ccc')
-        client.trigger('/contour_ctrl/run', 60.0)
+        client.trigger('/contour_ctrl/run', PATIENCE)
         table = 1.01 * np.array(plant.streamed)[:, :2] + 1e-5
         assert np.hypot(*table.T) == pytest.approx(RADIUS, rel=1e-6)
 
@@ -205,7 +207,7 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         plant.mute_at = 250
         client.set_parameters('/contour_ctrl', lockstep_timeout=0.7)
         with pytest.raises(StageError, match='no encoder message on /stage/joint_states for'):
-            client.trigger('/contour_ctrl/run', 60.0)
+            client.trigger('/contour_ctrl/run', PATIENCE)
         assert len(plant.streamed) == 250
         ahead = np.array(plant.moves[-1]) - plant.streamed[-1][:2]
         # Half the stop time at 30 mm/s: room to brake in the direction of travel.
@@ -219,13 +221,13 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         waiting = threading.Thread(target=run)
         waiting.start()
         client.wait_for(
-            lambda: any('planning the contour' in text for text in seen), 60.0, 'the planning'
+            lambda: any('planning the contour' in text for text in seen), PATIENCE, 'the planning'
         )
-        assert client.trigger('/contour_ctrl/abort', 20.0) == 'stopping'
-        waiting.join(20.0)
+        assert client.trigger('/contour_ctrl/abort', PATIENCE) == 'stopping'
+        waiting.join(PATIENCE)
         assert 'aborted by request' in failures[0]
         with pytest.raises(StageError, match='still being planned'):
-            client.trigger('/contour_ctrl/run', 20.0)
+            client.trigger('/contour_ctrl/run', PATIENCE)
         assert len(plant.moves) == moves
     finally:
         output = end(process)
@@ -246,7 +248,7 @@ def test_excite_streams_once_and_ends(
         micro_time=2.0,
     )
     try:
-        output = process.communicate(timeout=60)[0]
+        output = process.communicate()[0]
     finally:
         end(process)
     assert process.returncode == 0, output
@@ -259,7 +261,7 @@ def test_excite_streams_once_and_ends(
 def test_an_unknown_scheme_is_one_line_and_exit_status_two(ros_env: dict[str, str]) -> None:
     process = start('contour_ctrl.node', ros_env, scheme='pid')
     try:
-        output = process.communicate(timeout=60)[0]
+        output = process.communicate()[0]
     finally:
         end(process)
     assert process.returncode == 2

@@ -38,7 +38,7 @@ def reference(duration: float, period: float, axes: int, seed: int = 3) -> np.nd
 
 
 def make_session(
-    effects: Effects, duration: float = 20.0, axes: tuple[str, ...] = ('x',), seed: int = 0
+    effects: Effects, duration: float = 12.0, axes: tuple[str, ...] = ('x',), seed: int = 0
 ) -> Session:
     """A session of the nominal machine with planted effects, as a bag would hold it."""
     twin = nominal(axes)

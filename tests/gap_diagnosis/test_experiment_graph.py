@@ -26,6 +26,8 @@ from stage_core.ros.node import SETPOINT_QOS
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 
+from ..patience import PATIENCE
+
 FRICTION = {'coulomb_friction.x': {'coulomb': 15.0, 'presliding': 4e-6}}
 NODES = ('stage_twin', 'stage_driver', 'session_recorder', 'contour_ctrl')
 SERVICE = '/gap_diagnosis/experiment'
@@ -77,15 +79,15 @@ def test_the_experiment_is_refused_then_run_and_stopped(
             graph.start(command)
         with GraphClient('experiment_test', use_sim_time=True) as client:
             for service in ('/stage_driver/home', '/contour_ctrl/run', SERVICE):
-                client.wait_for_service(service, 400.0, graph.check)
+                client.wait_for_service(service, PATIENCE, graph.check)
             with pytest.raises(StageError, match='allow_motion'):
-                client.trigger(SERVICE, 60.0)
+                client.trigger(SERVICE, PATIENCE)
             client.set_parameters('gap_diagnosis', allow_motion=True)
             with pytest.raises(StageError, match='not homed'):
-                client.trigger(SERVICE, 60.0)
-            client.trigger('/stage_driver/home', 400.0)
+                client.trigger(SERVICE, PATIENCE)
+            client.trigger('/stage_driver/home', PATIENCE)
 
-            message = client.trigger(SERVICE, 400.0)
+            message = client.trigger(SERVICE, PATIENCE)
             assert 'before: force_offset.x' in message
             assert ': coulomb_friction.x: the held-out gap shrinks' in message
             report = json.loads((out / 'report.json').read_text(encoding='utf-8'))
@@ -93,21 +95,21 @@ def test_the_experiment_is_refused_then_run_and_stopped(
             assert (tmp_path / 'out' / 'experiment' / 'metadata.yaml').is_file()
 
             with pytest.raises(StageError, match='nothing open'):
-                client.trigger(SERVICE, 60.0)
+                client.trigger(SERVICE, PATIENCE)
             out.rename(tmp_path / 'answered')
             open_report(out)
             client.watch(JointState, topics.SETPOINT, SETPOINT_QOS, streamed)
 
             def ask() -> None:
                 with GraphClient('second_asker') as other, pytest.raises(StageError) as failed:
-                    other.trigger(SERVICE, 400.0)
+                    other.trigger(SERVICE, PATIENCE)
                 failures.append(str(failed.value))
 
             asking = threading.Thread(target=ask)
             asking.start()
-            assert streaming.wait(200.0)
-            client.trigger('/stage_driver/stop', 60.0)
-            asking.join(200.0)
+            assert streaming.wait(PATIENCE)
+            client.trigger('/stage_driver/stop', PATIENCE)
+            asking.join(PATIENCE)
             assert failures and '/contour_ctrl/run failed' in failures[0]
     finally:
         assert graph.end() == []

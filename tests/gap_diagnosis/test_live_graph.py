@@ -20,6 +20,8 @@ from stage_core import topics
 from stage_core.ros.client_node import GraphClient
 from stage_core.twin_file import TwinFile
 
+from ..patience import PATIENCE
+
 CHANGED = {'coulomb_friction.x': {'coulomb': 25.0}, 'viscous_friction.y': {'viscous': 150.0}}
 LIVE: dict[str, object] = {'window': 2.0, 'learn': 2}
 
@@ -54,8 +56,8 @@ def test_live_mode_warns_when_the_machine_is_another_one(
             with GraphClient(f'{log}_client', use_sim_time=True) as client:
                 client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=heard)
                 for service in ('/stage_driver/home', '/contour_ctrl/run'):
-                    client.wait_for_service(service, 200.0, graph.check)
-                client.trigger('/stage_driver/home', 200.0)
+                    client.wait_for_service(service, PATIENCE, graph.check)
+                client.trigger('/stage_driver/home', PATIENCE)
                 client.set_parameters(
                     'contour_ctrl',
                     contour='timed',
@@ -64,9 +66,9 @@ def test_live_mode_warns_when_the_machine_is_another_one(
                     iterations=1,
                     scheme='p_ff',
                 )
-                message = client.trigger('/contour_ctrl/run', 400.0)
+                message = client.trigger('/contour_ctrl/run', PATIENCE)
                 assert 'tracking RMS' in message
-                client.wait_for(lambda: any(until in m for m in said), 60.0, until)
+                client.wait_for(lambda: any(until in m for m in said), PATIENCE, until)
         finally:
             graph.end()
 

@@ -14,6 +14,8 @@ from stage_core.errors import StageError
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 
+from ..patience import PATIENCE
+
 pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 
 Maker = Callable[..., Session]
@@ -33,13 +35,13 @@ def test_the_service_answers_with_the_verdict(
     )
     try:
         with GraphClient() as client:
-            client.wait_for_service('/gap_diagnosis/diagnose', timeout=30.0)
-            message = client.trigger('/gap_diagnosis/diagnose', timeout=60.0)
+            client.wait_for_service('/gap_diagnosis/diagnose', timeout=PATIENCE)
+            message = client.trigger('/gap_diagnosis/diagnose', timeout=PATIENCE)
             assert message.startswith('backlash.x: ')
             assert (tmp_path / 'out' / 'report.json').exists()
             client.set_parameters('gap_diagnosis', bag=str(tmp_path / 'nowhere'))
             with pytest.raises(StageError, match='nowhere'):
-                client.trigger('/gap_diagnosis/diagnose', timeout=60.0)
+                client.trigger('/gap_diagnosis/diagnose', timeout=PATIENCE)
     finally:
         process.terminate()
         assert process.wait(timeout=20.0) == 0
@@ -65,9 +67,9 @@ def test_live_mode_refuses_or_leaves_out_a_twin_without_a_servo_loop(
     )
     try:
         with GraphClient() as client:
-            client.wait_for_service('/gap_diagnosis/diagnose', timeout=30.0)
+            client.wait_for_service('/gap_diagnosis/diagnose', timeout=PATIENCE)
     finally:
         process.terminate()
-        _, errors = process.communicate(timeout=20.0)
+        _, errors = process.communicate()
     assert process.returncode == 0
     assert 'live mode is off' in errors

@@ -25,8 +25,7 @@ from stage_core.errors import StageError
 from stage_core.ros.client_node import GraphClient
 from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
 
-#: Patience for anything that a loaded machine must do [s]; nothing is asserted about it.
-PATIENCE = 90.0
+from ..patience import PATIENCE
 
 
 def die_with_parent() -> None:

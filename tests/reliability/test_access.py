@@ -315,7 +315,6 @@ def test_a_node_without_its_keys_does_not_start(
         },
         capture_output=True,
         text=True,
-        timeout=120,
     )
     assert done.returncode == 2, done.stderr
     # ROS may log where it looked; the node adds one line.

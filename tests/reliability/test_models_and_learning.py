@@ -31,6 +31,7 @@ from stage_core.session import Series, Session
 from stage_driver.limits import AxisLimits, check_setpoint
 from stage_driver.motion import MotionGenerator
 
+from ..patience import PATIENCE
 from .rig import Nodes, Watch
 
 MAX_CORRECTION = 1e-3
@@ -170,7 +171,7 @@ def test_failed_and_aborted_training_leave_the_old_model(
     bag = noise_bag(tmp_path)
     client.set_parameters('/calibrator', bag=str(bag))
     with pytest.raises(StageError):
-        client.trigger('/calibrator/retrain', 60.0)
+        client.trigger('/calibrator/retrain', PATIENCE)
     assert corrected(watch, 0.1) == before
     # A training that would take for ever, ended in the middle.
     client.set_parameters(
@@ -182,8 +183,8 @@ def test_failed_and_aborted_training_leave_the_old_model(
 
     service = client.node.create_client(Trigger, '/calibrator/retrain')
     answer = service.call_async(Trigger.Request())
-    client.wait_for(lambda: _aborted(client), 60.0, 'the abort')
-    client.wait_for(answer.done, 60.0, 'the answer')
+    client.wait_for(lambda: _aborted(client), PATIENCE, 'the abort')
+    client.wait_for(answer.done, PATIENCE, 'the answer')
     assert not answer.result().success and 'aborted' in answer.result().message
     assert corrected(watch, 0.1) == before
     client.set_parameters('/calibrator', options='{}', method='structured')
@@ -192,7 +193,7 @@ def test_failed_and_aborted_training_leave_the_old_model(
 
 def _aborted(client: Any) -> bool:
     try:
-        return 'aborted' in client.trigger('/calibrator/abort', 30.0)
+        return 'aborted' in client.trigger('/calibrator/abort', PATIENCE)
     except StageError:
         return False
 

@@ -20,6 +20,7 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS
 
+from ..patience import PATIENCE
 from .rig import Nodes, Watch
 
 BAD_NUMBERS = (math.nan, math.inf, -math.inf, 1e300, -1e300, 0.2)
@@ -128,8 +129,8 @@ def test_rubbish_on_every_topic_ends_no_node_and_moves_nothing(
     # What works on what was heard answers with a reason.
     for service in ('/calibrator/retrain', '/contour_ctrl/run', '/tracker_bridge/align'):
         with pytest.raises(StageError, match=f'{service} failed: .'):
-            client.trigger(service, 90.0)
-    client.trigger('/session_recorder/stop', 30.0)
+            client.trigger(service, PATIENCE)
+    client.trigger('/session_recorder/stop', PATIENCE)
     assert sum(contents(open_bag(bag)).counts.values()) > 1000
     assert not Path('/tmp/owned').exists()
     # And the graph still works.

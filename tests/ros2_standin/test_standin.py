@@ -91,7 +91,7 @@ def ros2_together(ros_env: dict[str, str]) -> Callable[..., list[tuple[int, str,
         ]
         results = []
         for process in processes:
-            out, err = process.communicate(timeout=60)
+            out, err = process.communicate()
             results.append((process.returncode, out, err))
         return results
 

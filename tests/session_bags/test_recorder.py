@@ -20,6 +20,7 @@ from session_bags.repair import repair
 from session_bags.writer import write_session
 from stage_core import topics
 
+from ..patience import PATIENCE
 from .conftest import PLAYER, RECORDER, assert_same, random_session
 
 rclpy = pytest.importorskip('rclpy')
@@ -183,7 +184,7 @@ def test_player_round_trip(start_process: Start, tmp_path: Path) -> None:
     played = [name for name in session.series if ':' not in name]
     start_recorder(start_process, tmp_path / 'again', '-p', 'name:=copy')
     with GraphClient('test_client') as client:
-        client.wait_for_service('/session_recorder/start', 30.0)
+        client.wait_for_service('/session_recorder/start', PATIENCE)
         path = Path(client.trigger('/session_recorder/start'))
         chosen = [*played, topics.TEMPERATURE, topics.ALIGNMENT]
         parameters = (
@@ -205,7 +206,7 @@ def test_player_refuses_what_is_not_there(start_process: Start, tmp_path: Path, 
     absent = start_process(
         PLAYER, '--ros-args', '-p', f'bag:={bag}', '-p', 'topics:=["/stage/nonsense"]'
     )
-    out, _ = missing.communicate(timeout=30)
+    out, _ = missing.communicate()
     assert missing.returncode == 2 and 'does not exist' in out and 'Traceback' not in out
-    out, _ = absent.communicate(timeout=30)
+    out, _ = absent.communicate()
     assert absent.returncode == 2 and '/stage/nonsense' in out

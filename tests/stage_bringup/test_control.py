@@ -12,6 +12,8 @@ from stage_core import topics
 from stage_core.ros.client_node import GraphClient
 from stage_core.ros.node import STATE_QOS, stamp_of
 
+from ..patience import PATIENCE
+
 WANTED = {'stage_twin', 'stage_driver', 'contour_ctrl', 'control'}
 #: A contour of 0.7 s, twice: it learns in between.
 CONTOUR = {'radius': 0.002, 'feed': 0.02, 'iterations': 2, 'scheme': 'cccmac+rilc'}
@@ -39,10 +41,10 @@ def lockstep_run(out: Path, is_composed: bool) -> tuple[str, dict[str, list], se
                     ),
                 )
             for service in ('/stage_driver/home', '/contour_ctrl/run'):
-                client.wait_for_service(service, 120.0, processes.check)
-            client.trigger('/stage_driver/home', 120.0)
+                client.wait_for_service(service, PATIENCE, processes.check)
+            client.trigger('/stage_driver/home', PATIENCE)
             client.set_parameters('/contour_ctrl', **CONTOUR)
-            answer = client.trigger('/contour_ctrl/run', 120.0)
+            answer = client.trigger('/contour_ctrl/run', PATIENCE)
             client.wait_until_quiet(topics.JOINT_STATES, 1.0, 30.0)
             with_services = {
                 name

@@ -11,12 +11,14 @@ import pytest
 
 from stage_bringup.keep_awake import KeepAwake, main
 
+from ..patience import PATIENCE
+
 pytestmark = pytest.mark.skipif(not hasattr(os, 'SCHED_IDLE'), reason='needs SCHED_IDLE')
 
 
 def state(pid):
     """Policy and processors of a process once it is at work."""
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + PATIENCE
     while os.sched_getscheduler(pid) != os.SCHED_IDLE or len(os.sched_getaffinity(pid)) > 1:
         assert time.monotonic() < deadline, f'process {pid} never became idle'
         time.sleep(0.01)
@@ -24,7 +26,7 @@ def state(pid):
 
 
 def wait_for_weight(pid):
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + PATIENCE
     while True:
         with open(f'/proc/{pid}/autogroup') as text:
             if text.read().endswith('nice 19\n'):
@@ -34,7 +36,7 @@ def wait_for_weight(pid):
 
 
 def wait_for_end(pid):
-    deadline = time.monotonic() + 20.0
+    deadline = time.monotonic() + PATIENCE
     while os.path.exists(f'/proc/{pid}'):
         with open(f'/proc/{pid}/stat') as text:
             if text.read().rpartition(')')[2].split()[0] == 'Z':

@@ -18,6 +18,8 @@ import pytest
 from stage_bringup.live_page import LivePage
 from stage_core.errors import StageError
 
+from ..patience import PATIENCE
+
 CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'google-chrome', 'chrome'))), None)
 STATE: dict[str, Any] = {
     'axes': ['x', 'y'],
@@ -135,7 +137,7 @@ def test_a_browser_shows_the_state_and_stops_the_stage(stage: Stage, tmp_path: P
     )  # fmt: skip
     try:
         # The browser writes the port that it took into its profile.
-        place, deadline = profile / 'DevToolsActivePort', time.monotonic() + 60.0
+        place, deadline = profile / 'DevToolsActivePort', time.monotonic() + PATIENCE
         while not place.exists() or '\n' not in place.read_text():
             assert time.monotonic() < deadline and browser.poll() is None
             time.sleep(0.1)

@@ -81,7 +81,7 @@ def test_node_without_the_sdk_serves_its_page(ros_env: dict[str, str], tmp_path:
             assert 'Stop the stage' in page.read().decode()
     finally:
         node.terminate()
-        output, _ = node.communicate(timeout=60)
+        output, _ = node.communicate()
     assert node.returncode == 0
     assert 'pip install foxglove-sdk' in output
 

@@ -54,7 +54,6 @@ def outcome(priority: int, permission: str = 'as it is') -> tuple[str, list[int]
         [sys.executable, '-c', SCRIPT, str(priority), permission],
         capture_output=True,
         text=True,
-        timeout=60.0,
     )
     assert done.returncode == 0, done.stderr
     words, policies = done.stdout.splitlines()

@@ -14,6 +14,8 @@ import pytest
 from stage_core.errors import StageError
 from stage_core.ros.parameter_files import check_files, refuse_misspelt
 
+from ..patience import PATIENCE
+
 NODE = """
 import sys
 from std_srvs.srv import Trigger
@@ -64,20 +66,20 @@ def test_parameters_diagnostics_and_end(tester: subprocess.Popen) -> None:
 
     with GraphClient('judge') as client:
         client.watch(DiagnosticArray, '/diagnostics')
-        assert client.trigger('/tester/feed', 30.0) == '1.0'
+        assert client.trigger('/tester/feed', PATIENCE) == '1.0'
         client.set_parameters('/tester', feed=1.5)
-        assert client.trigger('/tester/feed', 30.0) == '1.5'
+        assert client.trigger('/tester/feed', PATIENCE) == '1.5'
         with pytest.raises(StageError, match='feed'):
             client.set_parameters('/tester', feed=3.0)
         with pytest.raises(StageError, match='no parameter fed: did you mean feed'):
             client.set_parameters('/tester', fed=1.0)
         with pytest.raises(StageError, match='absent'):
             client.trigger('/nobody/home', 0.5)
-        client.wait_for(lambda: client.latest('/diagnostics') is not None, 30.0, 'diagnostics')
+        client.wait_for(lambda: client.latest('/diagnostics') is not None, PATIENCE, 'diagnostics')
         names = [status.name for status in client.latest('/diagnostics').status]
         assert names == ['tester: peers', 'tester: feed']
     tester.terminate()
-    output, _ = tester.communicate(timeout=30)
+    output, _ = tester.communicate()
     assert tester.returncode == 0
     assert 'at rest' in output
 
@@ -100,15 +102,15 @@ def test_a_condition_may_call_services_while_messages_come(tester: subprocess.Po
         flooding = threading.Thread(target=flood)
         flooding.start()
         try:
-            client.wait_for(lambda: client.latest('/busy') is not None, 30.0, 'the flood')
-            client.trigger('/tester/feed', 30.0)
+            client.wait_for(lambda: client.latest('/busy') is not None, PATIENCE, 'the flood')
+            client.trigger('/tester/feed', PATIENCE)
             answers: list[str] = []
 
             def ten_answers() -> bool:
-                answers.append(client.trigger('/tester/feed', 10.0))
+                answers.append(client.trigger('/tester/feed', PATIENCE))
                 return len(answers) == 10
 
-            client.wait_for(ten_answers, 60.0, 'ten answers')
+            client.wait_for(ten_answers, PATIENCE, 'ten answers')
         finally:
             ended.set()
             flooding.join()
@@ -136,12 +138,12 @@ def test_a_second_node_of_the_same_name_is_named(
                 '/diagnostics',
                 callback=lambda array: told.extend(status.message for status in array.status),
             )
-            client.wait_for(quarrel, 30.0, 'the word of two nodes')
+            client.wait_for(quarrel, PATIENCE, 'the word of two nodes')
             text = next(text for text in told if 'two tester' in text)
             assert f'pid {tester.pid} on' in text and f'pid {second.pid} on' in text
     finally:
         second.terminate()
-        _, errors = second.communicate(timeout=30)
+        _, errors = second.communicate()
     assert 'end one graph, or give it another ROS_DOMAIN_ID' in errors
 
 
@@ -174,7 +176,6 @@ def test_bad_parameter_is_one_line(
         capture_output=True,
         text=True,
         env=ros_env,
-        timeout=60,
     )
     assert done.returncode == 2
     assert done.stderr.count('\n') == 1 and words in done.stderr

@@ -6,11 +6,12 @@ import threading
 import time
 
 from stage_core import drive_link
+from tests.patience import PATIENCE
 
 PERIOD = 0.001
 START = 1_000_000_000
 #: Wait for a force that is late [s].
-PATIENCE = 2.0
+FORCE_PATIENCE = 2.0
 
 
 class SmallPlant(threading.Thread):
@@ -30,7 +31,7 @@ class SmallPlant(threading.Thread):
         self.driver = None
         self.muted = False
         self.blocked = False
-        self.patience = PATIENCE
+        self.patience = FORCE_PATIENCE
         self.last_force_tick = -1
         self.trace = []
         self.ended = threading.Event()
@@ -136,7 +137,7 @@ class Recorder:
             self.events.append((level, text))
             self.changed.notify_all()
 
-    def wait(self, condition, timeout=30.0):
+    def wait(self, condition, timeout=PATIENCE):
         with self.changed:
             assert self.changed.wait_for(condition, timeout), self.events[-3:]
 

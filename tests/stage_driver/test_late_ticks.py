@@ -133,7 +133,7 @@ class Bench(Recorder):
     def run(self):
         self.backend.start()
         try:
-            assert self.link.over.wait(60.0), (self.course.phase, self.events[-3:])
+            assert self.link.over.wait(300.0), (self.course.phase, self.events[-3:])
             return self.backend.status()
         finally:
             self.backend.close()

@@ -23,6 +23,8 @@ from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
 from stage_twin.stepper import StepperPlant
 
+from ..patience import PATIENCE
+
 STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
 
 CONFIG = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config' / 'stage_driver_servo.yaml'
@@ -67,35 +69,37 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
             for topic in (topics.REFERENCE, topics.COMMAND, topics.JOINT_STATES):
                 client.watch(JointState, topic)
             client.watch(DiagnosticArray, topics.DIAGNOSTICS)
-            client.wait_for(lambda: client.latest(topics.COMMAND) is not None, 60, 'commands')
+            client.wait_for(
+                lambda: client.latest(topics.COMMAND) is not None, PATIENCE, 'commands'
+            )
             setpoints = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
             homing = []
 
             def home():
                 try:
-                    homing.append(client.trigger('/stage_driver/home', 60))
+                    homing.append(client.trigger('/stage_driver/home', PATIENCE))
                 except Exception as error:
                     homing.append(str(error))
 
             # Found before homing starts: discovery may take longer than homing.
             stop = client.node.create_client(Trigger, '/stage_driver/stop')
-            assert stop.wait_for_service(30.0)
+            assert stop.wait_for_service(PATIENCE)
             thread = threading.Thread(target=home)
             thread.start()
-            client.wait_for(lambda: plant.position[0] < 0.095, 90, 'homing')
+            client.wait_for(lambda: plant.position[0] < 0.095, PATIENCE, 'homing')
             # `~/stop` is served while `~/home` still waits for its answer.
             answer = stop.call_async(Trigger.Request())
-            client.wait_for(answer.done, 30, 'the answer of ~/stop')
+            client.wait_for(answer.done, PATIENCE, 'the answer of ~/stop')
             assert answer.result().message == 'stopping'
-            thread.join(30)
+            thread.join(PATIENCE)
             assert 'homing ended: stopped by request' in homing[0]
             assert plant.position[0] > 0.01
-            assert client.trigger('/stage_driver/home', 60).startswith('homed')
+            assert client.trigger('/stage_driver/home', PATIENCE).startswith('homed')
             measured = client.latest(topics.JOINT_STATES)
             assert measured.name == ['x', 'y'] and abs(measured.position[0]) < 1e-5
             assert len(client.latest(topics.COMMAND).effort) == 2
             assert client.latest(topics.REFERENCE).header.stamp.sec >= 1
-            client.wait_for(lambda: setpoints.get_subscription_count() > 0, 30, 'the driver')
+            client.wait_for(lambda: setpoints.get_subscription_count() > 0, PATIENCE, 'the driver')
             setpoints.publish(joint_state(0, ['x', 'y'], [0.4, 0.0]))
 
             def refusal_shown():
@@ -103,12 +107,12 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
                 status = found.get('stage_driver: set-points')
                 return status is not None and 'position of x 0.400000 m' in status.message
 
-            client.wait_for(refusal_shown, 30, 'the refusal on /diagnostics')
+            client.wait_for(refusal_shown, PATIENCE, 'the refusal on /diagnostics')
             assert abs(client.latest(topics.JOINT_STATES).position[0]) < 1e-5
 
             rivals = [setpoints]
             rivals.append(client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS))
-            client.wait_for(lambda: rivals[1].get_subscription_count() > 0, 30, 'the driver')
+            client.wait_for(lambda: rivals[1].get_subscription_count() > 0, PATIENCE, 'the driver')
 
             def rivals_shown():
                 stamp = stamp_of(client.latest(topics.JOINT_STATES).header)
@@ -118,7 +122,7 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
                 words = 'streams set-points: end all but one of test_client, test_client'
                 return words in status.message
 
-            client.wait_for(rivals_shown, 30, 'the second controller on /diagnostics')
+            client.wait_for(rivals_shown, PATIENCE, 'the second controller on /diagnostics')
             assert client.set_bool('/stage_driver/enable', False) == 'disabled'
     finally:
         plant.close()
@@ -131,9 +135,9 @@ def test_home_waits_for_a_twin_that_starts_later(ros_env):
     driver = DRIVER + arguments(drive_port=port, drive_timeout=300.0)
     with process(driver, ros_env), GraphClient('test_client') as client:
         client.watch(DiagnosticArray, topics.DIAGNOSTICS)
-        client.wait_for_service('/stage_driver/home', 60.0)
+        client.wait_for_service('/stage_driver/home', PATIENCE)
         answer = client.node.create_client(Trigger, '/stage_driver/home')
-        assert answer.wait_for_service(30.0)
+        assert answer.wait_for_service(PATIENCE)
         homing = answer.call_async(Trigger.Request())
 
         def waiting():
@@ -143,10 +147,10 @@ def test_home_waits_for_a_twin_that_starts_later(ros_env):
                 'no contact with the stage: no drive at'
             )
 
-        client.wait_for(waiting, 60, 'a driver without a drive')
+        client.wait_for(waiting, PATIENCE, 'a driver without a drive')
         assert not homing.done()
         with process(twin, ros_env):
-            client.wait_for(homing.done, 300, 'the answer of ~/home')
+            client.wait_for(homing.done, PATIENCE, 'the answer of ~/home')
         assert homing.result().success, homing.result().message
         assert homing.result().message.startswith('homed: x')
 
@@ -159,7 +163,7 @@ def test_home_without_a_drive_is_one_clear_line(ros_env):
         GraphClient('test_client') as client,
         pytest.raises(StageError, match=f'no drive at 127.0.0.1:{port} within 0.5 s: start it'),
     ):
-        client.trigger('/stage_driver/home', 60)
+        client.trigger('/stage_driver/home', PATIENCE)
 
 
 def test_a_contour_before_homing_fails_at_once_with_the_call_that_homes(ros_env):
@@ -174,17 +178,17 @@ def test_a_contour_before_homing_fails_at_once_with_the_call_that_homes(ros_env)
         ):
             client.watch(JointState, topics.JOINT_STATES)
             client.wait_for(
-                lambda: client.latest(topics.JOINT_STATES) is not None, 60, 'the stage'
+                lambda: client.latest(topics.JOINT_STATES) is not None, PATIENCE, 'the stage'
             )
-            client.wait_for_service('/contour_ctrl/run', 60)
+            client.wait_for_service('/contour_ctrl/run', PATIENCE)
             # The two have met, too.
             client.wait_for(
-                lambda: client.node.count_subscribers(topics.SETPOINT) > 0, 60, 'the driver'
+                lambda: client.node.count_subscribers(topics.SETPOINT) > 0, PATIENCE, 'the driver'
             )
             begin = time.monotonic()
             for words in ('the stage is not homed: call /stage_driver/home first', 'is disabled'):
                 with pytest.raises(StageError, match=words):
-                    client.trigger('/contour_ctrl/run', 60)
+                    client.trigger('/contour_ctrl/run', PATIENCE)
                 client.set_bool('/stage_driver/enable', False)
             # Its own patience with a stage that does not come is 30 s.
             assert time.monotonic() - begin < 15.0
@@ -199,20 +203,22 @@ def test_killed_driver_leaves_the_stage_at_rest_and_a_new_one_takes_over(ros_env
         command = DRIVER + arguments(drive_port=plant.port, home_required='false')
         with process(command, ros_env) as driver, GraphClient('test_client') as client:
             setpoints = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
-            client.wait_for(lambda: setpoints.get_subscription_count() > 0, 60, 'the driver')
+            client.wait_for(lambda: setpoints.get_subscription_count() > 0, PATIENCE, 'the driver')
 
             def moving():
                 setpoints.publish(joint_state(0, ['x', 'y'], velocity=[0.05, 0.0]))
                 return plant.velocity[0] > 0.03
 
-            client.wait_for(moving, 30, 'motion')
+            client.wait_for(moving, PATIENCE, 'motion')
             driver.kill()
             driver.wait(10)
-            client.wait_for(lambda: abs(plant.velocity[0]) < 1e-4, 30, 'rest')
+            client.wait_for(lambda: abs(plant.velocity[0]) < 1e-4, PATIENCE, 'rest')
             where = plant.position[0]
             with process(command, ros_env):
                 client.watch(JointState, topics.COMMAND)
-                client.wait_for(lambda: client.latest(topics.COMMAND) is not None, 60, 'a driver')
+                client.wait_for(
+                    lambda: client.latest(topics.COMMAND) is not None, PATIENCE, 'a driver'
+                )
                 time.sleep(0.2)
                 assert plant.position[0] == pytest.approx(where, abs=1e-5)
     finally:
@@ -232,9 +238,9 @@ def test_zaber_node_reports_a_pulled_cable_and_goes_on_after_the_reset(ros_env, 
     ):
         client.watch(JointState, topics.JOINT_STATES)
         client.watch(DiagnosticArray, topics.DIAGNOSTICS)
-        assert client.trigger('/stage_driver/home', 60) == 'homed: x, y'
+        assert client.trigger('/stage_driver/home', PATIENCE) == 'homed: x, y'
         setpoints = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
-        client.wait_for(lambda: setpoints.get_subscription_count() > 0, 30, 'the driver')
+        client.wait_for(lambda: setpoints.get_subscription_count() > 0, PATIENCE, 'the driver')
 
         def shown(words):
             found = statuses(client.latest(topics.DIAGNOSTICS) or DiagnosticArray())
@@ -250,19 +256,19 @@ def test_zaber_node_reports_a_pulled_cable_and_goes_on_after_the_reset(ros_env, 
             return latest is not None and abs(latest.position[0] - x) < 1e-6
 
         reset = client.node.create_client(Trigger, '/stage_driver/reset_fault')
-        assert reset.wait_for_service(30.0)
+        assert reset.wait_for_service(PATIENCE)
         setpoints.publish(joint_state(0, ['x', 'y'], [0.002, 0.001]))
-        client.wait_for(lambda: arrived(0.002), 30, 'the move')
+        client.wait_for(lambda: arrived(0.002), PATIENCE, 'the move')
         server.unplug()
-        client.wait_for(lambda: shown('fault'), 30, 'the fault on /diagnostics')
+        client.wait_for(lambda: shown('fault'), PATIENCE, 'the fault on /diagnostics')
         server.plug()
 
-        client.wait_for(connected, 30, 'the cable seen again')
+        client.wait_for(connected, PATIENCE, 'the cable seen again')
         answer = reset.call_async(Trigger.Request())
-        client.wait_for(answer.done, 30, 'the answer of ~/reset_fault')
+        client.wait_for(answer.done, PATIENCE, 'the answer of ~/reset_fault')
         assert answer.result().message == 'ready'
         setpoints.publish(joint_state(0, ['x', 'y'], [0.003, 0.001]))
-        client.wait_for(lambda: arrived(0.003), 30, 'the move after the reset')
+        client.wait_for(lambda: arrived(0.003), PATIENCE, 'the move after the reset')
 
 
 @pytest.mark.parametrize(

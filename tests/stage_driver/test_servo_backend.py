@@ -17,6 +17,8 @@ from stage_driver.servo import ServoBackend
 from stage_driver.servo_axes import ServoConfig
 from stage_driver.states import State
 
+from ..patience import PATIENCE
+
 LIMITS = AxisLimits(-0.05, 0.05, 0.2, 2.0, 4.0)
 
 
@@ -41,7 +43,7 @@ def rig(lockstep=True, start=(0.0, 0.0), **options):
 
 def quiet(backend, recorder):
     """Wait until the motion has ended."""
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE
     while backend.status().state is State.MOVING or not backend._inbox.empty():
         assert time.monotonic() < deadline, backend.status()
         time.sleep(0.002)
@@ -119,7 +121,7 @@ def test_homing_goes_to_the_reference_position_and_is_required():
         backend.submit(0, ['x'], [0.01], [])
         recorder.wait(lambda: recorder.said('not homed'))
         assert plant.tick == 0
-        assert 'homed' in backend.home().result(timeout=30)
+        assert 'homed' in backend.home().result()
         assert plant.position == pytest.approx([0.0, 0.0], abs=3e-6)
         assert backend.status().homed
 
@@ -154,7 +156,7 @@ def test_stream_of_both_follows_reference_and_ignores_duplicates():
         # The same again got lost, another one for the same tick is another controller's.
         for position in (last[1], [0.0, 0.0]):
             backend.submit(last[0], ['x', 'y'], position, last[3])
-        backend.enable(True).result(timeout=10)  # served after both
+        backend.enable(True).result()  # served after both
         assert backend.status().details['rival_setpoints'] == '1'
         time.sleep(0.05)
         assert recorder.states[-1][0] == stamp
@@ -229,9 +231,9 @@ def test_following_error_latches_a_fault_until_the_reset():
         backend.submit(0, ['x'], [0.01], [])
         recorder.wait(lambda: recorder.said('call ~/reset_fault'))
         with pytest.raises(StageError, match='reset_fault'):
-            backend.enable(True).result(timeout=10)
+            backend.enable(True).result()
         plant.blocked = False
-        assert backend.reset_fault().result(timeout=10) == 'ready'
+        assert backend.reset_fault().result() == 'ready'
         move(backend, recorder, 0.01, 0.0)
         assert plant.position[0] == pytest.approx(0.01, abs=3e-6)
 
@@ -242,26 +244,26 @@ def test_stop_ends_homing_and_answers_at_once():
         recorder.wait(lambda: len(recorder.controls) > 100)
         assert backend.stop() == 'stopping'
         with pytest.raises(StageError, match='homing ended'):
-            homing.result(timeout=30)
+            homing.result()
         quiet(backend, recorder)
         assert plant.position[0] > 0.001 and abs(plant.velocity[0]) < 1e-3
 
 
 def test_disabled_stage_refuses_moves():
     with rig() as (plant, backend, recorder):
-        assert backend.enable(False).result(timeout=10) == 'disabled'
+        assert backend.enable(False).result() == 'disabled'
         backend.submit(0, ['x'], [0.01], [])
         recorder.wait(lambda: recorder.said('the stage is disabled'))
         with pytest.raises(StageError, match='disabled'):
-            backend.home().result(timeout=10)
+            backend.home().result()
         assert plant.tick == 0
-        assert backend.enable(True).result(timeout=10) == 'ready'
+        assert backend.enable(True).result() == 'ready'
         move(backend, recorder, 0.001, 0.0)
 
 
 def test_drive_restart_asks_for_homing():
     with rig(home_required=True) as (plant, backend, recorder):
-        backend.home().result(timeout=30)
+        backend.home().result()
         plant.reset((0.002, 0.0))
         recorder.wait(lambda: recorder.said('restarted'))
         backend.submit(0, ['x'], [0.01], [])
@@ -277,7 +279,7 @@ def test_drive_that_dies_while_the_world_is_quiet_is_a_fault_and_may_come_back()
         assert backend.status().state is State.FAULT and not backend.status().connected
         plant.muted = False
         recorder.wait(lambda: recorder.said('drive back'))
-        assert backend.reset_fault().result(timeout=10) == 'ready'
+        assert backend.reset_fault().result() == 'ready'
         move(backend, recorder, 0.002, 0.0)
         assert plant.position[0] == pytest.approx(0.002, abs=3e-6)
 
@@ -320,7 +322,7 @@ def test_real_time_watchdog_stops_a_stream_and_a_silent_drive_is_a_fault():
         assert backend.status().state is State.FAULT
         plant.muted = False
         recorder.wait(lambda: recorder.said('drive back'))
-        assert backend.reset_fault().result(timeout=10) == 'ready'
+        assert backend.reset_fault().result() == 'ready'
 
 
 @pytest.mark.parametrize('homing', [False, True])
@@ -355,7 +357,7 @@ def test_driver_that_was_late_ends_the_motion_and_goes_on_with_the_newest_tick(h
         assert all(abs(velocity[0]) < 0.01 for _, velocity in plant.trace[until + 20 :])
         if homing:
             with pytest.raises(StageError, match='the driver was late'):
-                done.result(timeout=10)
+                done.result()
         move(backend, recorder, 0.01, 0.0)
         assert plant.position[0] == pytest.approx(0.01, abs=2e-6)
 
@@ -378,7 +380,7 @@ def lonely(port=9, **options):
 def test_absent_drive_is_named_after_the_declared_time():
     with lonely(drive_timeout=0.3) as (backend, recorder):
         with pytest.raises(StageError, match='no drive at 127.0.0.1:9 within 0.3 s: start it'):
-            backend.home().result(timeout=30)
+            backend.home().result()
         assert not backend.status().connected
         assert recorder.said('homing waits up to 0.3 s')
 
@@ -390,13 +392,13 @@ def test_homing_waits_for_a_drive_that_comes_later(lockstep, enabled):
     try:
         with lonely(plant.port) as (backend, recorder):
             if enabled:
-                assert backend.enable(True).result(timeout=10) == 'ready'
+                assert backend.enable(True).result() == 'ready'
             homing = backend.home()
             recorder.wait(lambda: recorder.said('homing waits'))
             with pytest.raises(StageError, match='homing is under way'):
-                backend.home().result(timeout=10)
+                backend.home().result()
             plant.start()
-            assert homing.result(timeout=60).startswith('homed: x 0.0000')
+            assert homing.result().startswith('homed: x 0.0000')
             assert backend.status().homed and abs(plant.position[0]) < 1e-5
     finally:
         plant.close()
@@ -415,7 +417,7 @@ def test_a_homing_that_waits_ends_on_request(end, words):
         recorder.wait(lambda: recorder.said('homing waits'))
         end(backend)
         with pytest.raises(StageError, match=words):
-            homing.result(timeout=10)
+            homing.result()
         assert not backend.status().homed
 
 
@@ -423,25 +425,25 @@ def test_a_stage_disabled_on_purpose_refuses_to_home_at_once():
     for requested in (False, True):
         with lonely(enable_on_start=requested) as (backend, _):
             if requested:
-                assert backend.enable(False).result(timeout=10) == 'disabled'
+                assert backend.enable(False).result() == 'disabled'
             with pytest.raises(StageError, match='the stage is disabled: call ~/enable'):
-                backend.home().result(timeout=10)
+                backend.home().result()
 
 
 def test_a_request_to_disable_outlasts_the_first_contact_and_a_reset():
     plant = SmallPlant()
     try:
         with lonely(plant.port, home_required=False, lockstep_timeout=0.3) as (backend, recorder):
-            assert backend.enable(False).result(timeout=10) == 'disabled'
+            assert backend.enable(False).result() == 'disabled'
             plant.start()
             recorder.wait(lambda: recorder.said('drive found at tick 0'))
-            assert backend.enable(False).result(timeout=10) == 'disabled'
+            assert backend.enable(False).result() == 'disabled'
             plant.muted = True
             recorder.wait(lambda: recorder.said('no encoder datagram'))
             plant.muted = False
             recorder.wait(lambda: recorder.said('drive back'))
-            assert backend.reset_fault().result(timeout=10) == 'disabled'
-            assert backend.enable(True).result(timeout=10) == 'ready'
+            assert backend.reset_fault().result() == 'disabled'
+            assert backend.enable(True).result() == 'ready'
             move(backend, recorder, 0.001, 0.0)
     finally:
         plant.close()
@@ -449,14 +451,14 @@ def test_a_request_to_disable_outlasts_the_first_contact_and_a_reset():
 
 def test_homing_after_a_loss_waits_until_what_brakes_is_at_rest():
     with rig(lockstep_timeout=0.3, home_required=True) as (plant, backend, recorder):
-        backend.home().result(timeout=30)
+        backend.home().result()
         plant.muted = True
         recorder.wait(lambda: recorder.said('no encoder datagram'))
-        backend.reset_fault().result(timeout=10)
-        backend.enable(True).result(timeout=10)
+        backend.reset_fault().result()
+        backend.enable(True).result()
         homing = backend.home()
         recorder.wait(lambda: recorder.said('homing waits'))
         plant.velocity[0] = 0.05
         plant.muted = False
-        assert homing.result(timeout=60).startswith('homed')
+        assert homing.result().startswith('homed')
         assert abs(plant.position[0]) < 1e-5 and abs(plant.velocity[0]) < 1e-3

@@ -20,6 +20,8 @@ from stage_twin.emulators.zaber_faults import KINDS
 from stage_twin.emulators.zaber_pty import ZaberPty
 from stage_twin.stepper import StepperPlant
 
+from ..patience import PATIENCE
+
 STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
 LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
 STEP = 0.047625e-6
@@ -42,7 +44,7 @@ def rig(tmp_path, start=(3000, 2000), **options):
             backend.close()
 
 
-def wait(condition, timeout=20.0):
+def wait(condition, timeout=PATIENCE):
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline
@@ -72,7 +74,7 @@ def test_home_move_and_publish(tmp_path):
         backend.submit(0, ['x'], [0.01], [])
         recorder.wait(lambda: recorder.said('not homed'))
         assert not backend.status().homed
-        assert backend.home().result(timeout=20) == 'homed: x, y'
+        assert backend.home().result() == 'homed: x, y'
         move(backend, recorder, 0.01, 0.004)
         assert position(server) == pytest.approx([0.01, 0.004], abs=STEP)
         recorder.wait(lambda: recorder.states[-1][1] == pytest.approx((0.01, 0.004), abs=STEP))
@@ -87,7 +89,7 @@ def test_home_move_and_publish(tmp_path):
 
 def test_velocity_stream_is_bounded_and_its_end_is_watched(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         begin = position(server)[0]
         for _ in range(30):
             backend.submit(0, ['x', 'y'], [], [0.01, 0.0])
@@ -104,7 +106,7 @@ def test_velocity_stream_is_bounded_and_its_end_is_watched(tmp_path):
 def test_dead_host_leaves_the_axis_at_its_bound(tmp_path):
     """Stop the backend's thread without any farewell: the streamed move ends by itself."""
     with rig(tmp_path) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         for _ in range(10):
             backend.submit(0, ['x', 'y'], [], [0.02, 0.0])
             time.sleep(0.01)
@@ -118,7 +120,7 @@ def test_dead_host_leaves_the_axis_at_its_bound(tmp_path):
 @pytest.mark.parametrize('kind', KINDS)
 def test_moves_survive_one_broken_reply_without_moving_twice(tmp_path, kind):
     with rig(tmp_path) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         server.chain.faults.delay = 0.3
         sent = []
         original = server.chain.axes[0].move
@@ -136,7 +138,7 @@ def test_moves_survive_one_broken_reply_without_moving_twice(tmp_path, kind):
 
 def test_move_command_that_never_reached_the_device_is_sent_once_more(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         device = server.chain.devices[0]
         answer, lost = device.answer, []
 
@@ -153,13 +155,13 @@ def test_move_command_that_never_reached_the_device_is_sent_once_more(tmp_path):
 
 def test_cable_pulled_and_put_back_reconnects_without_moving(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         move(backend, recorder, 0.002, 0.002)
         server.unplug()
         recorder.wait(lambda: recorder.said('fault'))
         assert backend.status().state is State.FAULT and not backend.status().connected
         with pytest.raises(StageError, match='put the cable back'):
-            backend.reset_fault().result(timeout=20)
+            backend.reset_fault().result()
         before = position(server)
         server.plug()
         recorder.wait(lambda: recorder.said('is back'))
@@ -167,7 +169,7 @@ def test_cable_pulled_and_put_back_reconnects_without_moving(tmp_path):
         backend.submit(0, ['x'], [0.004], [])
         recorder.wait(lambda: recorder.said('~/reset_fault, then'))
         assert position(server) == before
-        assert backend.reset_fault().result(timeout=20) == 'ready'
+        assert backend.reset_fault().result() == 'ready'
         move(backend, recorder, 0.003, 0.002)
         assert position(server)[0] == pytest.approx(0.003, abs=STEP)
 
@@ -175,7 +177,7 @@ def test_cable_pulled_and_put_back_reconnects_without_moving(tmp_path):
 def test_cable_pulled_in_a_move_and_put_back_leaves_the_axis_at_rest(tmp_path):
     # A busy machine holds up both ends of the wire, which live in this process.
     with rig(tmp_path, link_timeout=2.0, reply_timeout=0.5) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         backend.submit(0, ['x'], [0.045], [])
         wait(lambda: position(server)[0] > 0.001)
         server.unplug()
@@ -190,7 +192,7 @@ def test_cable_pulled_in_a_move_and_put_back_leaves_the_axis_at_rest(tmp_path):
         recorder.wait(lambda: recorder.said('~/reset_fault, then'))
         assert position(server) == rest
         assert backend.status().state is State.FAULT
-        assert backend.reset_fault().result(timeout=20) == 'ready'
+        assert backend.reset_fault().result() == 'ready'
         assert position(server) == rest
         move(backend, recorder, 0.003, 0.0)
         assert position(server)[0] == pytest.approx(0.003, abs=STEP)
@@ -198,7 +200,7 @@ def test_cable_pulled_in_a_move_and_put_back_leaves_the_axis_at_rest(tmp_path):
 
 def test_stop_brakes_at_its_deceleration_and_not_past_the_target(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         backend.submit(0, ['x'], [0.04], [])
         axis = server.chain.axes[0]
         wait(lambda: server.chain.plant.velocity_steps(0) * STEP > 0.08)
@@ -216,61 +218,61 @@ def test_stop_ends_homing(tmp_path):
         wait(lambda: server.chain.axes[0].busy)
         backend.stop()
         with pytest.raises(StageError, match='homing ended: stopped by request'):
-            homing.result(timeout=20)
+            homing.result()
         wait(lambda: not server.chain.axes[0].busy)
         assert not backend.status().homed
         backend.submit(0, ['x'], [0.01], [])
         recorder.wait(lambda: recorder.said('not homed'))
-        assert backend.home().result(timeout=20) == 'homed: x, y'
+        assert backend.home().result() == 'homed: x, y'
 
 
 def test_power_cycle_asks_for_homing(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         move(backend, recorder, 0.002, 0.002)
         server.power_cycle()
         recorder.wait(lambda: recorder.said('lost its position'))
         backend.submit(0, ['x'], [0.004], [])
         recorder.wait(lambda: recorder.said('not homed'))
         assert 'WR' in backend.status().warnings
-        assert backend.home().result(timeout=20) == 'homed: x, y'
+        assert backend.home().result() == 'homed: x, y'
         assert position(server) == pytest.approx([0.0, 0.0], abs=STEP)
 
 
 def test_stall_is_a_latched_fault_in_plain_words(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         with server._lock:
             server.chain.axes[0].raise_flag('FS')
         recorder.wait(lambda: recorder.said('stalled and stopped'))
         assert backend.status().state is State.FAULT
         assert 'FS' in backend.status().warnings
-        assert backend.reset_fault().result(timeout=20) == 'ready'
+        assert backend.reset_fault().result() == 'ready'
         with server._lock:
             server.chain.axes[1].raise_flag('FF')
         recorder.wait(lambda: recorder.said('critical system error'))
         with pytest.raises(StageError, match='the fault stays: FF'):
-            backend.reset_fault().result(timeout=20)
+            backend.reset_fault().result()
 
 
 def test_stop_ends_a_move_and_disabling_refuses_the_next(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         backend.submit(0, ['x', 'y'], [0.05, 0.05], [])
         wait(lambda: server.chain.axes[0].busy)
         assert backend.stop() in ('stopping', 'at rest')
         wait(lambda: backend.status().state is State.READY)
         assert position(server)[0] < 0.049
-        assert backend.enable(False).result(timeout=20) == 'disabled'
+        assert backend.enable(False).result() == 'disabled'
         backend.submit(0, ['x'], [0.001], [])
         recorder.wait(lambda: recorder.said('the stage is disabled'))
-        assert backend.enable(True).result(timeout=20) == 'ready'
+        assert backend.enable(True).result() == 'ready'
         move(backend, recorder, 0.001, 0.001)
 
 
 def test_bad_setpoints_name_axis_value_and_limit(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
-        backend.home().result(timeout=20)
+        backend.home().result()
         before = position(server)
         backend.submit(0, ['y'], [0.2], [])
         assert recorder.said('position of y 0.200000 m is outside its limits 0.000000 ... 0.05')
@@ -293,7 +295,7 @@ def test_a_port_that_is_not_there_yet_is_waited_for(tmp_path):
         homing = backend.home()
         recorder.wait(lambda: recorder.said(f'homing waits up to 60 s for the port {link}'))
         with ZaberPty(ZaberChain(StepperPlant(STEPPER)), link=link):
-            assert homing.result(timeout=20) == 'homed: x, y'
+            assert homing.result() == 'homed: x, y'
             assert backend.status().connected and 'waits' not in backend.status().details
     finally:
         backend.close()
@@ -306,7 +308,7 @@ def test_homing_waits_for_a_port_only_so_long(tmp_path):
     backend.start()
     try:
         with pytest.raises(StageError, match=f'no port {link} within 0.1 s'):
-            backend.home().result(timeout=20)
+            backend.home().result()
     finally:
         backend.close()
 
@@ -319,7 +321,7 @@ def test_a_port_has_one_driver(tmp_path):
                 StageError, match=rf'pid {os.getpid()} \(since .*\) holds the port'
             ):
                 ZaberBackend(second, Recorder()).start()
-        assert backend.home().result(timeout=20)
+        assert backend.home().result()
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from stage_driver.zaber_setup import ZaberConfig
 from stage_twin.loops import LOCKSTEP_START_NS
 from stage_twin.stepper_loop import StepperLoop
 
+from ..patience import PATIENCE
 from ..points import PointRecorder
 
 TWIN = TwinFile(
@@ -28,7 +29,7 @@ TICK = 20_000_000
 AXES = ['x', 'y']
 
 
-def wait(condition, timeout=120.0):
+def wait(condition, timeout=PATIENCE):
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline
@@ -57,7 +58,7 @@ def run(folder, pauses):
 
     try:
         wait(lambda: recorder.states)
-        backend.home().result(timeout=120)
+        backend.home().result()
         ends = []
         for number, target in enumerate(([0.01, 0.004], [0.01, 0.004]), 1):
             time.sleep(pauses.random() * 0.02)

@@ -32,7 +32,6 @@ def test_the_official_library_drives_the_emulated_chain(tmp_path):
             env=dict(os.environ, XDG_CACHE_HOME=str(tmp_path)),
             capture_output=True,
             text=True,
-            timeout=60,
         )
     assert done.returncode == 0, done.stderr
     seen = json.loads(done.stdout)

@@ -431,7 +431,7 @@ def test_a_browser_without_a_network_draws_the_whole_page(tmp_path: Path) -> Non
             f'--user-data-dir={tmp_path / "profile"}', '--window-size=1200,1600',
             f'--screenshot={shot}', (tmp_path / 'report.html').as_uri(),
         ],
-        capture_output=True, text=True, timeout=200,
+        capture_output=True, text=True,
     )  # fmt: skip
     assert ':CONSOLE' not in run.stderr, run.stderr
     pixels = matplotlib.image.imread(shot)[:, :, :3]

@@ -110,7 +110,7 @@ def run(script: str, tmp_path: Path, name: str, effect: str) -> None:
     }
     done = subprocess.run(
         [sys.executable, '-c', script, str(tmp_path / 'out')],
-        capture_output=True, text=True, env=environment, timeout=280,
+        capture_output=True, text=True, env=environment,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
 

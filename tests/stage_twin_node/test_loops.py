@@ -15,6 +15,7 @@ from stage_twin.emulators.drive import DriveSocket
 from stage_twin.loops import LOCKSTEP_START_NS, LockstepLoop, RealTimeLoop
 from stage_twin.machine import ServoMachine
 
+from ..patience import PATIENCE
 from ..points import PointRecorder
 
 
@@ -157,7 +158,7 @@ def test_lockstep_brakes_a_moving_stage_when_its_driver_dies(machine):
     with running(lockstep(machine, watchdog=0.2)) as loop:
         push_constant_force(loop, 200)
         assert machine.moving
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + PATIENCE
         while not machine.at_rest and time.monotonic() < deadline:
             time.sleep(0.02)
         assert machine.at_rest
@@ -194,7 +195,7 @@ def test_real_time_follows_forces_and_brakes_in_silence(machine):
         steps = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
         assert all(step >= 1_000_000 for step in steps)
         driver.close()
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + PATIENCE
         while not (loop.braking and machine.at_rest) and time.monotonic() < deadline:
             time.sleep(0.02)
         assert loop.braking and machine.at_rest
@@ -261,7 +262,7 @@ def test_a_plant_that_fails_is_told_and_not_silent(machine):
 
     loop._publish_clock = broken
     loop.start()
-    loop.join(20.0)
+    loop.join(PATIENCE)
     level, message, _ = loop.status()
     loop.stop()
     assert level == 2 and 'broken clock' in message and 'start stage_twin again' in message

@@ -11,6 +11,8 @@ import time
 
 from stage_core import topics
 
+from ..patience import PATIENCE
+
 
 class NodeProcess:
     """A node whose output is read while it runs."""
@@ -25,7 +27,7 @@ class NodeProcess:
         )
         self.output = ''
 
-    def said(self, text, timeout=30.0):
+    def said(self, text, timeout=PATIENCE):
         deadline = time.monotonic() + timeout
         while text not in self.output and time.monotonic() < deadline:
             if select.select([self.process.stdout], [], [], 0.1)[0]:
@@ -93,7 +95,7 @@ def test_tracker_absent_then_there_faulty_killed_and_back(ros_env):
 
         def growing(what):
             count = len(stamps)
-            client.wait_for(lambda: len(stamps) > count + 20, 60.0, what)
+            client.wait_for(lambda: len(stamps) > count + 20, PATIENCE, what)
 
         bridge = start('tracker_bridge.node', ros_env, f'port:={port}')
         assert bridge.said(f'no tracker at 127.0.0.1:{port}')
@@ -107,15 +109,17 @@ def test_tracker_absent_then_there_faulty_killed_and_back(ros_env):
 
         client.set_parameters('/stage_twin', tracker_fault='beam_lost')
         client.wait_for(
-            lambda: 'beam lost' in states['tracker_bridge: connection'][0], 60.0, 'the loss'
+            lambda: 'beam lost' in states['tracker_bridge: connection'][0], PATIENCE, 'the loss'
         )
         assert counter('bad_status') >= 1
         client.set_parameters('/stage_twin', tracker_fault='duplicate')
-        client.wait_for(lambda: counter('duplicates') > 20, 60.0, 'duplicates')
+        client.wait_for(lambda: counter('duplicates') > 20, PATIENCE, 'duplicates')
         growing('points among duplicates')
         client.set_parameters('/stage_twin', tracker_fault='time_jump')
         client.wait_for(
-            lambda: '~/reset' in states['tracker_bridge: stream'][0], 60.0, 'the jump being told'
+            lambda: '~/reset' in states['tracker_bridge: stream'][0],
+            PATIENCE,
+            'the jump being told',
         )
         client.set_parameters('/stage_twin', tracker_fault='none')
         client.trigger('/tracker_bridge/reset')
@@ -123,7 +127,7 @@ def test_tracker_absent_then_there_faulty_killed_and_back(ros_env):
 
         first.end(signal.SIGKILL)
         client.wait_for(
-            lambda: 'no tracker' in states['tracker_bridge: connection'][0], 60.0, 'the loss'
+            lambda: 'no tracker' in states['tracker_bridge: connection'][0], PATIENCE, 'the loss'
         )
         # The controller's clock went on, with the jump that it had made.
         start(*twin, 'tracker_clock_offset:=12350.0')

@@ -15,6 +15,8 @@ from stage_core import drive_link, topics
 from stage_core.frames import RigidTransform
 from stage_core.twin_file import TwinFile
 
+from ..patience import PATIENCE
+
 ANGLE, OFFSET = 0.3, (0.25, -0.4)
 PLACES = [(0.0, 0.0), (0.03, 0.0), (0.03, 0.03), (-0.02, 0.025), (0.0, -0.03)]
 
@@ -60,7 +62,7 @@ class SmallDriver:
         self.socket.settimeout(0.5)
         self.publisher = client.node.create_publisher(JointState, topics.JOINT_STATES, STATE_QOS)
         client.wait_for(
-            lambda: self.publisher.get_subscription_count() > 0, 60.0, 'the bridge listening'
+            lambda: self.publisher.get_subscription_count() > 0, PATIENCE, 'the bridge listening'
         )
         self.now = None
         self.before = np.zeros(2)
@@ -153,18 +155,18 @@ def session(ros_env, twin):
         )
         client.watch(TransformStamped, topics.ALIGNMENT, LATCHED_QOS)
         client.watch(DiagnosticArray, topics.DIAGNOSTICS)
-        client.wait_for(lambda: tracker_connected(client), 60.0, 'the tracker connecting')
+        client.wait_for(lambda: tracker_connected(client), PATIENCE, 'the tracker connecting')
         driver = SmallDriver(drive, client)
         stack.callback(driver.close)
         for place in PLACES:
             driver.go(place, 800)
-        message = client.trigger('/tracker_bridge/align', 60.0)
-        client.wait_for(lambda: client.latest(topics.ALIGNMENT) is not None, 30.0, 'alignment')
+        message = client.trigger('/tracker_bridge/align', PATIENCE)
+        client.wait_for(lambda: client.latest(topics.ALIGNMENT) is not None, PATIENCE, 'alignment')
         last = driver.now.stamp
-        client.wait_for(lambda: points and points[-1][0] >= last - 10_000_000, 30.0, 'points')
-        client.trigger('/tracker_bridge/reset', 30.0)
+        client.wait_for(lambda: points and points[-1][0] >= last - 10_000_000, PATIENCE, 'points')
+        client.trigger('/tracker_bridge/reset', PATIENCE)
         with pytest.raises(Exception, match='rests of the stage'):
-            client.trigger('/tracker_bridge/align', 60.0)
+            client.trigger('/tracker_bridge/align', PATIENCE)
         return message, client.latest(topics.ALIGNMENT), points
 
 

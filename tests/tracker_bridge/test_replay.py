@@ -10,6 +10,8 @@ from stage_core.session import Series, Session
 from tracker_bridge.bridge import Bridge
 from tracker_bridge.sources.replay import ReplaySource
 
+from ..patience import PATIENCE
+
 START = 1_700_000_000_123_456_789
 
 
@@ -30,7 +32,7 @@ def test_replay_delivers_every_point_with_its_stamp(tmp_path):
     samples = []
     source = ReplaySource(samples.append, tmp_path / 'session', rate=50.0)
     source.start()
-    source.join(30.0)
+    source.join(PATIENCE)
     assert not source.is_alive()
     bridge = Bridge(source_clock='ros')
     out = [pair for sample in samples for pair in bridge.process(sample)]

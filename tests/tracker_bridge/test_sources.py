@@ -15,8 +15,9 @@ from tracker_bridge.sa_text import SaFormat
 from tracker_bridge.sources.emscon import EmsconSource
 from tracker_bridge.sources.sa_text import SaTextSource
 
+from ..patience import PATIENCE
+
 MS = 1_000_000
-PATIENCE = 30.0
 
 
 def wait(condition):
