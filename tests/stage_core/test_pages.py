@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import base64
+import json
 import re
 import shutil
 import subprocess
+from html import unescape
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -70,6 +72,48 @@ def test_page_and_picture_follow_the_same_theme(tmp_path: Path, dark: bool) -> N
     assert (corner < 0.2) if dark else (corner > 0.9)
     contrast = ink.max() - corner if dark else corner - ink.min()
     assert contrast > 0.6
+
+
+#: Points at a share of the width, drags over a stretch and points there again, as a mouse does.
+MOUSE = """<script>addEventListener('load', () => {
+const canvas = document.querySelector('canvas'), [panel] = JSON.parse(
+  document.querySelector('script.curves').textContent);
+const box = canvas.getBoundingClientRect(), [left, top, width] = panel.box;
+const mouse = (kind, share) => canvas.dispatchEvent(new PointerEvent(kind, {
+  clientX: box.left + box.width * (left + width * share),
+  clientY: box.top + box.height * (top + 0.1), pointerType: 'mouse', bubbles: true}));
+const said = share => {
+  mouse('pointermove', share); return document.querySelector('output').textContent; };
+const found = [said(0.5)];
+mouse('pointerdown', 0.2); mouse('pointermove', 0.4); mouse('pointerup', 0.4);
+found.push(said(0.5));
+canvas.dispatchEvent(new MouseEvent('dblclick'));
+found.push(said(0.5));
+document.title = JSON.stringify(found);
+});</script>"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
+def test_a_reader_reads_values_off_curves_and_zooms(tmp_path: Path) -> None:
+    seconds = [0.0, 20.0, 30.0, 50.0, 100.0]
+    figure = figures.time_series(seconds, {'a</script>': [1.0, 2.0, 3.0, 5.0, -9.0]}, 'µm')
+    page = Page('curves').figure(figure, 'a picture', curves=True)
+    assert page.render().count('</script>') == 2
+    place = tmp_path / 'page.html'
+    place.write_text(page.render().replace('</body>', MOUSE + '</body>'), encoding='utf-8')
+    done = subprocess.run(
+        [
+            str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu', '--dump-dom',
+            f'--user-data-dir={tmp_path / "profile"}', place.as_uri(),
+        ],
+        check=True, timeout=120, capture_output=True, text=True,
+    )  # fmt: skip
+    said = json.loads(unescape(done.stdout.split('title>')[1].removesuffix('</')))
+    pairs = [re.findall(r' at (\S+): a</script> (\S+)', text)[0] for text in said]
+    places = [float(x) for x, _ in pairs]
+    # The middle of the whole, of the stretch from 0.2 to 0.4 of it, and of the whole again.
+    assert places == pytest.approx([50.0, 30.0, 50.0], abs=1.0)
+    assert [float(y) for _, y in pairs] == [5.0, 3.0, 5.0]
 
 
 def test_neighbouring_pictures_share_a_row() -> None:

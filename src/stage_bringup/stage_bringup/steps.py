@@ -37,6 +37,8 @@ Array = NDArray[np.float64]
 MOVE_TIMEOUT = 120.0
 #: Wall time until every node is there and has compiled its kernels, on a busy machine [s].
 START_TIMEOUT = 240.0
+#: Wall time of a diagnosis [s]: one took 600 s on two cores at a load of 24.
+DIAGNOSIS_TIMEOUT = 1800.0
 #: Silence of the tracker that says that lockstep stands still and all is recorded [s].
 QUIET = 0.5
 
@@ -279,7 +281,7 @@ def _diagnose(session: Session) -> None:
         lambda: (None, client.status('gap_diagnosis: diagnosis')[0]),
     ):
         client.set_parameters('/gap_diagnosis', bag=str(bags['calibration']))
-        verdict = client.trigger('/gap_diagnosis/diagnose', 600.0)
+        verdict = client.trigger('/gap_diagnosis/diagnose', DIAGNOSIS_TIMEOUT)
     session.result.lines.append(f'diagnosis: {verdict}')
 
 

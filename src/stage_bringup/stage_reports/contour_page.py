@@ -116,6 +116,7 @@ def _over_path(page: Page, found: list[Run], best: int, seen: list[Tracking]) ->
         'Contour error over the path, first and best run',
         'On a circle an axis reverses at 0°, 90°, 180° and 270°: spikes there are friction or '
         'play. A wave between them: screw pitch or force ripple.',
+        curves=True,
     )
     if circle is not None:
         page.figure(

@@ -1,7 +1,8 @@
 """The one writer of HTML pages: a self-contained file for light, dark, narrow, wide and paper.
 
-A page loads nothing and runs no script. Every text is escaped, so that a name from a bag cannot
-become markup; words between backticks are set as code.
+A page loads nothing. It runs a script only to read values off curves (`explore`), and shows the
+same pictures without it. Every text is escaped, so that a name from a bag cannot become markup;
+words between backticks are set as code.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from stage_core import theme
+from stage_core import explore, theme
 from stage_core.errors import StageError
 from stage_core.whole_file import replacing, write_whole
 
@@ -51,13 +52,17 @@ padding:.8rem 1rem;color:inherit;text-decoration:none}.cards a:hover{border-colo
 gap:1.4rem 2rem;margin:1.2rem 0}figure{margin:0;min-width:0}figure.wide{grid-column:1/-1}
 figure:only-child:not(.wide){max-width:34rem}
 figure div{overflow-x:auto}figure img{display:block;width:100%;height:auto}
-figure.wide img{min-width:36rem}figcaption{color:var(--muted);font-size:.92rem;max-width:44rem;
+figure.wide .plot{min-width:36rem}.plot{display:block;position:relative}
+.plot canvas{position:absolute;inset:0;width:100%;height:100%;cursor:crosshair}
+output{display:block;font-size:.85rem;color:var(--muted);min-height:1.5em}
+figcaption{color:var(--muted);font-size:.92rem;max-width:44rem;
 margin-top:.3rem}figcaption b{color:var(--ink)}
 details{margin:1rem 0}@media (max-width:40rem){td{min-width:6rem}}
 summary{cursor:pointer;color:var(--blue)}
 footer{margin-top:3rem;color:var(--muted);font-size:.88rem}
 @media print{body{font-size:10.5pt;max-width:none;padding:0}h2,h3{break-after:avoid}
-figure,table,.headline{break-inside:avoid}nav{display:none}figure.wide img{min-width:0}}
+figure,table,.headline{break-inside:avoid}nav,canvas,output{display:none}
+figure.wide .plot{min-width:0}}
 """
 
 
@@ -89,6 +94,7 @@ class Page:
         self._nav = ''
         self._parts: list[str] = []
         self._row: list[str] = []
+        self._script = ''
 
     def navigation(self, entries: Sequence[Entry]) -> Page:
         """Links to the pages of this session, (name, address); an empty address is this page."""
@@ -158,23 +164,29 @@ class Page:
         body = ''.join(lines)
         return self._add(f'<div class="scroll"><table>{body}</tbody></table></div>')
 
-    def figure(self, figure: Any, title: str, look_for: str = '') -> Page:
+    def figure(self, figure: Any, title: str, look_for: str = '', curves: bool = False) -> Page:
         """Embed a matplotlib figure; pictures that follow each other stand side by side.
 
         Parameters
         ----------
         title : what it shows; the alternative text too.
         look_for : what the reader should look for in it.
+        curves : whether a reader can read values off its curves and zoom into them.
         """
         data = base64.b64encode(theme.svg(figure).encode()).decode('ascii')
         kind = ' class="wide"' if figure.get_figwidth() > _WIDE else ''
         self._row.append(
-            f'<figure{kind}><div><img alt="{html.escape(title)}" '
-            f'src="data:image/svg+xml;base64,{data}"></div>'
-            f'<figcaption><b>{_text(title)}.</b> {_text(look_for)}</figcaption></figure>'
+            f'<figure{kind}><div><span class="plot"><img alt="{html.escape(title)}" '
+            f'src="data:image/svg+xml;base64,{data}"></span></div>'
+            f'<figcaption><b>{_text(title)}.</b> {_text(look_for)}</figcaption>'
+            f'{self._curves(figure) if curves else ""}</figure>'
         )
         self.figures.append((title, figure))
         return self
+
+    def _curves(self, figure: Any) -> str:
+        self._script = f'<script>{explore.script()}</script>'
+        return f'<script type="application/json" class="curves">{explore.data(figure)}</script>'
 
     @contextmanager
     def folded(self, summary: str) -> Iterator[Page]:
@@ -201,7 +213,7 @@ class Page:
             '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
             f'<title>{title}</title><style>{css()}</style></head>\n'
-            f'<body>{self._nav}<main><h1>{title}</h1>\n{body}\n</main></body></html>\n'
+            f'<body>{self._nav}<main><h1>{title}</h1>\n{body}\n</main>{self._script}</body></html>\n'
         )
 
     def save(self, path: str | Path) -> Path:

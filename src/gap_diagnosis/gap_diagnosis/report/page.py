@@ -102,6 +102,7 @@ def _gap(page: Page, diagnosis: Diagnosis) -> None:
         'Gap over time',
         'Blue should look like noise: no steps, no slope, no spikes that come back at each '
         'reversal.',
+        curves=True,
     )
     _leftovers(page, diagnosis)
     _loop(page, diagnosis)
@@ -109,6 +110,7 @@ def _gap(page: Page, diagnosis: Diagnosis) -> None:
         figures.spectra(diagnosis),
         'Spectra of the gap',
         'Blue should be flat. A line that stays in blue is a period that the twin still lacks.',
+        curves=True,
     )
 
 
