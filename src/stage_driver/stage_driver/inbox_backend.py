@@ -11,14 +11,18 @@ from concurrent.futures import Future
 from stage_core.errors import StageError
 from stage_driver.backend import FAILURE, WARNING, Listener
 from stage_driver.limits import AxisLimits, Setpoint, check_setpoint
+from stage_driver.servo_axes import ServoConfig
 from stage_driver.states import Event, State, StateMachine
+from stage_driver.zaber_setup import ZaberConfig
 
 
 class InboxBackend(ABC):
     """State machine, inbox, checked set-points, homing's future, refusals."""
 
-    def __init__(self, axes: tuple[str, ...], listener: Listener) -> None:
-        self._axis_names = axes
+    def __init__(self, config: ServoConfig | ZaberConfig, listener: Listener) -> None:
+        self._config = config
+        #: Soft limits in the order of the axes.
+        self._limits: Sequence[AxisLimits] = config.limits
         self._listener = listener
         self._states = StateMachine(self._state_changed)
         self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -26,7 +30,7 @@ class InboxBackend(ABC):
         self._homed = False
         #: Whether `~/enable` asked last for a disabled stage, which nothing else may enable.
         self._kept_disabled = False
-        self._counts = {'refused': 0, 'watchdog_stops': 0, 'rival_setpoints': 0}
+        self.counts = {'refused': 0, 'watchdog_stops': 0, 'rival_setpoints': 0}
         self._last_refusal = ''
         self._refused_stamp = 0
         self._last_setpoint: Setpoint | None = None
@@ -46,7 +50,7 @@ class InboxBackend(ABC):
         """See `Backend.submit`."""
         try:
             setpoint = check_setpoint(
-                self._axis_names, self._limits(), stamp, names, positions, velocities
+                self._config.axes, self._limits, stamp, names, positions, velocities
             )
         except StageError as error:
             reason = str(error)
@@ -98,12 +102,12 @@ class InboxBackend(ABC):
     # -- what a backend adds, called in its thread --------------------------------------------
 
     @abstractmethod
-    def _limits(self) -> Sequence[AxisLimits]:
-        """Soft limits in the order of the axes."""
+    def _contact_refusal(self) -> str | None:
+        """What is missing on the wire, or None."""
 
     @abstractmethod
     def _take(self, setpoint: Setpoint) -> None:
-        """Execute a checked set-point, or refuse it."""
+        """Execute a set-point that nothing speaks against."""
 
     @abstractmethod
     def _start_homing(self, done: Future[str]) -> None:
@@ -122,26 +126,42 @@ class InboxBackend(ABC):
         """Start a controlled stop of whatever moves."""
 
     @property
+    def _enables_itself(self) -> bool:
+        return self._config.enable_on_start and not self._kept_disabled
+
+    @property
     @abstractmethod
     def _streaming(self) -> bool:
         """Whether a stream of set-points is being followed."""
 
     # -- in the backend's thread --------------------------------------------------------------
 
-    def _drain(self) -> None:
+    def serve(self) -> None:
         """Serve every waiting request."""
-        while True:
-            try:
-                request = self._inbox.get_nowait()
-            except queue.Empty:
-                return
-            request()
+        while self.serve_next(0.0):
+            pass
+
+    def serve_next(self, patience: float = 0.05) -> bool:
+        """Serve the next request, waited for up to `patience` [s]; whether there was one."""
+        try:
+            request = self._inbox.get(patience > 0.0, patience or None)
+        except queue.Empty:
+            return False
+        request()
+        return True
 
     def _move_refusal(self, contact: str | None) -> str | None:
         """Why nothing may move now, or None; `contact` says what is missing on the wire."""
         if self._homing is not None:
             return 'homing is under way: wait for it or call ~/stop'
         return self._states.refusal(Event.MOVE) or contact
+
+    def _refusal(self, setpoint: Setpoint) -> str | None:
+        """Why a checked set-point is refused, or None."""
+        refused = self._move_refusal(self._contact_refusal())
+        if refused is None and not self._homed and self._config.home_required:
+            refused = 'the stage is not homed: call ~/home first'
+        return refused
 
     def _receive(self, setpoint: Setpoint) -> None:
         """Count what only a second controller can have sent, and take the set-point."""
@@ -150,8 +170,15 @@ class InboxBackend(ABC):
             # A controller's stamps rise, and it sends one set-point for a tick. In a fault as
             # well: two that contradict each other soon end in one.
             if last is not None and 0 < setpoint.stamp <= last.stamp and setpoint != last:
-                self._counts['rival_setpoints'] += 1
+                self.counts['rival_setpoints'] += 1
             self._last_streamed = setpoint
+        if self._repeats(setpoint):
+            return
+        refused = self._refusal(setpoint)
+        if refused is not None:
+            self._refuse(f'set-point refused: {refused}', setpoint.stamp)
+            return
+        self._last_setpoint = setpoint
         self._take(setpoint)
 
     def _repeats(self, setpoint: Setpoint) -> bool:
@@ -181,18 +208,19 @@ class InboxBackend(ABC):
         self._ending.clear()
         self._end_stream(reason)
 
-    def _watchdog(self, reason: str) -> None:
-        self._counts['watchdog_stops'] += 1
+    def watchdog(self, reason: str) -> None:
+        """End a stream whose set-points stopped coming."""
+        self.counts['watchdog_stops'] += 1
         self._end_stream(reason)
 
     def _refuse(self, reason: str, stamp: int) -> None:
-        self._counts['refused'] += 1
+        self.counts['refused'] += 1
         self._last_refusal, self._refused_stamp = reason, stamp
         self._listener.on_event(WARNING, reason)
 
     def _details(self) -> dict[str, str]:
         """Counters for `/diagnostics`."""
-        details = {name: str(value) for name, value in self._counts.items()}
+        details = {name: str(value) for name, value in self.counts.items()}
         if self._last_refusal:
             details['last_refusal'] = self._last_refusal
             details['refused_stamp'] = str(self._refused_stamp)

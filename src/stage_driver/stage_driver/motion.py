@@ -1,4 +1,4 @@
-"""Reference and velocity command of every tick: hold, move, home, velocity, stream, stop.
+"""Reference of every tick, or velocity command: hold, move, home, velocity, stream, stop.
 
 Pure and without clocks: `MotionGenerator.tick` advances one control period.
 """
@@ -32,7 +32,7 @@ class Mode(Enum):
 
 
 class MotionGenerator:
-    """Turns set-points into r_k, dr_k and vc_k within the limits.
+    """Turns set-points into r_k and dr_k within the limits; while it steers speed, vc_k too.
 
     Parameters
     ----------
@@ -92,6 +92,11 @@ class MotionGenerator:
         """Whether the motion depends on fresh set-points."""
         return self.mode in (Mode.VELOCITY, Mode.STREAM)
 
+    @property
+    def follows_reference(self) -> bool:
+        """Whether `command` is for the position loop to give."""
+        return self.mode in (Mode.HOLD, Mode.PROFILE)
+
     def hold(self, encoder: Floats) -> None:
         """Hold here: the reference of a start, or after the position jumped."""
         self.mode = Mode.HOLD
@@ -134,9 +139,8 @@ class MotionGenerator:
         """Start a profile to `targets` [m] at most at `speeds` [m/s], from any motion."""
         if self.mode not in (Mode.HOLD, Mode.PROFILE):
             # The position loop must go on with the velocity command of now.
-            gain, forward = self.gains[:, 0], self.gains[:, 1]
-            self.reference[:] = encoder + (1.0 - forward) * self.command / gain
-            np.clip(self.reference, self.lower, self.upper, out=self.reference)
+            matching = servo_loop.matching_reference(self.command, encoder, self.gains)
+            np.clip(matching, self.lower, self.upper, out=self.reference)
             self.speed[:] = self.command
         for axis in range(len(targets)):
             speed = self.speed[axis]
@@ -161,7 +165,7 @@ class MotionGenerator:
         self.command[:] = velocity
 
     def tick(self, encoder: Floats) -> bool:
-        """Advance one period, fill `reference`, `speed`, `command`; True when a motion ended."""
+        """Advance one period, fill `reference` and `speed`; True when a motion ended."""
         if self.mode is Mode.STREAM:
             self.clamped += stream_tick(
                 self._stream_positions,
@@ -195,11 +199,9 @@ class MotionGenerator:
                 self.reference,
                 self.speed,
             )
-            self._follow_reference(encoder)
             return arrived and self._dwelt()
         if self.mode is Mode.HOLD:
             self.speed[:] = 0.0
-            self._follow_reference(encoder)
             return False
         return self._velocity_tick(encoder)
 
@@ -238,9 +240,6 @@ class MotionGenerator:
         )
         self.clamped += kept != velocity
         return kept
-
-    def _follow_reference(self, encoder: Floats) -> None:
-        servo_loop.position_loop(self.reference, self.speed, encoder, self.gains, self.command)
 
     def _dwelt(self) -> bool:
         if self._dwell > 0:

@@ -1,4 +1,4 @@
-"""The servo axes as the loop sees them: estimate, motion generator, controller, in that order."""
+"""The servo axes in a control tick: velocity estimate, motion generator, control law."""
 
 from __future__ import annotations
 
@@ -56,8 +56,7 @@ class ServoAxes:
         self.force = np.zeros(count)
         self._memory = servo_loop.start_memory(self.encoder)
         self._bristles = np.zeros(count)
-        # A loop without full feed-forward follows behind its reference by this time [s].
-        self._lag = np.maximum((1.0 - self._gains[:, 1]) / self._gains[:, 0], self.period)
+        self._lag = np.maximum(servo_loop.following_lag(self._gains), self.period)
         self._expected = np.zeros(count)
         self._predicted = np.zeros(count)
         self._warm_up()
@@ -104,17 +103,16 @@ class ServoAxes:
 
     def control(self) -> bool:
         """Compute `motion.reference`, `command` and `force`; True when a motion ended."""
-        done = self.motion.tick(self.encoder)
-        self.command[:] = self.motion.command
-        # The error of a loop of first order: de/dt = dr/dt - e / lag. A stream that skips ticks
-        # moves its reference in steps, which the momentary speed would misjudge; while it is late
-        # the axis goes on with it: that is for the watchdog to end, no axis is blocked.
-        servo_loop.expect(
-            self.motion.predicted, self._predicted, self._lag, self.period, self._expected
-        )
+        motion = self.motion
+        done = motion.tick(self.encoder)
+        if motion.follows_reference:
+            servo_loop.position_loop(
+                motion.reference, motion.speed, self.encoder, self._gains, motion.command
+            )
+        self.command[:] = motion.command
         if self._friction is not None:
             servo_loop.lugre_velocity(
-                self.motion.command,
+                motion.command,
                 self._bristles,
                 self._friction,
                 self._gains,
@@ -122,6 +120,12 @@ class ServoAxes:
                 self.command,
             )
         servo_loop.velocity_loop(self.command, self._memory, self._gains, self.period, self.force)
+        # The error of a loop of first order: de/dt = dr/dt - e / lag. A stream that skips ticks
+        # moves its reference in steps, which the momentary speed would misjudge; while it is late
+        # the axis goes on with it: that is for the watchdog to end, no axis is blocked.
+        servo_loop.expect(
+            motion.predicted, self._predicted, self._lag, self.period, self._expected
+        )
         return done
 
     def following_fault(self) -> str | None:

@@ -1,4 +1,4 @@
-"""The velocity loop of the nominal servo twin, one control tick at a time.
+"""The control law of the nominal servo twin, one control tick at a time.
 
 Equations: docs/reference/interfaces.md, "Servo controller".
 
@@ -54,10 +54,10 @@ def start_memory(encoder: Floats) -> Floats:
 def estimate_velocity(encoder: Floats, memory: Floats, gains: Floats, period: float) -> None:
     """vf_k = a vf_(k-1) + (1 - a) (q_k - q_(k-1)) / Ts, into the memory."""
     for i in range(len(encoder)):
-        pole = gains[i, 4]
-        difference = (encoder[i] - memory[i, 0]) / period
-        memory[i, 1] = pole * memory[i, 1] + (1.0 - pole) * difference
-        memory[i, 0] = encoder[i]
+        pole = gains[i, FILTER_POLE]
+        difference = (encoder[i] - memory[i, PREVIOUS]) / period
+        memory[i, VELOCITY] = pole * memory[i, VELOCITY] + (1.0 - pole) * difference
+        memory[i, PREVIOUS] = encoder[i]
 
 
 @njit(cache=True)
@@ -66,7 +66,19 @@ def position_loop(
 ) -> None:
     """vc_k = velocity_feedforward * dr_k + position_gain * (r_k - q_k), into `command`."""
     for i in range(len(encoder)):
-        command[i] = gains[i, 1] * speed[i] + gains[i, 0] * (reference[i] - encoder[i])
+        forward = gains[i, FEEDFORWARD] * speed[i]
+        command[i] = forward + gains[i, POSITION_GAIN] * (reference[i] - encoder[i])
+
+
+def matching_reference(command: Floats, encoder: Floats, gains: Floats) -> Floats:
+    """Reference r (axes,) [m] at which the position loop gives `command` as dr and as vc."""
+    rest = (1.0 - gains[:, FEEDFORWARD]) * command
+    return np.asarray(encoder + rest / gains[:, POSITION_GAIN])
+
+
+def following_lag(gains: Floats) -> Floats:
+    """Time [s] (axes,) by which a loop without full feed-forward is behind its reference."""
+    return np.asarray((1.0 - gains[:, FEEDFORWARD]) / gains[:, POSITION_GAIN])
 
 
 @njit(cache=True)
@@ -75,13 +87,13 @@ def velocity_loop(
 ) -> None:
     """F_k = clip(velocity_gain * ev_k + I_k), then I_(k+1), held while that would wind up."""
     for i in range(len(command)):
-        error = command[i] - memory[i, 1]
-        wanted = gains[i, 2] * error + memory[i, 2]
-        limit = gains[i, 5]
+        error = command[i] - memory[i, VELOCITY]
+        wanted = gains[i, VELOCITY_GAIN] * error + memory[i, INTEGRAL]
+        limit = gains[i, FORCE_LIMIT]
         force[i] = min(max(wanted, -limit), limit)
         clipped = wanted > limit or wanted < -limit
         if not (clipped and error * wanted > 0.0):
-            memory[i, 2] += gains[i, 3] * error * period
+            memory[i, INTEGRAL] += gains[i, INTEGRAL_GAIN] * error * period
 
 
 @njit(cache=True)
@@ -105,7 +117,7 @@ def lugre_velocity(
         steady = level if speed[i] >= 0.0 else -level
         decay = math.exp(-abs(speed[i]) * period / level)
         bristles[i] = steady + (bristles[i] - steady) * decay
-        out[i] += stiffness * bristles[i] / gains[i, 2]
+        out[i] += stiffness * bristles[i] / gains[i, VELOCITY_GAIN]
 
 
 @njit(cache=True)

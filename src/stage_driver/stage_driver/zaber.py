@@ -9,23 +9,21 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
 from concurrent.futures import Future
 
 from stage_core.clocks import NANOSECONDS
 from stage_core.errors import StageError
+from stage_driver.awaited_homing import AwaitedHoming
 from stage_driver.backend import INFO, WARNING, Listener, Status
 from stage_driver.inbox_backend import InboxBackend
-from stage_driver.limits import AxisLimits, Setpoint, SetpointKind
-from stage_driver.servo_waits import AwaitedHoming
+from stage_driver.limits import Setpoint
 from stage_driver.states import Event, State
 from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_contact import ZaberContact
 from stage_driver.zaber_link import LinkLost, NoAnswer
+from stage_driver.zaber_motion import ZaberMotion
 from stage_driver.zaber_setup import ZaberConfig
 from stage_driver.zaber_stage import Poll, ZaberStage, first_fault
-
-NANOSECOND = 1.0 / NANOSECONDS
 
 
 class ZaberBackend(InboxBackend):
@@ -34,23 +32,19 @@ class ZaberBackend(InboxBackend):
     def __init__(
         self, config: ZaberConfig, listener: Listener, clock: WallClock | None = None
     ) -> None:
-        super().__init__(config.axes, listener)
+        super().__init__(config, listener)
         self.config = config
         self._clock = clock or WallClock()
         self._stage: ZaberStage | None = None
-        self._travel: Sequence[AxisLimits] = config.limits
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name='zaber', daemon=True)
         self._homing_deadline = 0.0
-        self._stream: Setpoint | None = None
-        self._stream_since = 0.0
-        self._targets: list[int] | None = None
+        self._motion = ZaberMotion()
         self._last: Poll | None = None
-        self._references: list[float] = []
         self._second = -1
         self._flags: tuple[str, ...] | None = None
         self._warnings: tuple[str, ...] = ()
-        self._counts.update(reconnections=0, missed_polls=0)
+        self.counts.update(reconnections=0, missed_polls=0)
         self._awaited = AwaitedHoming(config.drive_timeout, f'port {config.port}', 'port')
         self._contact = ZaberContact(config, self._clock)
 
@@ -95,14 +89,8 @@ class ZaberBackend(InboxBackend):
         connected = stage is not None and not stage.link.lost
         if self._contact.absence:
             details['waits'] = self._contact.absence
-        return Status(
-            self._states.state,
-            self._states.reason,
-            self._homed,
-            connected,
-            details,
-            self._warnings,
-        )
+        state, reason = self._states.state, self._states.reason
+        return Status(state, reason, self._homed, connected, details, self._warnings)
 
     # -- the thread ---------------------------------------------------------------------------
 
@@ -111,7 +99,7 @@ class ZaberBackend(InboxBackend):
         due = time.monotonic()
         while not self._ended.is_set():
             try:
-                self._drain()
+                self.serve()
                 if self._stage is None:
                     self._reconnect()
                 else:
@@ -138,13 +126,13 @@ class ZaberBackend(InboxBackend):
         self._watch_flags(stage, poll)
         self._progress(poll)
         # A controller in this process answers the poll before it is passed on.
-        self._drain()
+        self.serve()
         self._follow_stream(stage, poll)
         self._publish(stage, poll)
 
     def _poll(self, stage: ZaberStage) -> Poll | None:
         poll = stage.poll()
-        self._counts['missed_polls'] += poll is None
+        self.counts['missed_polls'] += poll is None
         if poll is not None:
             self._listener.on_measured(poll.stamp, stage.metres(poll.steps))
         return poll
@@ -163,13 +151,11 @@ class ZaberBackend(InboxBackend):
                 self._fail('an axis lost its position while it moved; home with ~/home')
         # A driver that was disabled on request is no fault.
         disabled = self._states.state is State.DISABLED
-        fault = first_fault(self._warnings, ('FO', 'FD') if disabled else ())
-        if fault is not None:
-            self._fail(fault)
+        self._fail_if(first_fault(self._warnings, ('FO', 'FD') if disabled else ()))
 
     def _progress(self, poll: Poll) -> None:
         """Find the end of homing and of position moves."""
-        if self._states.state is not State.MOVING or self._stream is not None:
+        if self._states.state is not State.MOVING or self._streaming:
             return
         if not self._at_rest(poll):
             if self._homing is not None and self._clock.elapsed() > self._homing_deadline:
@@ -177,10 +163,10 @@ class ZaberBackend(InboxBackend):
             return
         if self._homing is not None:
             self._finish_homing()
-        elif self._targets is not None and self._targets != poll.steps:
+        elif self._motion.targets is not None and self._motion.targets != poll.steps:
             shown = ', '.join(flag for flag in poll.flags if flag != '--') or 'no flag'
             self._listener.on_event(WARNING, f'a move ended before its target ({shown})')
-        self._targets = None
+        self._motion.targets = None
         self._states.handle(Event.DONE)
 
     def _at_rest(self, poll: Poll) -> bool:
@@ -190,50 +176,27 @@ class ZaberBackend(InboxBackend):
     def _finish_homing(self) -> None:
         homing, self._homing = self._homing, None
         self._homed = 'WR' not in self._warnings
-        if homing is None:
-            return
-        if self._homed:
-            self._references = [0.0] * len(self.config.axes)
+        if homing is not None and self._homed:
+            self._motion.references = [0.0] * len(self.config.axes)
             homing.set_result('homed: ' + ', '.join(self.config.axes))
-        else:
+        elif homing is not None:
             homing.set_exception(StageError('homing ended without a reference: see /diagnostics'))
 
     def _follow_stream(self, stage: ZaberStage, poll: Poll) -> None:
         """Pass the newest set-point's velocities on, or stop when it is too old."""
-        if self._stream is None:
-            return
-        if time.monotonic() - self._stream_since > self.config.setpoint_timeout:
-            self._watchdog(f'no set-point for {self.config.setpoint_timeout} s')
-            return
-        self._send_stream(stage, poll)
-
-    def _send_stream(self, stage: ZaberStage, poll: Poll) -> None:
-        if self._stream is None:
-            return
-        velocities = [value or 0.0 for value in self._stream.velocities]
-        refused = stage.stream(velocities, poll.steps)
-        if refused is not None:
-            self._fail(refused)
+        if self._streaming and self._motion.age() > self.config.setpoint_timeout:
+            self.watchdog(f'no set-point for {self.config.setpoint_timeout} s')
+        else:
+            self._fail_if(self._motion.send(stage, poll))
 
     def _publish(self, stage: ZaberStage, poll: Poll) -> None:
         """Publish the cycle; a stepper's velocity is the difference of its positions."""
         positions = stage.metres(poll.steps)
-        velocities = [0.0] * len(positions)
-        if self._last is not None:
-            elapsed = (poll.stamp - self._last.stamp) * NANOSECOND
-            before = stage.metres(self._last.steps)
-            if 0.0 < elapsed < 1.0:
-                velocities = [
-                    (now - then) / elapsed for now, then in zip(positions, before, strict=True)
-                ]
+        velocities = stage.velocities(self._last, poll)
         self._last = poll
-        rates = [0.0] * len(positions)
-        if self._stream is not None:
-            rates = [value or 0.0 for value in self._stream.velocities]
-            if self._stream.kind is SetpointKind.VELOCITY:
-                self._references = positions
+        references, rates = self._motion.told(positions)
         self._listener.on_state(poll.stamp, positions, velocities)
-        self._listener.on_control(poll.stamp, self._references or positions, rates, rates, ())
+        self._listener.on_control(poll.stamp, references, rates, rates, ())
         self._read_temperatures(stage, poll.stamp)
 
     def _read_temperatures(self, stage: ZaberStage, stamp: int) -> None:
@@ -246,38 +209,14 @@ class ZaberBackend(InboxBackend):
 
     # -- requests, in the thread --------------------------------------------------------------
 
+    def _refusal(self, setpoint: Setpoint) -> str | None:
+        refused = super()._refusal(setpoint)
+        return refused or (None if self._last is not None else 'no position is known yet')
+
     def _take(self, setpoint: Setpoint) -> None:
-        if self._repeats(setpoint):
-            return
-        refused = self._move_refusal(self._contact_refusal())
-        if refused is None and not self._homed and self.config.home_required:
-            refused = 'the stage is not homed: call ~/home first'
-        stage = self._stage
-        if refused is not None or stage is None or self._last is None:
-            self._refuse(
-                f'set-point refused: {refused or "no position is known yet"}', setpoint.stamp
-            )
-            return
-        before = self._references or stage.metres(self._last.steps)
-        if setpoint.kind is not SetpointKind.VELOCITY:
-            self._references = [
-                before[index] if value is None else value
-                for index, value in enumerate(setpoint.positions)
-            ]
         self._states.handle(Event.MOVE)
-        self._last_setpoint = setpoint
-        if setpoint.streams:
-            self._stream, self._stream_since = setpoint, time.monotonic()
-            self._targets = None
-            return
-        self._stream = None
-        self._targets = [
-            handle.units.steps(value)
-            for handle, value in zip(stage.handles, self._references, strict=True)
-        ]
-        failed = stage.move(self._targets)
-        if failed is not None:
-            self._fail(failed)
+        if self._stage is not None and self._last is not None:
+            self._fail_if(self._motion.take(self._stage, setpoint, self._last))
 
     def _start_homing(self, done: Future[str]) -> None:
         # A stage that was never met yet is enabled when it comes.
@@ -293,36 +232,28 @@ class ZaberBackend(InboxBackend):
             self._begin_homing(self._present())
 
     def _begin_homing(self, stage: ZaberStage) -> None:
-        self._stream = self._targets = None
+        self._motion.end()
         self._homing_deadline = self._clock.elapsed() + self.config.homing_timeout
         self._states.handle(Event.MOVE)
-        failed = stage.home()
-        if failed is not None:
-            self._fail(failed)
+        self._fail_if(stage.home())
 
     def _contact_refusal(self) -> str | None:
-        if self._stage is not None:
-            return None
-        return f'no contact with {self.config.port}: put the cable back'
+        wire = self.config.port
+        return None if self._stage is not None else f'no contact with {wire}: put the cable back'
 
     def _halt(self) -> None:
-        self._stream = self._targets = None
+        self._motion.end()
         self._halt_devices()
         if self._stage is not None and self._last is not None:
-            self._references = self._stage.metres(self._last.steps)
+            self._motion.references = self._stage.metres(self._last.steps)
 
     def _halt_devices(self) -> None:
-        stage = self._stage
-        if stage is not None:
+        if (stage := self._stage) is not None:
             stage.link.send_unanswered('stop')
 
     @property
     def _streaming(self) -> bool:
-        return self._stream is not None
-
-    def _limits(self) -> Sequence[AxisLimits]:
-        """Soft limits narrowed to the devices' own travel."""
-        return self._travel
+        return self._motion.stream is not None
 
     def _reset(self) -> str:
         """Clear the devices' warnings; the fault stays as long as its cause."""
@@ -339,10 +270,6 @@ class ZaberBackend(InboxBackend):
             return self._switch(True)
         return state.value
 
-    @property
-    def _enables_itself(self) -> bool:
-        return self.config.enable_on_start and not self._kept_disabled
-
     def _switch(self, on: bool) -> str:
         stage = self._present()
         state = self._states.handle(Event.ENABLE if on else Event.DISABLE)
@@ -356,14 +283,17 @@ class ZaberBackend(InboxBackend):
         return state.value
 
     def _present(self) -> ZaberStage:
-        missing = self._contact_refusal()
         if self._stage is None:
-            raise StageError(missing or 'no contact with the stage')
+            raise StageError(self._contact_refusal() or '')
         return self._stage
 
     def _fail(self, reason: str) -> None:
         self._states.handle(Event.FAIL, reason)
         self._stop(reason)
+
+    def _fail_if(self, reason: str | None) -> None:
+        if reason is not None:
+            self._fail(reason)
 
     # -- the wire -----------------------------------------------------------------------------
 
@@ -373,8 +303,9 @@ class ZaberBackend(InboxBackend):
         self._homed = 'WR' not in self._warnings
         self._flags = self._last = None
         self._last_setpoint = self._last_streamed = None
-        self._references = []
-        self._travel = stage.limits
+        self._motion.references = []
+        # Narrowed to the devices' own travel.
+        self._limits = stage.limits
         self._stage = stage
         first = self._contact.found()
         if first and self._enables_itself and self._states.state is State.DISABLED:
@@ -404,15 +335,13 @@ class ZaberBackend(InboxBackend):
         self._listener.on_event(
             INFO, f'{self.config.port} is {"there" if first else "back"}, {known}'
         )
-        self._counts['reconnections'] += not first
+        self.counts['reconnections'] += not first
         self._end_waiting(stage)
 
     def _end_waiting(self, stage: ZaberStage) -> None:
         """Begin the homing that was asked for before the stage was there."""
         self._awaited.end()
-        if self._homing is None:
-            return
-        if refused := self._states.refusal(Event.MOVE):
+        if self._homing is not None and (refused := self._states.refusal(Event.MOVE)):
             self._stop(refused)
-        else:
+        elif self._homing is not None:
             self._begin_homing(stage)

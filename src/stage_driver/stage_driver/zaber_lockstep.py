@@ -7,7 +7,6 @@ stands still until the next request, and the same requests give the same session
 
 from __future__ import annotations
 
-import queue
 import time
 from concurrent.futures import Future
 from dataclasses import replace
@@ -22,9 +21,6 @@ from stage_driver.zaber_link import LinkLost
 from stage_driver.zaber_setup import ZaberConfig
 from stage_driver.zaber_stage import Poll, ZaberStage
 
-#: Longest wait for a request before the line is looked at again [s].
-LONGEST_WAIT = 0.05
-
 
 class LockstepZaberBackend(ZaberBackend):
     """See the module; `origin` is the time on /clock [ns] before the first line is sent."""
@@ -38,14 +34,14 @@ class LockstepZaberBackend(ZaberBackend):
         self._changed = 0
         self._settling_at: list[float] = []
         self._waiting_since = 0.0
-        self._counts['late_setpoints'] = 0
+        self.counts['late_setpoints'] = 0
 
     def _step(self, stage: ZaberStage) -> None:
         if not self._due():
             self._await_request(stage)
             return
-        if self._stream is not None and self._last is not None:
-            self._send_stream(stage, self._last)
+        if self._streaming and self._last is not None:
+            self._fail_if(self._motion.send(stage, self._last))
             self._keep_grid(stage, self._last)
         poll = self._poll(stage)
         if poll is not None:
@@ -75,26 +71,23 @@ class LockstepZaberBackend(ZaberBackend):
         last = self._last
         if last is None:
             return True
-        if self._stream is not None:
-            return self._stream.stamp == last.stamp
+        if self._motion.stream is not None:
+            return self._motion.stream.stamp == last.stamp
         return self._states.state is State.MOVING or any(last.busy)
 
     def _await_request(self, stage: ZaberStage) -> None:
-        try:
-            self._inbox.get(timeout=LONGEST_WAIT)()
-        except queue.Empty:
-            if stage.link.lost:
-                raise LinkLost(f'port {self.config.port} is gone') from None
+        if not self.serve_next() and stage.link.lost:
+            raise LinkLost(f'port {self.config.port} is gone')
         waited = time.monotonic() - self._waiting_since
-        if self._stream is not None and waited > self.config.lockstep_timeout and not self._due():
-            self._watchdog(f'no set-point for {self._clock.now()} ns in {waited:.0f} s')
+        if self._streaming and waited > self.config.lockstep_timeout and not self._due():
+            self.watchdog(f'no set-point for {self._clock.now()} ns in {waited:.0f} s')
 
     def _at_rest(self, poll: Poll) -> bool:
         """At rest since `settle_time` of virtual time, counted from the last published change.
 
         Whoever reads the topics can tell so from the stamps which poll is the last one.
         """
-        last, references = self._last, list(self._references)
+        last, references = self._last, list(self._motion.references)
         if last is None or last.steps != poll.steps or references != self._settling_at:
             self._changed, self._settling_at = poll.stamp, references
         dwelt = poll.stamp - self._changed
@@ -102,26 +95,22 @@ class LockstepZaberBackend(ZaberBackend):
 
     def _read_temperatures(self, stage: ZaberStage, stamp: int) -> None:
         # The questions would make one tick of a stream longer than the others.
-        if self._stream is None:
+        if not self._streaming:
             super()._read_temperatures(stage, stamp)
 
-    def _take(self, setpoint: Setpoint) -> None:
+    def _refusal(self, setpoint: Setpoint) -> str | None:
         last = self._last
-        if self._repeats(setpoint):
-            return
         if setpoint.streams and last is not None and setpoint.stamp != last.stamp:
-            self._counts['late_setpoints'] += 1
-            self._refuse(
-                f'set-point refused: stamped {setpoint.stamp} ns while the poll of {last.stamp} '
-                'ns waits: stamp it as the newest /stage/joint_states',
-                setpoint.stamp,
+            self.counts['late_setpoints'] += 1
+            return (
+                f'stamped {setpoint.stamp} ns while the poll of {last.stamp} ns waits: '
+                'stamp it as the newest /stage/joint_states'
             )
-            return
-        before = self._last_setpoint
+        return super()._refusal(setpoint)
+
+    def _take(self, setpoint: Setpoint) -> None:
         super()._take(setpoint)
-        # One that was refused, or sent again for safety, must not lengthen the dwell.
-        if self._last_setpoint is not before:
-            self._begin_dwell()
+        self._begin_dwell()
 
     def _start_homing(self, done: Future[str]) -> None:
         super()._start_homing(done)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from stage_core.clocks import NANOSECONDS
 from stage_driver.limits import AxisLimits
 from stage_driver.protocol import ProtocolError, Reply, warning_list
 from stage_driver.zaber_clock import WallClock
@@ -14,6 +15,7 @@ from stage_driver.zaber_link import LinkLost, NoAnswer, Query, ZaberLink
 from stage_driver.zaber_setup import ZaberAxisHandle, ZaberConfig, connect, integer
 from stage_driver.zaber_words import FLAGS, describe_flag, describe_rejection
 
+NANOSECOND = 1.0 / NANOSECONDS
 #: How many control cycles a streamed move reaches ahead of the next one.
 LOOKAHEAD_CYCLES = 3
 
@@ -57,6 +59,18 @@ class ZaberStage:
     def metres(self, steps: Sequence[float]) -> list[float]:
         """Microsteps of every axis in m."""
         return [h.units.metres(step) for h, step in zip(self.handles, steps, strict=True)]
+
+    def steps(self, metres: Sequence[float]) -> list[int]:
+        """Positions of every axis [m] in microsteps."""
+        return [h.units.steps(value) for h, value in zip(self.handles, metres, strict=True)]
+
+    def velocities(self, before: Poll | None, poll: Poll) -> list[float]:
+        """Difference of two polls [m/s]; zero where the first is missing or too long ago."""
+        elapsed = (poll.stamp - before.stamp) * NANOSECOND if before is not None else 0.0
+        if before is None or not 0.0 < elapsed < 1.0:
+            return [0.0] * len(self.handles)
+        then = self.metres(before.steps)
+        return [(a - b) / elapsed for a, b in zip(self.metres(poll.steps), then, strict=True)]
 
     def poll(self) -> Poll | None:
         """Ask every axis for its position; None where one did not answer this time.

@@ -1,36 +1,8 @@
-"""What a backend is late with, and what it waits for."""
+"""A homing that was asked for before the stage is there."""
 
 from __future__ import annotations
 
 import time
-
-#: A driver that is late by more has lost the motion: drives brake by themselves by then [s].
-LATE_LIMIT = 0.02
-
-
-class Lateness:
-    """Ticks by which the driver is behind the drive, and whether the stage moved at the first."""
-
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self._ticks, self._moved = 0, False
-
-    def add(self, ticks: int, moving: bool) -> None:
-        """Count ticks that passed without a force."""
-        if not self._ticks:
-            self._moved = moving
-        self._ticks += ticks
-
-    @property
-    def lost(self) -> bool:
-        """Whether the drive has braked by now."""
-        return self._ticks * self._period > LATE_LIMIT
-
-    def clear(self) -> float:
-        """Up to date again: by how much [s] a motion was late that the drive braked; else 0."""
-        late = self._ticks * self._period if self._moved and self.lost else 0.0
-        self._ticks = 0
-        return late
 
 
 class AwaitedHoming:
