@@ -113,17 +113,91 @@ def identify(
     StageError
         A record that is too short, holds gaps, or never reverses.
     """
+    balance = _balance(position, effort, period, smoothing, extra)
+    inside, sliding, target = balance.inside, balance.sliding, balance.target
+    shape = _shape_of_sliding(balance)
+    matrix = balance.design(shape, TYPICAL_PRESLIDING, sliding)
+    solution = _solve(matrix, target[sliding])
+    coulomb = float(solution[-1])
+    if coulomb <= 0.0:
+        raise StageError('no Coulomb friction is visible in this record: none can be identified')
+    left = target[sliding] - matrix @ solution
+
+    def left_over(log_presliding: float) -> float:
+        rest = target[inside] - balance.design(shape, np.exp(log_presliding), inside) @ solution
+        return float(np.sqrt(np.mean(rest**2)))
+
+    excess, stribeck = np.exp(shape)
+    static = coulomb * (1.0 + float(excess))
+    friction = target - balance.base @ solution[:-1]
+    slow = SLOW_SPEED * float(stribeck) * period
+    ways = _presliding(balance.place, friction, static, slow, balance.width)
+    if len(ways) >= SLOW_COUNT and np.mean(ways) > 0.0:
+        stiffness = static / float(np.mean(ways))
+        share = float(np.std(ways, ddof=1) / np.mean(ways)) / np.sqrt(len(ways))
+    else:
+        found = minimize_scalar(
+            left_over, bounds=np.log(PRESLIDING), method='bounded', options={'xatol': 0.02}
+        )
+        stiffness, share = coulomb / float(np.exp(found.x)), float('inf')
+    base = balance.base
+    without = target[inside] - base[inside] @ _solve(base[sliding], target[sliding])
+    viscous = max(float(solution[1]), 0.0)
+    return FrictionEstimate(
+        LuGre(coulomb, static, float(stribeck), stiffness, 0.0, viscous),
+        float(solution[0]),
+        float(solution[2]),
+        tuple(solution[3:-1].tolist()),
+        _spreads(matrix, left, balance.width) | {'stiffness': share * stiffness},
+        left_over(np.log(coulomb / stiffness)),
+        float(np.sqrt(np.mean(without**2))),
+    )
+
+
+@dataclass(frozen=True)
+class _Balance:
+    """The force balance of a record, every signal smoothed alike.
+
+    `place` (n,) [m], `velocity` (n,) [m/s], `target` (n,) the force; `base` (n, 3 + k) columns of
+    mass, viscous part, offset and the extra forces; `inside`, `sliding` (n,) the ticks that are
+    read at all, and those that neither stand nor reverse; `width` [ticks] of the smoothing.
+    """
+
+    place: FloatArray
+    velocity: FloatArray
+    target: FloatArray
+    base: FloatArray
+    inside: NDArray[np.bool_]
+    sliding: NDArray[np.bool_]
+    period: float
+    width: float
+
+    def design(self, shape: FloatArray, presliding: float, used: NDArray[np.bool_]) -> FloatArray:
+        """Columns of the balance with friction of Coulomb force one; rows of the ticks `used`.
+
+        `shape` holds the logarithms of F_s/F_c - 1 and v_s.
+        """
+        excess, stribeck = np.exp(shape)
+        unit = np.array([1.0, 1.0 + excess, stribeck, 1.0 / presliding, 0.0, 0.0])
+        friction = gaussian_filter1d(lugre_force(unit, self.velocity, self.period), self.width)
+        return np.column_stack([self.base, friction])[used]
+
+
+def _balance(
+    position: FloatArray,
+    effort: FloatArray,
+    period: float,
+    smoothing: float,
+    extra: FloatArray | None,
+) -> _Balance:
+    """The balance of a record; arguments and errors of `identify`."""
     width = max(smoothing / period, 1.0)
     reach = int(np.ceil(6.0 * width))
     if len(position) != len(effort) or len(position) < 20 * reach:
         raise StageError('the record is too short to identify friction: record some seconds')
     if not (np.all(np.isfinite(position)) and np.all(np.isfinite(effort))):
         raise StageError('the record holds values that are not finite: cut them out')
-
-    def smooth(values: FloatArray) -> FloatArray:
-        return np.asarray(gaussian_filter1d(values, width))
-
-    place = smooth(position)
+    place = np.asarray(gaussian_filter1d(position, width))
     velocity = np.gradient(place, period)
     span = float(np.ptp(velocity))
     if not np.min(velocity) < -0.02 * span < 0.02 * span < np.max(velocity):
@@ -132,28 +206,30 @@ def identify(
             'record `ros2 run contour_ctrl excite`'
         )
     # The mean of two held forces belongs to the tick between them.
-    target = smooth(0.5 * (effort + np.concatenate([effort[:1], effort[:-1]])))
+    held = 0.5 * (effort + np.concatenate([effort[:1], effort[:-1]]))
     columns = [np.gradient(velocity, period), velocity, np.ones_like(velocity)]
     if extra is not None:
-        columns += [smooth(column) for column in np.asarray(extra).T]
-    base = np.column_stack(columns)
+        columns += [gaussian_filter1d(column, width) for column in np.asarray(extra).T]
     inside = np.zeros(len(position), dtype=bool)
     inside[reach:-reach] = True
     sliding = inside & (minimum_filter1d(np.abs(velocity), 2 * reach + 1) > STANDING)
     if sliding.sum() < 10 * reach:
         raise StageError('the axis hardly moves in this record: record a longer or faster one')
+    target = np.asarray(gaussian_filter1d(held, width))
+    base = np.column_stack(columns)
+    return _Balance(place, velocity, target, base, inside, sliding, period, width)
 
-    def design(shape: FloatArray, presliding: float, used: NDArray[np.bool_]) -> FloatArray:
-        excess, stribeck = np.exp(shape)
-        unit = np.array([1.0, 1.0 + excess, stribeck, 1.0 / presliding, 0.0, 0.0])
-        return np.column_stack([base, smooth(lugre_force(unit, velocity, period))])[used]
+
+def _shape_of_sliding(balance: _Balance) -> FloatArray:
+    """Logarithms of F_s/F_c - 1 and v_s that leave the least force while sliding."""
+    target = balance.target[balance.sliding]
 
     def residual(shape: FloatArray) -> FloatArray:
-        matrix = design(shape, TYPICAL_PRESLIDING, sliding)
-        return np.asarray(target[sliding] - matrix @ _solve(matrix, target[sliding]))
+        matrix = balance.design(shape, TYPICAL_PRESLIDING, balance.sliding)
+        return np.asarray(target - matrix @ _solve(matrix, target))
 
     # A Stribeck velocity near the top speed cannot be told apart from viscous friction.
-    upper = np.minimum(UPPER, [UPPER[0], 0.25 * np.max(np.abs(velocity))])
+    upper = np.minimum(UPPER, [UPPER[0], 0.25 * np.max(np.abs(balance.velocity))])
     bounds = np.log(LOWER), np.log(upper)
     fits = [
         least_squares(
@@ -165,52 +241,15 @@ def identify(
         )
         for start in STARTS
     ]
-    best = min(fits, key=lambda fit: float(fit.cost))
-    matrix = design(best.x, TYPICAL_PRESLIDING, sliding)
-    solution = _solve(matrix, target[sliding])
-    coulomb = float(solution[-1])
-    if coulomb <= 0.0:
-        raise StageError('no Coulomb friction is visible in this record: none can be identified')
-    left = target[sliding] - matrix @ solution
+    return np.asarray(min(fits, key=lambda fit: float(fit.cost)).x)
 
-    def left_over(log_presliding: float) -> float:
-        rest = target[inside] - design(best.x, np.exp(log_presliding), inside) @ solution
-        return float(np.sqrt(np.mean(rest**2)))
 
-    excess, stribeck = np.exp(best.x)
-    static = coulomb * (1.0 + float(excess))
-    friction = target - base @ solution[:-1]
-    ways = _presliding(place, friction, static, SLOW_SPEED * float(stribeck) * period, width)
-    if len(ways) >= SLOW_COUNT and np.mean(ways) > 0.0:
-        stiffness = static / float(np.mean(ways))
-        share = float(np.std(ways, ddof=1) / np.mean(ways)) / np.sqrt(len(ways))
-    else:
-        found = minimize_scalar(
-            left_over, bounds=np.log(PRESLIDING), method='bounded', options={'xatol': 0.02}
-        )
-        stiffness, share = coulomb / float(np.exp(found.x)), float('inf')
-    without = target[inside] - base[inside] @ _solve(base[sliding], target[sliding])
-    model = LuGre(
-        coulomb,
-        static,
-        float(stribeck),
-        stiffness,
-        0.0,
-        max(float(solution[1]), 0.0),
-    )
+def _spreads(matrix: FloatArray, left: FloatArray, width: float) -> dict[str, float]:
+    """Standard deviations of mass, viscous part, offset and Coulomb force."""
     # Smoothing leaves about one independent residual per filter length.
     spread = np.sqrt(np.diag(np.linalg.pinv(matrix.T @ matrix)) * np.var(left) * 3.5 * width)
     names = {'mass': 0, 'viscous': 1, 'offset': 2, 'coulomb': -1}
-    return FrictionEstimate(
-        model,
-        float(solution[0]),
-        float(solution[2]),
-        tuple(solution[3:-1].tolist()),
-        {name: float(spread[index]) for name, index in names.items()}
-        | {'stiffness': share * stiffness},
-        left_over(np.log(coulomb / stiffness)),
-        float(np.sqrt(np.mean(without**2))),
-    )
+    return {name: float(spread[index]) for name, index in names.items()}
 
 
 def _presliding(

@@ -243,60 +243,58 @@ def table5(
     holds: list[Hold] = []
     drives: list[Drive] = []
     for method in methods:
-        curve = defined_curve(method)
-        session = plan(curve, twin.control_period, hold, speed)
-        held = (session.starts[:, None] + readouts).ravel()
+        session = plan(defined_curve(method), twin.control_period, hold, speed)
         ticks = np.arange(session.parameters.size)
         moving = ticks[:-1][np.diff(session.parameters) > 0.0][::10]
-        moments = moving * twin.control_period
-        stops = definition_error(method, np.array(STOPS))
-        sizes = np.linalg.norm(stops, axis=1)
-        errors = np.empty((placings, len(STOPS), readouts.size))
-        squares = 0.0
-        for number, origin in enumerate(origins):
+        moments = [(session.starts[:, None] + readouts).ravel(), moving * twin.control_period]
+        stops, squares = [], 0.0
+        for origin in origins:
             points = _simulate(
                 twin,
                 session.reference + origin,
                 session.velocity,
-                np.concatenate([held, moments]),
+                np.concatenate(moments),
                 int(generator.integers(2**31)),
             )
             points -= origin
-            still = points[: held.size].reshape(len(STOPS), readouts.size, 2)
-            errors[number] = np.einsum(
-                'krc,kc->kr',
-                still - curve(np.array(STOPS))[:, None],
-                stops / sizes[:, None],
-            )
-            path = points[held.size :]
+            path = points[moments[0].size :]
+            stops.append(points[: moments[0].size].reshape(len(STOPS), readouts.size, 2))
             squares += float(((path - nearest_points(path)) ** 2).sum(axis=1).mean()) / placings
-        for index, (definition, error) in enumerate(
-            zip(sizes, errors.transpose(1, 0, 2), strict=True)
-        ):
-            total = float(((definition + error) ** 2).mean())
-            holds.append(
-                Hold(
-                    f'TP{index + 1}',
-                    method,
-                    PRINTED[method][index] if method in PRINTED else None,
-                    float(definition),
-                    float(np.abs(error.mean(axis=1)).mean()),
-                    float(np.sqrt(error.var(axis=1).mean())),
-                    total**0.5,
-                    float(definition**2 / (definition**2 + (error**2).mean())),
-                )
-            )
-        distances = np.linalg.norm(
-            session.reference[moving] - nearest_points(session.reference[moving]), axis=1
-        )
-        mean_square = float((distances**2).mean())
-        drives.append(
-            Drive(
-                method,
-                float(distances.max()),
-                mean_square**0.5,
-                squares**0.5,
-                mean_square / squares,
-            )
-        )
+        holds += _holds(method, np.array(stops))
+        drives.append(_drive(method, session.reference[moving], squares))
     return holds, drives
+
+
+def _holds(method: str, points: Array) -> list[Hold]:
+    """Rows of the stops from points (placings, stops, readouts, 2) [m], their origin taken off."""
+    places = np.array(STOPS)
+    vectors = definition_error(method, places)
+    sizes = np.linalg.norm(vectors, axis=1)
+    still = points - defined_curve(method)(places)[:, None]
+    errors = np.einsum('pkrc,kc->kpr', still, vectors / sizes[:, None])
+    return [
+        Hold(
+            f'TP{index + 1}',
+            method,
+            PRINTED[method][index] if method in PRINTED else None,
+            float(definition),
+            float(np.abs(error.mean(axis=1)).mean()),
+            float(np.sqrt(error.var(axis=1).mean())),
+            float(((definition + error) ** 2).mean()) ** 0.5,
+            float(definition**2 / (definition**2 + (error**2).mean())),
+        )
+        for index, (definition, error) in enumerate(zip(sizes, errors, strict=True))
+    ]
+
+
+def _drive(method: str, reference: Array, squares: float) -> Drive:
+    """Row of a driven curve: its reference (m, 2) and the mean square of the whole error [m²]."""
+    distances = np.linalg.norm(reference - nearest_points(reference), axis=1)
+    mean_square = float((distances**2).mean())
+    return Drive(
+        method,
+        float(distances.max()),
+        mean_square**0.5,
+        squares**0.5,
+        mean_square / squares,
+    )

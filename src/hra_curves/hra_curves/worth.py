@@ -130,59 +130,7 @@ def worth(seed: int = 3) -> list[Comparison]:
     rows: list[tuple[str, str, dict[str, float]]] = []
     for count in (11, 16, 21, 51):
         rows.append((f'cycloid, {count} points: curve error', 'um', _cycloid_curves(count)))
-    basis = Bernstein()
-    for size in (20, 50):
-        nodes = parameter_nodes(basis.domain, size, 'interior')
-        theta = parameter_nodes((0.0, TURN), size, 'interior')
-        signs = (-1.0) ** np.arange(size)[:, None]
-        rows.append(
-            (
-                f'control points, {size} smooth data',
-                'relative',
-                _coefficient_errors(basis, nodes, cycloid(theta)),
-            )
-        )
-        rows.append(
-            (
-                f'control points, {size} alternating data',
-                'relative',
-                _coefficient_errors(basis, nodes, signs * generator.uniform(size=(size, 1))),
-            )
-        )
-    base = parameter_nodes(basis.domain, 6, 'interior')
-    pairs = np.sort(np.concatenate([base, base + 1e-9]))
-    rows.append(
-        (
-            'control points, 6 pairs of nodes 1e-9 apart',
-            'relative',
-            _coefficient_errors(basis, pairs, generator.uniform(size=(12, 1))),
-        )
-    )
-    trigonometric = Trigonometric()
-    base = parameter_nodes(trigonometric.domain, 6, 'interior')
-    pairs = np.sort(np.concatenate([base, base + 1e-9]))
-    rows.append(
-        (
-            'the same, trigonometric',
-            'relative',
-            _coefficient_errors(trigonometric, pairs, generator.uniform(size=(12, 1))),
-        )
-    )
-    rows.append(
-        (
-            'f_i g_k - f_k g_i, trigonometric, nodes 1e-9 apart',
-            'relative',
-            _difference_errors(trigonometric, 1e-9),
-        )
-    )
-    for control in (15, 30):
-        rows.append(
-            (
-                f'least squares, 60 random data, {control} control points',
-                'relative',
-                _least_squares_errors(60, control, generator.uniform(size=(60, 1))),
-            )
-        )
+    rows += [(case, 'relative', found) for case, found in _accuracies(generator)]
     for count in (21, 41):
         rows.append((f'Runge drawing, {count} points: curve error', 'um', _runge_curves(count)))
     comparisons = [
@@ -191,9 +139,38 @@ def worth(seed: int = 3) -> list[Comparison]:
     for control, parity in ((14, 'odd'), (15, 'even')):
         errors = {
             f'origin {offset * 1e3:g} mm away': MICRO
-            * least_squares_error(trigonometric, 501, control, offset)
+            * least_squares_error(Trigonometric(), 501, control, offset)
             for offset in (0.0, 1e-3, 50e-3)
         }
         case = f'LSB2, l+1=501, n+1={control} ({parity} degree): curve error'
         comparisons.append(Comparison(case, 'um', errors, ''))
     return comparisons
+
+
+def _accuracies(generator: np.random.Generator) -> list[tuple[str, dict[str, float]]]:
+    """Relative errors of computed control points, by case."""
+    basis, trigonometric = Bernstein(), Trigonometric()
+    rows = []
+    for size in (20, 50):
+        nodes = parameter_nodes(basis.domain, size, 'interior')
+        smooth = cycloid(parameter_nodes((0.0, TURN), size, 'interior'))
+        signs = (-1.0) ** np.arange(size)[:, None]
+        alternating = signs * generator.uniform(size=(size, 1))
+        for kind, values in (('smooth', smooth), ('alternating', alternating)):
+            case = f'control points, {size} {kind} data'
+            rows.append((case, _coefficient_errors(basis, nodes, values)))
+    for case, one in (
+        ('control points, 6 pairs of nodes 1e-9 apart', basis),
+        ('the same, trigonometric', trigonometric),
+    ):
+        base = parameter_nodes(one.domain, 6, 'interior')
+        pairs = np.sort(np.concatenate([base, base + 1e-9]))
+        values = generator.uniform(size=(12, 1))
+        rows.append((case, _coefficient_errors(one, pairs, values)))
+    case = 'f_i g_k - f_k g_i, trigonometric, nodes 1e-9 apart'
+    rows.append((case, _difference_errors(trigonometric, 1e-9)))
+    for control in (15, 30):
+        case = f'least squares, 60 random data, {control} control points'
+        values = generator.uniform(size=(60, 1))
+        rows.append((case, _least_squares_errors(60, control, values)))
+    return rows
