@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.noise import encoder_step
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.forward import Evidence
 from stage_core.quantities import UNKNOWN
@@ -209,18 +210,6 @@ def noise_floor(
             step = effects.get(f'encoder_quantisation.{name[-1]}', {}).get('resolution')
             squares.append(channel_floor(twin, name, step) ** 2)
     return math.sqrt(float(np.mean(squares)))
-
-
-def encoder_step(position: Array) -> float:
-    """Least common step of an encoder's changes (n,) [m]; 0 where there is none."""
-    changes = np.abs(np.diff(position))
-    changes = changes[changes > 1e-11]
-    if len(changes) < 100:
-        return 0.0
-    step = float(np.percentile(changes, 1.0))
-    multiples = changes / step
-    on_grid = np.abs(multiples - np.rint(multiples)) < 0.02 * np.maximum(1.0, multiples**0.5)
-    return step if float(np.mean(on_grid)) > 0.97 else 0.0
 
 
 def encoder_steps(

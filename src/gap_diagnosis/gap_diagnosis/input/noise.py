@@ -215,3 +215,15 @@ def _speed_fit(power: Array, square: Array) -> tuple[float, float, float]:
     covariance = np.linalg.pinv(scaled.T @ scaled) * scatter
     deviation = math.sqrt(max(float(covariance[1, 1]), 0.0))
     return float(solution[0]), float(solution[1]), deviation
+
+
+def encoder_step(position: Array) -> float:
+    """Least common step of an encoder's changes (n,) [m]; 0 where there is none."""
+    changes = np.abs(np.diff(position))
+    changes = changes[changes > 1e-11]
+    if len(changes) < 100:
+        return 0.0
+    step = float(np.percentile(changes, 1.0))
+    multiples = changes / step
+    on_grid = np.abs(multiples - np.rint(multiples)) < 0.02 * np.maximum(1.0, multiples**0.5)
+    return step if float(np.mean(on_grid)) > 0.97 else 0.0

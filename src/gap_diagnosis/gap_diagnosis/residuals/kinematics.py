@@ -18,8 +18,9 @@ from scipy.interpolate import CubicSpline
 from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import Record, held_out_windows, inside, motion_step
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
-from gap_diagnosis.residuals.operators import band_limited, smooth
+from gap_diagnosis.residuals.operators import band_limited, smooth, sure_turns
 from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.residuals.stands import stands_of
 from stage_core.twin_file import TwinFile
 from stage_twin import effects
 
@@ -100,6 +101,7 @@ class Kinematics:
             not any_held_session,
             seams=np.cumsum([0, *(len(t) for t in target[:-1])]),
             before=self._before(),
+            stands=None if self.rests else stands_of(self.records, noise),
             signatures=effects.signatures(self._candidates('kinematic', 'sensor')),
         )
 
@@ -177,12 +179,13 @@ class Kinematics:
         return self.servo.get(f'{effect}.{self.axis}', {})
 
     def encoder(self) -> list[Array]:
-        """Path of the axis at every tick [m], without noise that play would take for turns."""
+        """Path of the axis at every tick [m], without what play would take for turns."""
         i, out = self._column, []
         for record in self.records:
             noisy = record.noise is not None and record.noise.axes[i].beyond_steps
             q = record.encoder[:, i]
-            out.append(smooth(q, record.period, PATH) if noisy else q)
+            path = smooth(q, record.period, PATH) if noisy else q
+            out.append(path if self.rests else sure_turns(path, self.step))
         return out
 
     def calm_encoder(self) -> list[Array]:

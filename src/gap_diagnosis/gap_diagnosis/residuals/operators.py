@@ -6,6 +6,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter, sosfiltfilt
 
@@ -78,3 +79,22 @@ def band_limited(signal: Array, period: float, corner: float = 90.0) -> Array:
 @lru_cache
 def _sections(corner: float) -> Array:
     return np.asarray(butter(4, corner, output='sos'))
+
+
+@njit(cache=True)
+def sure_turns(position: Array, step: float) -> Array:
+    """Position (n,) without turns that the counts of an encoder [m a step] can imitate.
+
+    Where the motion creeps about the edge of a count, the encoder turns back by a step. So the
+    path stays at its furthest point until the encoder is 1.5 steps away from it.
+    """
+    out = np.empty(len(position))
+    furthest, direction = position[0], 0.0
+    for k in range(len(position)):
+        away = position[k] - furthest
+        if away * direction > 0.0:
+            furthest = position[k]
+        elif abs(away) > 1.5 * step:
+            furthest, direction = position[k], math.copysign(1.0, away)
+        out[k] = furthest
+    return out

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.residuals.stands import Stands
 from stage_twin.effects.term import Term
 
 Array = NDArray[np.float64]
@@ -36,13 +37,22 @@ class Problem:
     signatures: dict[str, Callable[[], Array]] = field(default_factory=dict)
     #: Variance of the whole signal of which the target is what the twin leaves: of the force.
     signal: float = 0.0
-    whitening: float = 0.0  # ρ of rows and columns r_k - ρ r_(k-1)
+    #: ρ of rows and columns r_k - ρ r_(k-1), freed of their stands before; None: as they are.
+    whitening: float | None = None
     #: Parts of the gap that were taken out of the target before, by their effect.
     before: dict[str, Array] = field(default_factory=dict)
     seams: NDArray[np.int64] | None = None  # rows before which no row of the same series comes
+    stands: Stands | None = None  # rows that share an error; None where none do
 
     def whiten(self, rows: Array) -> Array:
-        """Rows (n,) or (n, k) freed of a slow remainder, r_k - ρ r_(k-1); zero at the seams."""
+        """Rows (n,) or (n, k) freed of what their noise shares.
+
+        That of a stand, and a slow remainder: r_k - ρ r_(k-1), zero at the seams.
+        """
+        if self.whitening is None:
+            return rows
+        if self.stands is not None:
+            rows = self.stands.freed(rows)
         if self.whitening == 0.0:
             return rows
         out = rows.copy()
@@ -51,8 +61,8 @@ class Problem:
             out[self.seams] = 0.0
         return out
 
-    def whitened(self, rho: float) -> Problem:
-        """The same problem for generalised least squares with a first-order remainder."""
+    def whitened(self, rho: float = 0.0) -> Problem:
+        """The same problem for generalised least squares, with a first-order remainder."""
         other = replace(self, whitening=rho, floor=self.floor * math.sqrt(1.0 + rho**2))
         return replace(other, target=other.whiten(self.target))
 

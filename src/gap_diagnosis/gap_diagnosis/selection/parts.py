@@ -210,30 +210,37 @@ def _fit_whole(
     known_noise: bool,
     kept: tuple[str, ...] = (),
 ) -> Part:
-    """Selection on the rows as they are, or beside a slow remainder on whitened ones."""
+    """Selection on rows freed of their stands' errors, and of a slow remainder if there is one."""
     rules = replace(KNOWN_REST_RULES if known_noise else rules, kept=kept)
-    selector = Selector(problem, rules, seed)
+    calm = problem.whitened()
+    selector = Selector(calm, rules, seed)
     selection = selector.select()
     if known_noise:
         selection = select_backwards(selector, selection)
     elif rules.given:  # rests too, whose scatter nobody stated
         unknown = replace(KNOWN_REST_RULES, kept=kept)
         selection = select_backwards(selector, selection, unknown)
-    residual = selection.fit.residual
-    found = judge.structure(problem, residual, _modelled(problem, selection, residual), name)
+    residual = _residual(problem, selection)
+    found = _structure(calm, selection, residual, name)
     if known_noise and not found.structured:
         found = _beyond_noise(problem, selection, found)
-    rho = judge.slow_remainder(residual, problem.judged) if name == 'tracker' else 0.0
+    rho = judge.slow_remainder(calm.whiten(residual), calm.judged) if name == 'tracker' else 0.0
     if found.structured and rho > 0.0:
         # A slow drift hides what is fast and imitates what is slow: judge beside it. Effects
         # that are nearly the whole gap are no imitation.
         plain = {n: e for n, e in selection.evidence.items() if e.share > 0.96}
-        selector = Selector(problem.whitened(rho), rules, seed, problem.target)
+        selector = Selector(problem.whitened(rho), rules, seed, calm.target)
         selection = selector.select()
         selection = selector.with_given(selection, plain)
         residual = _residual(problem, selection)
-        found = judge.structure(problem, residual, _modelled(problem, selection, residual), name)
+        found = _structure(calm, selection, residual, name)
     return Part(name, problem, selector, selection, residual, np.zeros(0, np.int64), found)
+
+
+def _structure(calm: Problem, selection: Selection, residual: Array, name: str) -> Structure:
+    """What a residual (n,) as it was measured leaves beside its noise and its stands' errors."""
+    modelled = _modelled(calm, selection, residual)
+    return judge.structure(calm, calm.whiten(residual), calm.whiten(modelled), name)
 
 
 def _beyond_noise(problem: Problem, selection: Selection, found: Structure) -> Structure:
@@ -257,7 +264,7 @@ def _modelled(problem: Problem, selection: Selection, residual: Array) -> Array:
 
 
 def _residual(problem: Problem, selection: Selection) -> Array:
-    """Residual of a selection that was fitted to whitened rows."""
+    """Residual of a selection in rows as they were measured."""
     residual = problem.target.copy()
     for name, theta in selection.fit.thetas.items():
         residual -= problem.terms[name].share(theta, selection.fit.coefficients[name])

@@ -13,7 +13,7 @@ from stage_twin.effects.shared import CENTRE, HALF_RANGE
 from stage_twin.effects.term import Array, Term, constant
 
 #: Highest order of the yaw.
-ORDERS = 6
+ORDERS = 10
 _HIGHER = tuple(
     Parameter(f'p{k}', 'rad', -5e-3, 5e-3, 0.0, f'factor of P{k}(s) in the yaw')
     for k in range(3, ORDERS + 1)

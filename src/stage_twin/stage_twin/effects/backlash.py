@@ -51,9 +51,10 @@ def slack(position: Array, width: float) -> Array:
 
 def term(rows: TrackerRows) -> Term:
     """What a play of some width (θ) leaves behind."""
+    paths = rows.encoder()
 
     def columns(theta: Theta) -> Array:
-        return rows.along(rows.at_points([slack(q, theta[0]) for q in rows.encoder()]))
+        return rows.along(rows.at_points([slack(q, theta[0]) for q in paths]))
 
     return Term(
         columns,

@@ -68,6 +68,7 @@ def term(rows: TrackerRows) -> Term:
         )
     own = rows.along([np.ones(len(p)) for p in rows.position()])[:, 0] > 0.0
     peaks = periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead))
+    told = periodic.own_or_turning(path, rows.lead)
     whole = Term(
         partial(_columns, rows, 1),
         lambda theta, c: periodic.found(theta, c),
@@ -75,8 +76,7 @@ def term(rows: TrackerRows) -> Term:
         propose=lambda residual: peaks(residual[own]),
         lower=(low,),
         upper=(high,),
-        # At its lower bound it is no period: less than one of it was travelled.
-        admissible=lambda theta, c: _small(theta, c) and theta[0] > 1.02 * low,
+        admissible=lambda theta, c: _small(theta, c) and told(theta[0]),
         steps=(PHASE_STEP * low,),
     )
     return periodic.with_harmonics(whole, partial(_columns, rows))

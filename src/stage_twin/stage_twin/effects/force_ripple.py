@@ -74,6 +74,7 @@ def term(rows: ForceRows) -> Term:
         return periodic.visible(rows.columns(*signals))
 
     low, high = periodic.bounds(path)
+    told = periodic.own_or_turning(path, rows.lead)
     plain = Term(
         columns,
         lambda theta, c: periodic.found(theta, c),
@@ -82,6 +83,8 @@ def term(rows: ForceRows) -> Term:
         lower=(low,),
         upper=(high,),
         admissible=lambda theta, c: float(np.linalg.norm(c)) < 100.0,
+        # A force of the position is a curve like any other before it is a slow wave.
+        usual=lambda theta: told(theta[0]),
         nuisances=tuple(range(2 * periodic.HARMONICS)),
         phase=True,
     )

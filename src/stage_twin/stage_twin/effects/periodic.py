@@ -20,7 +20,8 @@ PAD = 4  # frequencies of a periodogram in one turn over the travel
 PEAKS = 4
 ALONE = 0.05  # of the second harmonic, below which the others are none and it is the period
 WAVES = 4  # of periods of their own, beside the first and its harmonics
-LEAST_TURNS = 3.0  # of such a wave over the travel: a slower one is any smooth curve
+LEAST_TURNS = 3.0  # of a wave over the travel: a slower one is any smooth curve
+OWN_TURN = 0.25  # turns over the travel, within which a period is the screw's own
 
 
 def harmonic_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
@@ -96,6 +97,21 @@ def bounds(position: Array) -> tuple[float, float]:
     """Least and largest spatial frequency [1/m] of a position (n,): one period is travelled."""
     travel = max(float(np.ptp(position)), 1e-9)
     return 1.0 / travel, PERIODS / travel
+
+
+def own_or_turning(position: Array, lead: float) -> Callable[[float], bool]:
+    """Whether a spatial frequency [1/m] is the screw's own or turns often over the travel.
+
+    Fewer turns of any other period are told from a smooth curve by nothing.
+    """
+    low, _ = bounds(position)
+
+    def told(frequency: float) -> bool:
+        own = abs(frequency - 1.0 / lead) < OWN_TURN * low
+        # Three turns of the reference are a little less of what was travelled.
+        return own or frequency > 0.97 * LEAST_TURNS * low
+
+    return told
 
 
 def starts(position: Array, favourites: tuple[float, ...]) -> Callable[[Array], tuple[Theta, ...]]:
