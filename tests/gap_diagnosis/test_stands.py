@@ -27,7 +27,9 @@ def test_rows_of_a_stand_become_white() -> None:
     count, own, shared = 40, 1.0, 1.7
     covariance = own**2 * np.eye(count) + shared**2
     share = 1.0 - np.sqrt(own**2 / (own**2 + count * shared**2))
-    free = Stands(np.array([0]), np.array([count]), np.array([share])).freed(np.eye(count))
+    free = Stands(np.array([3]), np.array([count]), np.array([share])).freed(np.eye(count + 5))
+    np.testing.assert_array_equal(free[:3], np.eye(count + 5)[:3])
+    free = free[3 : 3 + count, 3 : 3 + count]
     np.testing.assert_allclose(free @ covariance @ free.T, own**2 * np.eye(count), atol=1e-12)
 
 
