@@ -116,7 +116,7 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
             client.trigger('/calibrator/retrain', PATIENCE)
         np.testing.assert_array_equal(corrected(goal.tolist(), 8 * 10**9), command)
     calibrator.send_signal(signal.SIGTERM)
-    assert calibrator.wait(20.0) == 0
+    assert calibrator.wait() == 0
 
 
 @pytest.fixture

@@ -24,11 +24,11 @@ FRICTION = {
 }
 EXCITATION: dict[str, object] = {
     'use_sim_time': True,
-    'half_range_x': 0.012,
-    'half_range_y': 0.012,
-    'speeds': '[0.01, 0.06]',
-    'micro_time': 6.0,
-    'multisine_time': 3.0,
+    'half_range_x': 0.003,
+    'half_range_y': 0.003,
+    'speeds': '[0.02, 0.06]',
+    'micro_time': 4.0,
+    'multisine_time': 1.5,
     'lockstep_timeout': 60.0,
 }
 

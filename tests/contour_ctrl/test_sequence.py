@@ -255,4 +255,4 @@ assert [len(kernel.signatures) for kernel in kernels] == ready
 
 def test_nothing_is_compiled_while_a_contour_runs() -> None:
     root = Path(__file__).resolve().parents[2]
-    subprocess.run([sys.executable, '-c', COMPILED_IN_TIME], cwd=root, check=True, timeout=300)
+    subprocess.run([sys.executable, '-c', COMPILED_IN_TIME], cwd=root, check=True)

@@ -65,7 +65,7 @@ def controller(folder: Path, axes: tuple[str, ...] = ('x', 'y')) -> Path:
     return folder / 'controller.yaml'
 
 
-def session(model: Path, twin: TwinFile, duration: float = 20.0, noise: bool = True) -> Session:
+def session(model: Path, twin: TwinFile, duration: float = 12.0, noise: bool = True) -> Session:
     """What MuJoCo makes of a model under the twin's controller."""
     path = reference(duration, twin.control_period, len(twin.axes))
     rate = np.gradient(path, twin.control_period, axis=0)

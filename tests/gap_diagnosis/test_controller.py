@@ -76,13 +76,13 @@ def test_the_error_of_a_feedforward_is_absolute(planted: Maker) -> None:
 
 
 def test_an_effect_is_found_beside_other_gains(planted: Maker) -> None:
-    session = planted({'coulomb_friction.x': {'coulomb': 15.0}}, duration=20.0)
+    session = planted({'coulomb_friction.x': {'coulomb': 15.0}})
     result = found(session, {'velocity_gain': 2400.0, 'integral_gain': 60000.0})
     assert set(result.verdict) == {'controller_mismatch.x', 'coulomb_friction.x'}
 
 
 def test_a_limit_of_the_controller_is_a_gap(planted: Maker) -> None:
-    session = planted({'force_saturation.x': {'limit': 12.0, 'known': 1.0}}, duration=20.0)
+    session = planted({'force_saturation.x': {'limit': 12.0, 'known': 1.0}})
     result = diagnose([session], [], other_gains({}))
     assert result.verdict == ['force_saturation.x']
     assert result.parameters['force_saturation.x']['limit'][0] == pytest.approx(12.0)
@@ -118,7 +118,7 @@ def test_an_effort_that_is_no_force_in_newtons_is_said_and_mended(
 ) -> None:
     convention = {'factor': factor, 'magnitude': magnitude}
     effects = {'effort_convention.x': convention, 'coulomb_friction.x': {'coulomb': 15.0}}
-    result = found(planted(effects, duration=16.0), {})
+    result = found(planted(effects), {})
     assert set(result.verdict) == set(effects)
     values = result.parameters['effort_convention.x']
     assert values['factor'][0] == pytest.approx(factor, rel=1e-3)

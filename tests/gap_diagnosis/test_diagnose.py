@@ -59,14 +59,6 @@ def test_the_nominal_machine_has_no_gap(planted: Maker) -> None:
     assert none.probability > 0.5
 
 
-def test_an_effect_outside_the_library_is_unknown(planted: Maker) -> None:
-    found = diagnose(
-        [planted({'backlash.x': {'width': 20e-6}})], [], one_axis(), without=['backlash']
-    )
-    assert 'unknown' in found.verdict
-    assert 'backlash.x' not in found.verdict
-
-
 def both_axes(planted: Maker) -> Diagnosis:
     effects = {
         'backlash.x': {'width': 8e-6},

@@ -34,10 +34,15 @@ def feed(monitor: LiveMonitor, session: Session) -> int:
 
 def test_a_machine_that_changes_leaves_its_band(planted: Maker) -> None:
     monitor = LiveMonitor(TwinFile.nominal_servo(), window=3.0, learn=3)
-    assert feed(monitor, planted({})) >= 4
+    assert feed(monitor, planted({}, duration=20.0)) >= 4
     assert set(monitor.bands) == {'encoder.x', 'tracker.x'}
     assert all(band.ready and not band.left for band in monitor.bands.values())
-    feed(monitor, planted({'backlash.x': {'width': 20e-6}, 'coulomb_friction.x': {'coulomb': 9}}))
+    feed(
+        monitor,
+        planted(
+            {'backlash.x': {'width': 20e-6}, 'coulomb_friction.x': {'coulomb': 9}}, duration=20.0
+        ),
+    )
     assert monitor.bands['tracker.x'].left
     assert monitor.bands['encoder.x'].left
 
@@ -57,7 +62,7 @@ def test_a_band_is_known_after_its_windows() -> None:
 
 def test_a_machine_that_starts_again_begins_a_window(planted: Maker) -> None:
     monitor = LiveMonitor(TwinFile.nominal_servo(), window=3.0, learn=3)
-    session = planted({})
+    session = planted({}, duration=20.0)
     feed(monitor, session)
     judged = len(monitor.bands['encoder.x'].values)
     assert judged == 3

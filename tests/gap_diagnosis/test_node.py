@@ -44,7 +44,7 @@ def test_the_service_answers_with_the_verdict(
                 client.trigger('/gap_diagnosis/diagnose', timeout=PATIENCE)
     finally:
         process.terminate()
-        assert process.wait(timeout=20.0) == 0
+        assert process.wait() == 0
 
 
 def test_live_mode_refuses_or_leaves_out_a_twin_without_a_servo_loop(
@@ -57,7 +57,7 @@ def test_live_mode_refuses_or_leaves_out_a_twin_without_a_servo_loop(
     stepper.write_text('kind: stepper\naxes: {x: {}, y: {}}\n')
     command = [sys.executable, '-m', 'gap_diagnosis.node', '--ros-args', '-p']
     refused = subprocess.run(
-        [*command, f'twin:={rig}'], env=ros_env, capture_output=True, text=True, timeout=60.0
+        [*command, f'twin:={rig}'], env=ros_env, capture_output=True, text=True
     )
     assert refused.returncode == 2
     assert len(refused.stderr.strip().splitlines()) == 1

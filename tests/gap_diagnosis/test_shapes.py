@@ -46,7 +46,7 @@ def test_a_guide_bent_like_no_polynomial_of_third_order(planted: Maker) -> None:
     # Over the travel of the session: the reference line is the one over it.
     place = {'centre': -0.0032, 'half_range': 0.0267}
     bend = {'quadratic': 4e-6, 'cubic': 1e-6, 'p4': -3e-6, 'p5': 2e-6}
-    session = planted({'straightness.x': {**bend, **place}}, axes=('x', 'y'))
+    session = planted({'straightness.x': {**bend, **place}}, axes=('x', 'y'), duration=20.0)
     found = diagnose([session], [], TWIN)
     assert found.verdict == ['straightness.x']
     assert found.after < 1.1 * found.noise_floor
@@ -58,7 +58,7 @@ def test_a_guide_bent_like_no_polynomial_of_third_order(planted: Maker) -> None:
 
 def test_a_guide_that_is_bent_in_high_orders_alone(planted: Maker) -> None:
     bend = {'quadratic': 0.0, 'p7': 8e-6, **{'centre': -0.0032, 'half_range': 0.0267}}
-    session = planted({'straightness.x': bend}, axes=('x', 'y'))
+    session = planted({'straightness.x': bend}, axes=('x', 'y'), duration=20.0)
     found = diagnose([session], [], TWIN)
     assert found.verdict == ['straightness.x']
     assert found.after < 1.2 * found.noise_floor

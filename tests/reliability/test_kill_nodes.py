@@ -156,14 +156,9 @@ def test_kill_of_the_controller_during_a_stream(ready: tuple[Nodes, Watch]) -> N
 
 
 # In a move the driver is killed in test_stage_safety.py, in real time.
-@pytest.mark.parametrize('motion', ['stream'])
-def test_kill_of_the_driver(ready: tuple[Nodes, Watch], motion: str) -> None:
+def test_kill_of_the_driver_during_a_stream(ready: tuple[Nodes, Watch]) -> None:
     nodes, watch = ready
-    run = None
-    if motion == 'move':
-        watch.move_until_moving(-0.05 if watch.encoder[-1][1] > 0 else 0.05, 0.0)
-    else:
-        run = Contour(watch, SLOW)
+    run = Contour(watch, SLOW)
     last = len(watch.tracker)
     nodes.kill('stage_driver')
     # Time stands still until the drive's own brake cuts in; the tracker sees the stage stop.
@@ -172,9 +167,8 @@ def test_kill_of_the_driver(ready: tuple[Nodes, Watch], motion: str) -> None:
     watch.silent(watch.tracker, 4.0)
     rows = list(watch.tracker)[-3:]
     assert spread(rows) < 2e-5, rows
-    if run is not None:
-        run.end()
-        assert 'no encoder message' in run.failure or 'does not answer' in run.failure
+    run.end()
+    assert 'no encoder message' in run.failure or 'does not answer' in run.failure
     assert nodes.dead() == ['stage_driver']
     restart(nodes, watch, 'stage_driver')
     watch.home()
@@ -183,20 +177,12 @@ def test_kill_of_the_driver(ready: tuple[Nodes, Watch], motion: str) -> None:
 
 
 # In a stream the plant is killed by benchmarks/soak_kill.py.
-@pytest.mark.parametrize('motion', ['move'])
-def test_kill_of_the_plant(ready: tuple[Nodes, Watch], motion: str) -> None:
+def test_kill_of_the_plant_during_a_move(ready: tuple[Nodes, Watch]) -> None:
     nodes, watch = ready
-    run = None
-    if motion == 'move':
-        watch.move_until_moving(-0.05 if watch.encoder[-1][1] > 0 else 0.05, 0.0)
-    else:
-        run = Contour(watch)
+    watch.move_until_moving(-0.05 if watch.encoder[-1][1] > 0 else 0.05, 0.0)
     nodes.kill('stage_twin')
     watch.wait(watch.says('stage_driver: state', 'no encoder datagram'), 'the fault')
     watch.wait(watch.says('tracker_bridge: connection', 'no tracker'), 'the tracker missed')
-    if run is not None:
-        run.end()
-        assert 'no encoder message' in run.failure
     assert nodes.dead() == ['stage_twin']
     # A fault is latched: the drive that comes back is not moved until somebody asks for it.
     restart(nodes, watch, 'stage_twin')

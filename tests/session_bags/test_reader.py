@@ -127,6 +127,14 @@ def test_metadata_has_all_that_rosbag2_reads(bag: Path) -> None:
         (metadata,) = reader.iter_metadata()
     assert summary is not None and summary.statistics is not None
     assert summary.statistics.message_count == inner['message_count']
+    counted = {
+        topic['topic_metadata']['name']: topic['message_count']
+        for topic in inner['topics_with_message_count']
+    }
+    assert counted == {
+        channel.topic: summary.statistics.channel_message_counts[number]
+        for number, channel in summary.channels.items()
+    }
     assert all(schema.encoding == 'ros2msg' for schema in summary.schemas.values())
     assert metadata.name == 'rosbag2' and 'serialized_metadata' in metadata.metadata
 

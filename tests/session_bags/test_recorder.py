@@ -19,6 +19,7 @@ from session_bags.reader import read_session
 from session_bags.repair import repair
 from session_bags.writer import write_session
 from stage_core import topics
+from stage_core.session import Session
 
 from ..patience import PATIENCE
 from .conftest import PLAYER, RECORDER, assert_same, random_session
@@ -33,6 +34,7 @@ import sys, time, rclpy
 from geometry_msgs.msg import PointStamped, TransformStamped, Vector3Stamped
 from sensor_msgs.msg import JointState
 from stage_core import topics
+from stage_core.session import Session
 from stage_core.ros.node import LATCHED_QOS, STATE_QOS, joint_state, set_stamp
 count = int(sys.argv[1])
 rclpy.init()
@@ -183,22 +185,25 @@ def test_player_round_trip(start_process: Start, tmp_path: Path) -> None:
     bag = write_session(tmp_path / 'bag', session)
     played = [name for name in session.series if ':' not in name]
     start_recorder(start_process, tmp_path / 'again', '-p', 'name:=copy')
+    chosen = [*played, topics.TEMPERATURE, topics.ALIGNMENT]
+    common = (f'bag:={bag}', 'wait_for_subscribers:=true', f'topics:=[{", ".join(chosen)}]')
     with GraphClient('test_client') as client:
         client.wait_for_service('/session_recorder/start', PATIENCE)
-        path = Path(client.trigger('/session_recorder/start'))
-        chosen = [*played, topics.TEMPERATURE, topics.ALIGNMENT]
-        parameters = (
-            f'bag:={bag}',
-            'rate:=0.5',
-            'wait_for_subscribers:=true',
-            f'topics:=[{", ".join(chosen)}]',
-        )
-        arguments = [word for value in parameters for word in ('-p', value)]
-        player = start_process(PLAYER, '--ros-args', *arguments)
-        assert player.wait(timeout=40) == 0
-        time.sleep(0.5)
-        client.trigger('/session_recorder/stop')
-    assert_same(session, read_session(path))
+
+        def copy(parameter: str) -> Session:
+            path = Path(client.trigger('/session_recorder/start'))
+            arguments = [word for value in (*common, parameter) for word in ('-p', value)]
+            assert start_process(PLAYER, '--ros-args', *arguments).wait() == 0
+            time.sleep(0.5)
+            client.trigger('/session_recorder/stop')
+            return read_session(path)
+
+        whole, end = copy('rate:=0.5'), copy('start:=0.2')
+    assert_same(session, whole)
+    stamps = session.series[topics.REFERENCE].stamps
+    np.testing.assert_array_equal(end.series[topics.REFERENCE].stamps, stamps[200:])
+    # What was latched before the start is told all the same.
+    assert end.alignment is not None
 
 
 def test_player_refuses_what_is_not_there(start_process: Start, tmp_path: Path, bag: Path) -> None:

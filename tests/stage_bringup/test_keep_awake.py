@@ -104,7 +104,7 @@ def test_the_command_leaves_nothing_behind_however_it_ends(number):
         with open(f'/proc/{process.pid}/task/{process.pid}/children') as text:
             children = text.read().split()
         process.send_signal(number)
-        status = process.wait(20.0)
+        status = process.wait()
     finally:
         process.kill()
         process.communicate()

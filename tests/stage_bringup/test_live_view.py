@@ -77,7 +77,7 @@ def test_node_without_the_sdk_serves_its_page(ros_env: dict[str, str], tmp_path:
     node = start({**ros_env, 'PYTHONPATH': path}, page_port=port)
     try:
         wait_for_server(port, node)
-        with urllib.request.urlopen(f'http://127.0.0.1:{port}/', timeout=20.0) as page:
+        with urllib.request.urlopen(f'http://127.0.0.1:{port}/') as page:
             assert 'Stop the stage' in page.read().decode()
     finally:
         node.terminate()
@@ -203,7 +203,7 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
         assert decoded(topics.DIAGNOSTICS).status[0].name.startswith('live_view')
     finally:
         node.terminate()
-        assert node.wait(timeout=60) == 0
+        assert node.wait() == 0
 
 
 def wait_for_server(port: int, node: subprocess.Popen) -> None:

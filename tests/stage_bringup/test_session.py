@@ -76,7 +76,7 @@ def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
         out = tmp_path / name
         process = start(out, ros_env, *options)
         try:
-            output, _ = process.communicate(timeout=900)
+            output, _ = process.communicate()
         finally:
             process.kill()
         assert process.returncode == 0, output

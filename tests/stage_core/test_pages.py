@@ -64,7 +64,7 @@ def test_page_and_picture_follow_the_same_theme(tmp_path: Path, dark: bool) -> N
             f'--user-data-dir={tmp_path / "profile"}', f'--screenshot={shot}',
             page.save(tmp_path / 'page.html').as_uri(),
         ],
-        check=True, timeout=120, capture_output=True,
+        check=True, capture_output=True,
     )  # fmt: skip
     luminance = matplotlib.image.imread(shot)[:, :, :3].mean(axis=2)
     corner, ink = luminance[:5, :5].mean(), luminance[90:400]

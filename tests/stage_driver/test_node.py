@@ -282,7 +282,7 @@ def test_zaber_node_reports_a_pulled_cable_and_goes_on_after_the_reset(ros_env, 
 )
 def test_wrong_parameters_are_one_line_and_exit_status_two(ros_env, parameters, words):
     done = subprocess.run(
-        DRIVER + arguments(**parameters), env=ros_env, capture_output=True, text=True, timeout=60
+        DRIVER + arguments(**parameters), env=ros_env, capture_output=True, text=True
     )
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
