@@ -17,8 +17,8 @@ from __future__ import annotations
 import argparse
 import os
 import socket
-import subprocess
 import sys
+import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -29,13 +29,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
 from domains import reserve_domain
 from processor_gaps import ProcessorGaps
 
-from stage_bringup.graph import free_port
+from stage_bringup.graph import composed, config_folder, free_port
 from stage_bringup.keep_awake import KeepAwake
+from stage_bringup.processes import NodeCommand, Processes
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ros.client_node import GraphClient
 
-CONFIG = Path(__file__).resolve().parents[1] / 'ros_ws' / 'config'
 #: Longest wait for a service and for its answer [s].
 PATIENCE = 240.0
 #: What the other two count of a machine that is late, over their whole life.
@@ -51,103 +51,87 @@ def processor() -> tuple[int, int]:
     return fields[7], sum(fields)
 
 
-def named(node: str, arguments: list[str]) -> list[str]:
-    """The parameters of one node, for a process of several."""
-    return [f'{node}:{text}' if ':=' in text else text for text in arguments]
-
-
-def run(lockstep: bool, priority: bool = False, composed: bool = False) -> str:
-    """Start twin, driver and controller; run once; return the message."""
-    reserve_domain()
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    port = str(free_port(socket.SOCK_DGRAM))
-    sim = ['-p', f'use_sim_time:={str(lockstep).lower()}']
+def nodes(lockstep: bool, priority: bool, together: bool) -> list[NodeCommand]:
+    """Twin, driver and controller; the last two in one process where they are `together`."""
+    port, sim = free_port(socket.SOCK_DGRAM), {'use_sim_time': lockstep}
     # Who is waited for goes first: the plant, then the driver, then the controller.
     plant, driver, controller = (
-        ['-p', f'thread_priority:={value if priority else 0}'] for value in (45, 40, 35)
+        {'thread_priority': value if priority else 0} for value in (45, 40, 35)
     )
-    commands = [
-        [
-            'stage_twin.node',
-            '-p',
-            f'twin:={CONFIG / "twin_reality.yaml"}',
-            '-p',
-            f'clock:={"lockstep" if lockstep else "realtime"}',
-            '-p',
-            f'drive_port:={port}',
-            '-p',
-            'tracker_protocol:=none',
-            *plant,
-        ],
-        ['stage_driver.node', '-p', f'drive_port:={port}', *sim, *driver],
-        [
+    plant |= {
+        'twin': config_folder() / 'twin_reality.yaml',
+        'clock': 'lockstep' if lockstep else 'realtime',
+        'drive_port': port,
+        'tracker_protocol': 'none',
+    }
+    found = [
+        NodeCommand('stage_twin', 'stage_twin.node', plant),
+        NodeCommand('stage_driver', 'stage_driver.node', {'drive_port': port, **sim, **driver}),
+        NodeCommand(
+            'contour_ctrl',
             'contour_ctrl.node',
-            '--params-file',
-            str(CONFIG / 'contour_ctrl.yaml'),
-            '-p',
-            'iterations:=3',
-            *sim,
-            *controller,
-        ],
+            {'iterations': 3, **sim, **controller},
+            (config_folder() / 'contour_ctrl.yaml',),
+        ),
     ]
-    if composed:
-        # The driver's parameters and the controller's, each with the name of its node.
-        both = [*named('stage_driver', commands[1][1:]), *named('contour_ctrl', commands[2][1:])]
-        commands[1:] = [['stage_bringup.control', *both]]
-    processes = [
-        subprocess.Popen(
-            [sys.executable, '-m', module, '--ros-args', '--log-level', 'fatal', *arguments],
-            stdout=subprocess.DEVNULL,
-        )
-        for module, *arguments in commands
-    ]
-    timing: dict[str, str] = {}
-    waits: dict[str, str] = {}
+    return composed(found) if together else found
 
-    def on_diagnostics(message: DiagnosticArray) -> None:
+
+class Told:
+    """What the nodes tell on /diagnostics: the controller's timing, and what the others count."""
+
+    def __init__(self) -> None:
+        self.timing: dict[str, str] = {}
+        self.waits: dict[str, str] = {}
+
+    def hear(self, message: DiagnosticArray) -> None:
+        """Take a message."""
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
             if status.name == 'contour_ctrl: timing':
-                timing.update(values, status=status.message)
-            for name, counted in COUNTED.items():
-                if status.name == name:
-                    waits[name] = ', '.join(f'{key} {values.get(key, "-")}' for key in counted)
+                self.timing.update(values, status=status.message)
+            if counted := COUNTED.get(status.name):
+                shown = ', '.join(f'{key} {values.get(key, "-")}' for key in counted)
+                self.waits[status.name] = shown
 
-    try:
-        with GraphClient('realtime_contour', use_sim_time=lockstep) as client:
-            client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=on_diagnostics)
-            for service in ('/stage_driver/home', '/contour_ctrl/run'):
-                client.wait_for_service(service, PATIENCE)
-            client.trigger('/stage_driver/home', PATIENCE)
-            begun = processor()
-            message, failure = '', None
-            with ProcessorGaps() as gaps:
-                try:
-                    message = client.trigger('/contour_ctrl/run', PATIENCE)
-                except StageError as error:
-                    # On a machine too slow for 1 kHz the timing shows by how much.
-                    failure = error
-            # What was reported during the run does not hold its last ticks.
-            timing.clear()
-            client.wait_for(lambda: 'status' in timing, PATIENCE, 'the timing on /diagnostics')
-        if not lockstep:
-            print(', '.join(f'{key} {value}' for key, value in timing.items()))
-            print('; '.join(f'{name} {text}' for name, text in waits.items()))
-            stolen, all_time = (
-                after - before for after, before in zip(processor(), begun, strict=True)
-            )
-            print(f'stolen {100 * stolen / all_time:.1f} %, {gaps.text}')
-        if failure is not None:
-            raise failure
-        return message
-    finally:
-        for process in reversed(processes):
-            process.terminate()
-        for process in processes:
+    def show(self, begun: tuple[int, int], gaps: str) -> None:
+        """Print it beside what the machine left out since `begun`, see `processor`."""
+        print(', '.join(f'{key} {value}' for key, value in self.timing.items()))
+        print('; '.join(f'{name} {text}' for name, text in self.waits.items()))
+        stolen, all_time = (now - then for now, then in zip(processor(), begun, strict=True))
+        print(f'stolen {100 * stolen / all_time:.1f} %, {gaps}')
+
+
+def run(lockstep: bool, priority: bool = False, together: bool = False) -> str:
+    """Start twin, driver and controller; run once; return the message."""
+    reserve_domain()
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    told, message, failure = Told(), '', None
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        processes = Processes(Path(folder))
+        stack.callback(processes.end, 10.0)
+        for command in nodes(lockstep, priority, together):
+            processes.start(command)
+        client = stack.enter_context(GraphClient('realtime_contour', use_sim_time=lockstep))
+        client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=told.hear)
+        for service in ('/stage_driver/home', '/contour_ctrl/run'):
+            client.wait_for_service(service, PATIENCE, processes.check)
+        client.trigger('/stage_driver/home', PATIENCE)
+        begun = processor()
+        with ProcessorGaps() as gaps:
             try:
-                process.wait(10.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
+                message = client.trigger('/contour_ctrl/run', PATIENCE)
+            except StageError as error:
+                # On a machine too slow for 1 kHz the timing shows by how much.
+                failure = error
+        # What was reported during the run does not hold its last ticks.
+        told.timing.clear()
+        client.wait_for(lambda: 'status' in told.timing, PATIENCE, 'the timing on /diagnostics')
+        if not lockstep:
+            told.show(begun, gaps.text)
+    if failure is not None:
+        raise failure
+    return message
 
 
 def main() -> int:
@@ -181,8 +165,8 @@ def main() -> int:
 def compare() -> int:
     """Run in lockstep, twice with three processes and once with two; 1 where results differ."""
     results = []
-    for composed in (False, False, True):
-        results.append(run(True, composed=composed))
+    for together in (False, False, True):
+        results.append(run(True, together=together))
         print(results[-1], flush=True)
     equal = len(set(results)) == 1
     print('equal' if equal else 'DIFFERENT')

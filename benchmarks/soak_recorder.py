@@ -17,6 +17,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
 
@@ -93,73 +94,91 @@ class Memory(threading.Thread):
             self.largest = max(self.largest, memory(self.process))
 
 
-def main() -> int:
-    """Record, count, print; exit 1 if a message was lost."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--minutes', type=float, default=1.0)
-    parser.add_argument('--rate', type=float, default=1000.0, help='of each topic [Hz]')
-    parser.add_argument('--held', type=float, default=0.0, help='suspend the recorder for [s]')
-    options = parser.parse_args()
-    minutes = options.minutes
-    reserve_domain()
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+def started(folder: str, minutes: float, rate: float) -> tuple[Any, Any]:
+    """Recorder, and publisher, which has told that everybody listens."""
+    recorder = subprocess.Popen(
+        [sys.executable, '-c', 'from session_bags.recorder_node import main; main()',
+         '--ros-args', '-p', f'directory:={folder}', '-p', f'topics:=[{", ".join(TOPICS)}]']
+    )  # fmt: skip
+    publisher = subprocess.Popen(
+        [sys.executable, '-c', PUBLISHER, str(minutes), str(rate)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert publisher.stdout is not None
+    publisher.stdout.readline()
+    return recorder, publisher
+
+
+def published(publisher: Any) -> int:
+    """Let the publisher begin, and wait until it has sent everything; how many messages."""
+    publisher.stdin.write('\n')
+    publisher.stdin.flush()
+    answer = publisher.stdout.readline()
+    if not answer:
+        raise SystemExit('error: the publisher was ended before its time')
+    return int(answer)
+
+
+def processor_time(process: int) -> float:
+    """Processor time of a process so far [s]."""
+    stat = Path(f'/proc/{process}/stat').read_text().rsplit(')', 1)[1].split()
+    return (int(stat[11]) + int(stat[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def soak(folder: str, minutes: float, rate: float, held: float) -> int:
+    """Record, count, print; how many messages were lost."""
     from session_bags.bag import open_bag
     from session_bags.info import contents
     from stage_core.ros.client_node import GraphClient
 
+    recorder, publisher = started(folder, minutes, rate)
+    try:
+        with GraphClient('soak') as client:
+            path = client.trigger('/session_recorder/start')
+            time.sleep(2.0)
+            before = memory(recorder.pid)
+            sampler, holdup = Memory(recorder.pid), Holdup(recorder, held)
+            sampler.start()
+            if held:
+                holdup.start()
+            begun = time.monotonic()
+            sent = published(publisher)
+            holdup.ended.set()
+            time.sleep(2.0 + 2.0 * held)
+            sampler.ended.set()
+            after = memory(recorder.pid)
+            share = processor_time(recorder.pid) / (time.monotonic() - begun)
+            print(client.trigger('/session_recorder/stop'))
+    finally:
+        publisher.kill()
+        recorder.send_signal(signal.SIGCONT)
+        recorder.send_signal(signal.SIGTERM)
+        for process in (publisher, recorder):
+            process.wait(timeout=20)
+    if holdup.times:
+        print(f'recorder suspended {holdup.times} times for {held} s')
+    found = sum(contents(open_bag(path)).counts.values())
+    print(
+        f'{minutes:g} min, 6 topics at {rate:g} Hz: {sent} sent, {found} recorded, '
+        f'{sent - found} lost; recorder {100 * share:.0f} % of a core, '
+        f'memory {before:.0f} -> {after:.0f} MiB, largest {sampler.largest:.0f} MiB'
+    )
+    return sent - found
+
+
+def main() -> int:
+    """Soak; exit 1 if a message was lost."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--minutes', type=float, default=1.0)
+    parser.add_argument('--rate', type=float, default=1000.0, help='of each topic [Hz]')
+    parser.add_argument('--held', type=float, default=0.0, help='suspend the recorder for [s]')
+    given = parser.parse_args()
+    reserve_domain()
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     with tempfile.TemporaryDirectory() as folder:
-        recorder = subprocess.Popen(
-            [sys.executable, '-c', 'from session_bags.recorder_node import main; main()',
-             '--ros-args', '-p', f'directory:={folder}', '-p', f'topics:=[{", ".join(TOPICS)}]']
-        )  # fmt: skip
-        publisher = subprocess.Popen(
-            [sys.executable, '-c', PUBLISHER, str(minutes), str(options.rate)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert publisher.stdin is not None and publisher.stdout is not None
-        try:
-            publisher.stdout.readline()
-            with GraphClient('soak') as client:
-                path = client.trigger('/session_recorder/start')
-                time.sleep(2.0)
-                before = memory(recorder.pid)
-                sampler = Memory(recorder.pid)
-                sampler.start()
-                holdup = Holdup(recorder, options.held)
-                if options.held:
-                    holdup.start()
-                cpu = os.times()
-                publisher.stdin.write('\n')
-                publisher.stdin.flush()
-                answer = publisher.stdout.readline()
-                if not answer:
-                    raise SystemExit('error: the publisher was ended before its time')
-                sent = int(answer)
-                holdup.ended.set()
-                time.sleep(2.0 + 2.0 * options.held)
-                sampler.ended.set()
-                after = memory(recorder.pid)
-                stat = Path(f'/proc/{recorder.pid}/stat').read_text().rsplit(')', 1)[1].split()
-                seconds = (int(stat[11]) + int(stat[12])) / os.sysconf('SC_CLK_TCK')
-                share = seconds / (os.times().elapsed - cpu.elapsed)
-                print(client.trigger('/session_recorder/stop'))
-        finally:
-            publisher.kill()
-            recorder.send_signal(signal.SIGCONT)
-            recorder.send_signal(signal.SIGTERM)
-            for process in (publisher, recorder):
-                process.wait(timeout=20)
-        if holdup.times:
-            print(f'recorder suspended {holdup.times} times for {options.held} s')
-        found = sum(contents(open_bag(path)).counts.values())
-        print(
-            f'{minutes:g} min, 6 topics at {options.rate:g} Hz: {sent} sent, {found} recorded, '
-            f'{sent - found} lost; recorder {100 * share:.0f} % of a core, '
-            f'memory {before:.0f} -> {after:.0f} MiB, largest {sampler.largest:.0f} MiB'
-        )
-    return int(sent != found)
+        return int(soak(folder, given.minutes, given.rate, given.held) != 0)
 
 
 if __name__ == '__main__':

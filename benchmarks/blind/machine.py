@@ -98,7 +98,7 @@ def record(
         reference, velocity = moves(generator, duration, period)
         nominal = NOMINAL['axes'][axis]
         plant, resolution = _plant(truth, axis, nominal)
-        control = np.array([nominal[name] for name in CONTROLLER])
+        control = tuple(float(nominal[name]) for name in CONTROLLER)
         out = run_axis(period, reference, velocity, plant, control, resolution)
         runs.append((reference, velocity, *out))
     stack = [np.column_stack([run[j] for run in runs]) for j in range(7)]
@@ -120,7 +120,7 @@ def record(
 
 def _plant(
     truth: dict[str, dict[str, float]], axis: str, nominal: dict[str, float]
-) -> tuple[Array, float]:
+) -> tuple[tuple[float, ...], float]:
     values = dict.fromkeys(PLANT, 0.0)
     values.update(
         mass=nominal['mass'],
@@ -146,7 +146,7 @@ def _plant(
                 values[key] += value if key.startswith(('coulomb', 'viscous', 'mass')) else 0.0
                 if not key.startswith(('coulomb', 'viscous', 'mass')):
                     values[key] = value
-    return np.array([values[name] for name in PLANT]), resolution
+    return tuple(float(values[name]) for name in PLANT), resolution
 
 
 def _table(

@@ -63,8 +63,8 @@ def run_axis(
     period: float,
     reference: Array,
     reference_velocity: Array,
-    plant: Array,
-    control: Array,
+    plant: tuple[float, ...],
+    control: tuple[float, ...],
     resolution: float,
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Closed loop of one axis over n ticks; `resolution` is the encoder that really is there.
@@ -73,62 +73,10 @@ def run_axis(
     force, each of shape (n,).
     """
     (
-        mass,
-        bp,
-        bn,
-        cp,
-        cn,
-        extra,
-        vs,
-        presliding,
-        offset,
-        ripple,
-        phase,
-        ripple_period,
-        cable,
-        centre,
-        gain,
-        saturation,
-        delay,
-        pm,
-        pf,
-        pz,
-        disturb,
-        disturb_f,
-        bump,
-    ) = (
-        plant[0],
-        plant[1],
-        plant[2],
-        plant[3],
-        plant[4],
-        plant[5],
-        plant[6],
-        plant[7],
-        plant[8],
-        plant[9],
-        plant[10],
-        plant[11],
-        plant[12],
-        plant[13],
-        plant[14],
-        plant[15],
-        plant[16],
-        plant[17],
-        plant[18],
-        plant[19],
-        plant[20],
-        plant[21],
-        plant[22],
-    )
-    kp, ff, kv, ki, wf, limit = (
-        control[1],
-        control[2],
-        control[3],
-        control[4],
-        control[5],
-        control[6],
-    )
+        mass, bp, bn, cp, cn, extra, vs, presliding, offset, ripple, phase, ripple_period, cable,
+        centre, gain, saturation, delay, pm, pf, pz, disturb, disturb_f, bump,
+    ) = plant  # fmt: skip
+    _, kp, ff, kv, ki, wf, limit = control
     n = len(reference)
     h = period / SUBSTEPS
     late = int(round(delay / h))

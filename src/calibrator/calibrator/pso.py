@@ -77,7 +77,6 @@ def minimise(
     options: SwarmOptions | None = None,
     progress: Callable[[int, float], None] | None = None,
     abort: Callable[[], bool] | None = None,
-    start: Array | None = None,
 ) -> SwarmResult:
     """Minimise a function over a box.
 
@@ -91,8 +90,6 @@ def minimise(
         Called after each iteration with its number from 1 and the best value so far.
     abort
         Asked after each iteration; True ends the run with the best position so far.
-    start
-        Positions (k, d) that replace the first k random ones.
 
     Raises
     ------
@@ -111,8 +108,6 @@ def minimise(
     generator = np.random.default_rng(options.seed)
     shape = (options.particles, len(low))
     position = generator.uniform(low, high, shape)
-    if start is not None:
-        position[: len(start)] = np.clip(start, low, high)
     velocity = generator.uniform(-1.0, 1.0, shape) * 0.1 * (high - low)
     own_position = position.copy()
     own_value = _values(fitness, position)

@@ -43,7 +43,7 @@ class ContainerWriter:
     file can be read without the ones before it.
     """
 
-    def __init__(self, stream: RawIOBase, profile: str = 'ros2') -> None:
+    def __init__(self, stream: RawIOBase) -> None:
         self._stream = stream
         self._compressor = zstandard.ZstdCompressor(level=1)
         self.schemas: dict[int, Schema] = {}
@@ -54,7 +54,7 @@ class ContainerWriter:
         self.start = 0
         self.end = 0
         self._position = 0
-        self._put(MAGIC + _encode(Header(profile, LIBRARY)))
+        self._put(MAGIC + _encode(Header('ros2', LIBRARY)))
 
     @property
     def message_count(self) -> int:

@@ -38,8 +38,6 @@ class SessionWriter:
         Directory of the bag; must not exist.
     twin
         Nominal twin, kept in ``custom_data``: a file's content, or its YAML text.
-    custom_data
-        Further entries of ``custom_data``.
     chunk_bytes, chunk_period
         A chunk is closed and written at this size [byte] or age [s], whichever comes first.
 
@@ -55,7 +53,6 @@ class SessionWriter:
         path: str | Path,
         twin: Twin = None,
         *,
-        custom_data: Mapping[str, str] | None = None,
         chunk_bytes: int = 256 * 1024,
         chunk_period: float = 0.5,
     ) -> None:
@@ -77,7 +74,6 @@ class SessionWriter:
             ) from error
         self._file = metadata.FileRecord(file_name)
         self._metadata = metadata.BagMetadata(files=[self._file])
-        self._metadata.custom_data.update(custom_data or {})
         text = twin_text(twin)
         if text:
             self._metadata.custom_data[TWIN_KEY] = text

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import random
 import socket
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from stage_bringup.processes import NodeCommand
 from stage_core.errors import StageError
@@ -93,83 +94,76 @@ def reality_twin(options: Options) -> Path:
 
 def commands(options: Options) -> list[NodeCommand]:
     """Every node of the session, the plant first."""
-    config = config_folder()
-    stepper = options.backend == 'zaber'
-    nominal, reality = nominal_twin(options), reality_twin(options)
-    lockstep = options.clock == 'lockstep'
-    clock: dict[str, object] = {'use_sim_time': True} if lockstep else {}
+    lockstep, nominal = options.clock == 'lockstep', nominal_twin(options)
     drive_port, tracker_port = free_port(socket.SOCK_DGRAM), free_port()
-    pty = zaber_port(options)
-    backend = 'zaber' if stepper else 'servo'
-    # The position loop forgets a move's lag within 0.35 s; the rest of the dwell is measured.
-    driver: dict[str, object] = {'backend': backend, 'twin': nominal, 'settle_time': 0.6}
-    driver |= {'port': pty} if stepper else {'drive_port': drive_port}
-    found = [
-        NodeCommand(
-            'stage_twin',
-            'stage_twin.node',
-            {
-                'twin': reality,
-                'clock': options.clock,
-                # No node of a session needs the time between set-points and encoders, which
-                # carry their own; every message wakes seven processes.
-                'clock_interval': 10 if lockstep else 1,
-                'seed': options.seed,
-                'drive_port': drive_port,
-                'tracker_port': tracker_port,
-                'pty_link': pty,
-                **({'engine': 'mujoco', 'model': options.model} if options.model else {}),
-            },
-            (config / 'stage_twin.yaml',),
-        ),
-        NodeCommand(
-            'stage_driver',
-            'stage_driver.node',
-            {**driver, **clock},
-            (config / f'stage_driver_{backend}.yaml',),
-        ),
-        NodeCommand(
+    contour = 'contour_ctrl_zaber' if options.backend == 'zaber' else 'contour_ctrl'
+    out = options.out
+    listeners = [
+        _driver(options, drive_port),
+        _node(
             'tracker_bridge',
-            'tracker_bridge.node',
-            {
-                'host': '127.0.0.1',
-                'port': tracker_port,
-                'source_clock': 'ros' if lockstep else 'own',
-                **clock,
-            },
-            (config / 'tracker_bridge.yaml',),
+            host='127.0.0.1',
+            port=tracker_port,
+            source_clock='ros' if lockstep else 'own',
         ),
-        NodeCommand(
-            'session_recorder',
-            'session_bags.recorder_node',
-            {'directory': options.out, 'twin': nominal, **clock},
-            (config / 'session_recorder.yaml',),
+        _node(
+            'session_recorder', module='session_bags.recorder_node', directory=out, twin=nominal
         ),
-        NodeCommand(
-            'calibrator',
-            'calibrator.node',
-            {'method': options.method, 'model_folder': options.out / 'models', **clock},
-            (config / 'calibrator.yaml',),
-        ),
-        NodeCommand(
+        _node('calibrator', method=options.method, model_folder=out / 'models'),
+        _node(
             'contour_ctrl',
-            'contour_ctrl.node',
-            {
-                'iterations': options.iterations,
-                'scheme': 'ccc+rilc',
-                'session_folder': options.out / 'learned',
-                **clock,
-            },
-            (config / ('contour_ctrl_zaber.yaml' if stepper else 'contour_ctrl.yaml'),),
+            contour,
+            iterations=options.iterations,
+            scheme='ccc+rilc',
+            session_folder=out / 'learned',
         ),
-        NodeCommand(
-            'gap_diagnosis',
-            'gap_diagnosis.node',
-            {'twin': nominal, 'out': options.out / 'diagnosis', 'live': options.live, **clock},
-            (config / 'gap_diagnosis.yaml',),
-        ),
+        _node('gap_diagnosis', twin=nominal, out=out / 'diagnosis', live=options.live),
     ]
+    if lockstep:
+        listeners = [
+            replace(c, parameters={**c.parameters, 'use_sim_time': True}) for c in listeners
+        ]
+    found = [_plant(options, drive_port, tracker_port), *listeners]
     return composed(found) if options.composed else found
+
+
+def _node(name: str, file: str = '', module: str = '', **parameters: object) -> NodeCommand:
+    """A node with its shipped parameter file, which has its name where no other is given."""
+    path = config_folder() / f'{file or name}.yaml'
+    return NodeCommand(name, module or f'{name}.node', parameters, (path,))
+
+
+def _plant(options: Options, drive_port: int, tracker_port: int) -> NodeCommand:
+    mujoco: dict[str, Any] = {'engine': 'mujoco', 'model': options.model} if options.model else {}
+    return _node(
+        'stage_twin',
+        twin=reality_twin(options),
+        clock=options.clock,
+        # No node of a session needs the time between set-points and encoders, which carry their
+        # own; every message wakes seven processes.
+        clock_interval=10 if options.clock == 'lockstep' else 1,
+        seed=options.seed,
+        drive_port=drive_port,
+        tracker_port=tracker_port,
+        pty_link=zaber_port(options),
+        **mujoco,
+    )
+
+
+def _driver(options: Options, drive_port: int) -> NodeCommand:
+    backend = 'zaber' if options.backend == 'zaber' else 'servo'
+    wire: dict[str, Any] = (
+        {'port': zaber_port(options)} if backend == 'zaber' else {'drive_port': drive_port}
+    )
+    return _node(
+        'stage_driver',
+        f'stage_driver_{backend}',
+        backend=backend,
+        twin=nominal_twin(options),
+        # The position loop forgets a move's lag within 0.35 s; the rest of the dwell is measured.
+        settle_time=0.6,
+        **wire,
+    )
 
 
 def composed(found: list[NodeCommand]) -> list[NodeCommand]:

@@ -61,11 +61,11 @@ def encode_encoder(
     ) + _VALUES[count].pack(*positions, *temperatures)
 
 
-def encode_force(tick: int, stamp: int, forces: tuple[float, ...], flags: int = 0) -> bytes:
+def encode_force(tick: int, stamp: int, forces: tuple[float, ...]) -> bytes:
     """FORCE datagram that answers tick `tick`."""
-    return HEADER.pack(MAGIC, FORCE, len(forces), 0, flags, tick, stamp) + _VALUES[
-        len(forces)
-    ].pack(*forces)
+    return HEADER.pack(MAGIC, FORCE, len(forces), 0, 0, tick, stamp) + _VALUES[len(forces)].pack(
+        *forces
+    )
 
 
 def encode_hello() -> bytes:

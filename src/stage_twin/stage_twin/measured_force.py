@@ -27,12 +27,11 @@ _ORDER = 3
 
 @dataclass(frozen=True)
 class Motion:
-    """Smoothed recorded motion, each (n, n_axes): m, m/s, m/s^2; and the smoothing's width [s]."""
+    """Smoothed recorded motion, each (n, n_axes): m, m/s, m/s^2."""
 
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
-    width: float
 
     @property
     def stacked(self) -> np.ndarray:
@@ -64,10 +63,10 @@ class MeasuredForceResult:
     window: int
 
 
-def smooth_motion(position: np.ndarray, period: float, width: float = SMOOTHING) -> Motion:
+def smooth_motion(position: np.ndarray, period: float) -> Motion:
     """Position, velocity and acceleration of a recorded position (n, n_axes).
 
-    Savitzky-Golay, third order, over `width` seconds: a local polynomial has no phase, and its
+    Savitzky-Golay, third order, over `SMOOTHING` seconds: a local polynomial has no phase, and its
     derivatives belong to the same polynomial as the position.
 
     Raises
@@ -75,7 +74,7 @@ def smooth_motion(position: np.ndarray, period: float, width: float = SMOOTHING)
     StageError
         If the record is shorter than the smoothing.
     """
-    window = _window(period, width)
+    window = _window(period)
     position = np.asarray(position, dtype=float)
     if position.shape[0] < window:
         raise StageError(
@@ -87,10 +86,10 @@ def smooth_motion(position: np.ndarray, period: float, width: float = SMOOTHING)
         )
         for order in range(3)
     )
-    return Motion(smooth, velocity, acceleration, width)
+    return Motion(smooth, velocity, acceleration)
 
 
-def filter_force(force: np.ndarray, period: float, width: float = SMOOTHING) -> np.ndarray:
+def filter_force(force: np.ndarray, period: float) -> np.ndarray:
     """Recorded force (n, n_axes) behind the same filter as the acceleration of `smooth_motion`.
 
     Model and measurement have to be filtered alike, or what the smoothing takes from the
@@ -98,13 +97,13 @@ def filter_force(force: np.ndarray, period: float, width: float = SMOOTHING) -> 
     with power model", ICRA 1997). The second derivative's weights, summed up twice, are that
     filter: a symmetric low pass of unit gain.
     """
-    weights = savgol_coeffs(_window(period, width), _ORDER, deriv=2, use='dot')
+    weights = savgol_coeffs(_window(period), _ORDER, deriv=2, use='dot')
     low_pass = np.cumsum(np.cumsum(weights))[:-2]
     return convolve1d(np.asarray(force, dtype=float), low_pass, axis=0, mode='nearest')
 
 
-def _window(period: float, width: float) -> int:
-    return max(_ORDER + 2, 2 * round(0.5 * width / period) + 1)
+def _window(period: float) -> int:
+    return max(_ORDER + 2, 2 * round(0.5 * SMOOTHING / period) + 1)
 
 
 def required_force(
@@ -112,8 +111,6 @@ def required_force(
     position: np.ndarray,
     *,
     external_force: np.ndarray | None = None,
-    motion: Motion | None = None,
-    smoothing: float = SMOOTHING,
 ) -> np.ndarray:
     """Force command that the twin needs for a recorded motion, at the tick it must be given.
 
@@ -123,8 +120,6 @@ def required_force(
         Recorded encoder [m] at the twin's control period.
     external_force : (n, n_axes), optional
         Force on the moving masses from outside [N].
-    motion : Motion, optional
-        Smoothed motion, where it is at hand.
 
     Returns
     -------
@@ -137,7 +132,7 @@ def required_force(
     """
     arrays = pack(twin)
     position = columns('position', position, None, arrays)
-    motion = motion or smooth_motion(position, arrays.period, smoothing)
+    motion = smooth_motion(position, arrays.period)
     external = _external(external_force, position, arrays)
     states = _hidden_states(arrays, motion, np.zeros_like(position))
     return _required(arrays, motion, external, states)
@@ -147,11 +142,6 @@ def simulate_measured_force(
     twin: TwinFile,
     position: np.ndarray,
     effort: np.ndarray,
-    *,
-    external_force: np.ndarray | None = None,
-    window: float = WINDOW,
-    motion: Motion | None = None,
-    smoothing: float = SMOOTHING,
 ) -> MeasuredForceResult:
     """Simulate a rig with its recorded force as input, in consecutive windows.
 
@@ -161,8 +151,6 @@ def simulate_measured_force(
         Recorded encoder [m] at the twin's control period.
     effort : (n, n_axes)
         Recorded force, in the axis's `effort_unit`.
-    window : float
-        Length of a window [s].
 
     Raises
     ------
@@ -174,10 +162,10 @@ def simulate_measured_force(
     effort = columns('effort', effort, position.shape[0], arrays)
     units = [a.effort_unit if isinstance(a, ForceAxis) else 1.0 for a in twin.axes.values()]
     force = effort * np.array(units)
-    motion = motion or smooth_motion(position, arrays.period, smoothing)
-    external = _external(external_force, position, arrays)
+    motion = smooth_motion(position, arrays.period)
+    external = np.zeros_like(position)
     states = _hidden_states(arrays, motion, force)
-    ticks = max(1, round(window / arrays.period))
+    ticks = max(1, round(WINDOW / arrays.period))
     simulated = np.zeros_like(position)
     velocity = np.zeros_like(position)
     run_windows(

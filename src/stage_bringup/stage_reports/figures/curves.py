@@ -15,7 +15,7 @@ from stage_core.errors import StageError
 
 
 @styled
-def convergence(errors: Mapping[str, ArrayLike], title: str = '') -> Figure:
+def convergence(errors: Mapping[str, ArrayLike]) -> Figure:
     """Errors over the trials of iterative learning, metres, on a logarithmic axis.
 
     Parameters
@@ -31,7 +31,7 @@ def convergence(errors: Mapping[str, ArrayLike], title: str = '') -> Figure:
         axes.plot(
             np.arange(1, curve.size + 1), curve * MICRO, marker='o', color=colour, label=name
         )
-    axes.set(title=title, xlabel='iteration', ylabel='error (µm)', yscale='log')
+    axes.set(xlabel='iteration', ylabel='error (µm)', yscale='log')
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(lambda value, _: f'{value:g}')
     axes.yaxis.set_minor_formatter(NullFormatter())
@@ -41,7 +41,7 @@ def convergence(errors: Mapping[str, ArrayLike], title: str = '') -> Figure:
 
 
 @styled
-def learning_rate(values: Mapping[str, ArrayLike], title: str = '') -> Figure:
+def learning_rate(values: Mapping[str, ArrayLike]) -> Figure:
     """Factors without unit over the trials: learning rates, reinforcement signals.
 
     Parameters
@@ -57,16 +57,14 @@ def learning_rate(values: Mapping[str, ArrayLike], title: str = '') -> Figure:
         axes.step(
             np.arange(1, data.size + 1), data, where='mid', marker='o', color=colour, label=name
         )
-    axes.set(title=title, xlabel='iteration', ylabel='factor')
+    axes.set(xlabel='iteration', ylabel='factor')
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.legend()
     return figure
 
 
 @styled
-def time_series(
-    seconds: ArrayLike, values: Mapping[str, ArrayLike], unit: str, title: str = ''
-) -> Figure:
+def time_series(seconds: ArrayLike, values: Mapping[str, ArrayLike], unit: str) -> Figure:
     """Signals over time; each name a curve, all in the unit given (already scaled)."""
     time = np.asarray(seconds, dtype=float)
     figure = canvas(10.5, 3.4)
@@ -77,14 +75,14 @@ def time_series(
             raise StageError(f'{name} has {data.size} samples over {time.size} times: align them')
         index = envelope(data)
         axes.plot(time[index], data[index], lw=0.9, color=colour, label=name)
-    axes.set(title=title, xlabel='time (s)', ylabel=unit)
+    axes.set(xlabel='time (s)', ylabel=unit)
     axes.margins(x=0.01)
     axes.legend(ncols=len(values))
     return figure
 
 
 @styled
-def spectrum(values: Mapping[str, ArrayLike], rate: float, unit: str, title: str = '') -> Figure:
+def spectrum(values: Mapping[str, ArrayLike], rate: float, unit: str) -> Figure:
     """Amplitude spectral density (Welch, Hann) of signals sampled at ``rate`` Hz."""
     if not rate > 0.0:
         raise StageError(f'the sampling rate {rate} Hz must be positive')
@@ -96,7 +94,7 @@ def spectrum(values: Mapping[str, ArrayLike], rate: float, unit: str, title: str
             raise StageError(f'{name} has {data.size} samples: a spectrum needs at least 8')
         frequency, density = signal.welch(data, rate, nperseg=min(data.size, 4096))
         axes.loglog(frequency[1:], np.sqrt(density[1:]), lw=0.9, color=colour, label=name)
-    axes.set(title=title, xlabel='frequency (Hz)', ylabel=f'{unit}/√Hz')
+    axes.set(xlabel='frequency (Hz)', ylabel=f'{unit}/√Hz')
     axes.legend()
     return figure
 

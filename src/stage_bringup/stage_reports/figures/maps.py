@@ -75,7 +75,7 @@ def _round(value: float) -> float:
 
 
 @styled
-def path_plot(paths: Sequence[tuple[str, ArrayLike]], title: str = '') -> Figure:
+def path_plot(paths: Sequence[tuple[str, ArrayLike]]) -> Figure:
     """Paths in the plane, (name, points (n, 2) in m), with equal axes."""
     figure = canvas(5.6, 5.2)
     axes = figure.subplots()
@@ -83,7 +83,7 @@ def path_plot(paths: Sequence[tuple[str, ArrayLike]], title: str = '') -> Figure
         points = pairs(name, values)
         points = points[thin(len(points))] * MILLI
         axes.plot(points[:, 0], points[:, 1], lw=1.0, color=colour, label=name)
-    axes.set(title=title, xlabel='x (mm)', ylabel='y (mm)')
+    axes.set(xlabel='x (mm)', ylabel='y (mm)')
     axes.set_aspect('equal', adjustable='datalim')
     axes.legend()
     return figure
