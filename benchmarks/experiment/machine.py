@@ -101,37 +101,47 @@ def nominal() -> TwinFile:
 
 def record(case: Case, position: Array, seed: int, name: str) -> Session:
     """What a bag holds of the machine of a case on a reference (n, 2) [m]."""
-    rate = np.gradient(position, PERIOD, axis=0)
+    machine = nominal().with_effects({case.effect: case.values})
     rise = 20.0 + 4.0 * (1.0 - np.exp(-np.arange(len(position)) * PERIOD / 60.0))
-    warm = np.tile(rise[:, None], (1, 2))
-    twin = nominal().with_effects({case.effect: case.values})
-    made = simulate(twin, position, rate, temperatures=warm, seed=seed)
-    start = START + seed * 10**13
+    return session(machine, nominal(), position, rise, seed, START + seed * 10**13, name)
+
+
+def session(
+    machine: TwinFile,
+    carried: TwinFile,
+    position: Array,
+    warmth: Array,
+    seed: int,
+    start: int = START,
+    name: str = 'planted',
+) -> Session:
+    """What a bag of the twin file `carried` holds of a machine on a reference (n, n_axes) [m].
+
+    `warmth` (n,) [degC] is the temperature of every screw, `start` the first stamp [ns].
+    """
+    axes, period = tuple(machine.axes), machine.control_period
+    rate = np.gradient(position, period, axis=0)
+    warm = np.tile(warmth[:, None], (1, len(axes)))
+    made = simulate(machine, position, rate, temperatures=warm, seed=seed)
 
     def stamps(seconds: Array) -> NDArray[np.int64]:
         return start + np.rint(seconds * 1e9).astype(np.int64)
 
     def joints(topic: str, **columns: Array) -> Series:
-        values = {f'{k}.{a}': c[:, i] for k, c in columns.items() for i, a in enumerate(AXES)}
+        values = {f'{k}.{a}': c[:, i] for k, c in columns.items() for i, a in enumerate(axes)}
         return Series(topic, stamps(made.times), values)
 
-    points = made.tracker_points
-    series = {
-        topics.REFERENCE: joints(topics.REFERENCE, position=position, velocity=rate),
-        topics.COMMAND: joints(topics.COMMAND, velocity=made.velocity_command, effort=made.force),
-        topics.JOINT_STATES: joints(
-            topics.JOINT_STATES, position=made.encoder, velocity=made.velocity
-        ),
-        topics.TRACKER_POINT: Series(
-            topics.TRACKER_POINT,
-            stamps(made.tracker_stamps),
-            {'x': points[:, 0], 'y': points[:, 1], 'z': points[:, 2]},
-        ),
-    }
-    seconds = np.arange(0.0, len(position) * PERIOD, 1.0)
-    for i, axis in enumerate(AXES):
-        warmth = np.interp(seconds, made.times, warm[:, i])
-        series[topics.temperature_key(f'screw_{axis}')] = Series(
-            topics.TEMPERATURE, stamps(seconds), {'temperature': warmth}
-        )
-    return Session(name, series, nominal().to_dict(), None)
+    points = dict(zip('xyz', made.tracker_points.T, strict=True))
+    found = [
+        joints(topics.REFERENCE, position=position, velocity=rate),
+        joints(topics.COMMAND, velocity=made.velocity_command, effort=made.force),
+        joints(topics.JOINT_STATES, position=made.encoder, velocity=made.velocity),
+        Series(topics.TRACKER_POINT, stamps(made.tracker_stamps), points),
+    ]
+    series = {one.topic: one for one in found}
+    seconds = np.arange(0.0, len(position) * period, 1.0)
+    values = {'temperature': np.interp(seconds, made.times, warmth)}
+    for axis in axes:
+        key = topics.temperature_key(f'screw_{axis}')
+        series[key] = Series(topics.TEMPERATURE, stamps(seconds), dict(values))
+    return Session(name, series, carried.to_dict(), None)

@@ -8,13 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.experiment.machine import session
 from gap_diagnosis.diagnose import Diagnosis, diagnose
-from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.session import Session
 from stage_core.twin_file import TrackerSpec, TwinFile
-from stage_twin.simulate import simulate
 
-START = 1_750_000_000_000_000_000
 Effects = Mapping[str, Mapping[str, float]]
 
 
@@ -43,46 +41,8 @@ def make_session(
     """A session of the nominal machine with planted effects, as a bag would hold it."""
     twin = nominal(axes)
     path = reference(duration, twin.control_period, len(axes))
-    rate = np.gradient(path, twin.control_period, axis=0)
     rise = 20.0 + 4.0 * (1.0 - np.exp(-np.arange(len(path)) * 1e-3 / 8.0))
-    warm = np.tile(rise[:, None], (1, len(axes)))
-    result = simulate(twin.with_effects(effects), path, rate, temperatures=warm, seed=seed)
-
-    def stamps(seconds: np.ndarray) -> np.ndarray:
-        return START + np.rint(seconds * 1e9).astype(np.int64)
-
-    def joints(topic: str, **columns: np.ndarray) -> Series:
-        values = {
-            f'{name}.{axis}': column[:, i]
-            for name, column in columns.items()
-            for i, axis in enumerate(axes)
-        }
-        return Series(topic, stamps(result.times), values)
-
-    points = result.tracker_points
-    series = {
-        topics.REFERENCE: joints(topics.REFERENCE, position=path, velocity=rate),
-        topics.COMMAND: joints(
-            topics.COMMAND, velocity=result.velocity_command, effort=result.force
-        ),
-        topics.JOINT_STATES: joints(
-            topics.JOINT_STATES, position=result.encoder, velocity=result.velocity
-        ),
-        topics.TRACKER_POINT: Series(
-            topics.TRACKER_POINT,
-            stamps(result.tracker_stamps),
-            {'x': points[:, 0], 'y': points[:, 1], 'z': points[:, 2]},
-        ),
-    }
-    for axis in axes:
-        seconds = np.arange(0.0, duration, 1.0)
-        key = topics.temperature_key(f'screw_{axis}')
-        series[key] = Series(
-            topics.TEMPERATURE,
-            stamps(seconds),
-            {'temperature': np.interp(seconds, result.times, warm[:, 0])},
-        )
-    return Session('planted', series, twin.to_dict(), None)
+    return session(twin.with_effects(effects), twin, path, rise, seed)
 
 
 def nominal(axes: tuple[str, ...] = ('x',)) -> TwinFile:

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.experiment.machine import START
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import TwinFile
 from stage_twin.mujoco_plant import MujocoPlant
 
-from .conftest import START, nominal, reference
+from .conftest import nominal, reference
 
 #: A stage of two slides beside each other, as somebody would write it; `{more}` is of joint x,
 #: `{motor}` of its actuator.
