@@ -20,15 +20,14 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests' / 'reliability'))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from domains import reserve_domain
-from rig import Nodes, Watch
 from std_srvs.srv import Trigger
 
 from stage_bringup.graph import Options, commands
 from stage_core.errors import StageError
+from tests.domains import reserve_domain
+from tests.reliability.rig import Nodes, Watch
 
 PERIOD = 1e-3
 #: Limits that the figures stand beside.

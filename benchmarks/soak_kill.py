@@ -20,14 +20,12 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests' / 'reliability'))
-
-from domains import reserve_domain
-from rig import PATIENCE, Nodes, Watch, last, spread
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from stage_bringup.graph import Options, commands
 from stage_core.errors import StageError
+from tests.domains import reserve_domain
+from tests.reliability.rig import PATIENCE, Nodes, Watch, last, spread
 
 SHORT: dict[str, dict[str, object]] = {
     'stage_twin': {'lockstep_watchdog': 3.0},
