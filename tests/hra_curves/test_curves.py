@@ -243,9 +243,6 @@ def test_the_peers_pass_through_their_points() -> None:
         np.testing.assert_allclose(evaluate(theta), points, atol=1e-12)
     nodes, spline = peers.chord_length_spline(points)
     np.testing.assert_allclose(spline(nodes), points, atol=1e-15)
-    smooth, count = peers.smoothing_b_spline(theta, points, 1e-5)
-    assert 4 <= count <= 12
-    assert np.sqrt(np.mean(np.sum((smooth(theta) - points) ** 2, axis=1))) < 1.1e-5
     with pytest.raises(StageError, match='B-spline'):
         peers.least_squares_b_spline(theta, points, 3)
     with pytest.raises(StageError, match='coincide'):

@@ -16,8 +16,6 @@ from .settings import AxisSettings
 SUBSTEP = 1e-4
 # Columns of the state of one axis.
 P, V, LOAD_P, LOAD_V, DRIVE_P, DRIVE_V, BASE_P, BASE_V, FORCE, HEAT, ACCEL = range(11)
-# Columns of the log of one axis.
-LOGGED = (P, V, LOAD_P, LOAD_V, BASE_P, BASE_V)
 Array = np.ndarray
 Pair = tuple[AxisSettings, AxisSettings]
 

@@ -9,8 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline as SciPyBSpline
-from scipy.interpolate import CubicSpline, make_interp_spline, make_lsq_spline, splprep
+from scipy.interpolate import CubicSpline, make_interp_spline, make_lsq_spline
 
 from stage_core.errors import StageError
 
@@ -61,18 +60,3 @@ def least_squares_b_spline(
     inner = np.linspace(nodes[0], nodes[-1], control_points - degree + 1)
     knots = np.concatenate(([nodes[0]] * degree, inner, [nodes[-1]] * degree))
     return make_lsq_spline(nodes, points, knots, k=degree)
-
-
-def smoothing_b_spline(
-    nodes: Array, points: Array, tolerance: float, degree: int = 3
-) -> tuple[Evaluator, int]:
-    """Smoothing B-spline whose RMS distance to the points is about ``tolerance`` (FITPACK).
-
-    Returns
-    -------
-    evaluate : over the nodes. count : number of its control points.
-    """
-    (knots, control, order), _ = splprep(
-        points.T, u=nodes, s=points.shape[0] * tolerance**2, k=degree
-    )
-    return SciPyBSpline(knots, np.transpose(control), order), len(control[0])

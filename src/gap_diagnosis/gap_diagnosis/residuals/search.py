@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from gap_diagnosis.residuals.normal import solve_gram
 from stage_twin.effects.term import Theta
 
 Array = NDArray[np.float64]
-Kept = TypeVar('Kept')
 
 
 class Recent:
