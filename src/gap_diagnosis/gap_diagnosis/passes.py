@@ -193,7 +193,7 @@ def servo_part(
     def fit() -> Part:
         progress(f'command -> encoder of axis {axis}: reading the equation of motion backwards')
         own = replace(problem, terms=dict(problem.terms))
-        part = fit_servo(axis, own, before.records, before.twin, direct, seed, barred)
+        part = fit_servo(rows, own, before.records, before.twin, direct, seed, barred)
         column = before.records[0].column(axis)
         return replace(part, row_axis=np.full(len(problem.target), column), rows=rows)
 

@@ -8,7 +8,7 @@ if its parameters are away from those of a machine without it and from their bou
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,7 @@ class Shrink:
     floor: float
     least: float
     worse: tuple[str, ...] = ()
+    own: Shrink | None = None  # of the channels that it moves, where others hide it
 
     @property
     def share(self) -> float:
@@ -67,6 +68,8 @@ class Shrink:
     @property
     def matters(self) -> bool:
         """Whether the gap shrinks for certain, and by more than a user could call nothing."""
+        if self.own is not None:
+            return self.own.matters
         beyond_noise = self.unit == 'm' and self.before**2 - self.after**2 > self.floor**2
         return self.interval[0] > (0.0 if beyond_noise else self.least)
 
@@ -74,16 +77,20 @@ class Shrink:
 def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
     """How far an effect shrinks the gap, from the channels without and with it.
 
-    Positions count all together, as `gap.before` does. Where a servo effect moves none of them
-    that a user would see, the force of its axis counts: the controller takes the effect up.
+    Positions count all together, as `gap.before` does; whether the effect matters is judged on
+    those that it moves, as the noise of the others hides what it does. Where a servo effect moves
+    none that a user would see, the force of its axis counts: the controller takes the effect up.
     """
     positions = [s for s in sides.values() if s.unit == 'm']
+    moved = [s for s in positions if not np.array_equal(s.without, s.with_it)] or positions
     worse = tuple(
         n for n, s in sides.items() if s.unit == 'm' and shrink_interval([s], seed)[1] < 0.0
     )
     force = sides.get(f'force.{split_effect(name)[1]}')
     servo = link_of(name) == 'servo'
-    seen = _shrink(positions, LEAST_SHRINK if servo else 0.0, worse, seed)
+    least = LEAST_SHRINK if servo else 0.0
+    own = _shrink(moved, least, worse, seed)
+    seen = replace(_shrink(positions, least, worse, seed), own=own)
     if seen.matters or force is None or not servo:
         return seen
     taken_up = _shrink([force], LEAST_SHRINK, worse, seed)

@@ -36,7 +36,7 @@ def describe(
             for key, slope in _change(terms[name].parameters, theta, c, i, float(std), False):
                 variance[key] += slope**2
         out[name] = {k: (v, float(np.sqrt(variance[k]))) for k, v in values.items()}
-    return out
+    return out | selection.told
 
 
 def is_magnitude(name: str, parameter: str) -> bool:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from copy import copy
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from gap_diagnosis.input.data import Record, nominal_mass
 from gap_diagnosis.residuals.nominal import Prediction
@@ -20,6 +23,7 @@ from gap_diagnosis.residuals.operators import (
 from stage_core.twin_file import TwinFile
 
 Array = NDArray[np.float64]
+Rows = TypeVar('Rows', bound='ForceRows')
 
 CORNER = 30.0  # Hz; above it the quantisation of the acceleration is white after the low-pass
 #: Hz, of the sharp low-pass beyond it, and the share of noise in the acceleration that is borne.
@@ -42,6 +46,7 @@ class ForceRows:
         self.measured_force = twin.kind == 'measured_force'
         self.noise = [r.noise.axes[r.column(axis)] for r in records if r.noise is not None]
         self.cut = math.inf
+        self.whitener: Array | None = None
         self._signals = [self._prepare(r) for r in records]
         self._predictions = [Prediction(r, twin) for r in records] if twin.effects else []
         self.keep = [self._sliding(r, s) for r, s in zip(records, self._signals, strict=True)]
@@ -103,9 +108,26 @@ class ForceRows:
         return float(np.linalg.norm(self.passed(force, period)))
 
     def passed(self, signal: Array, period: float) -> Array:
-        """A signal (n,) or (n, k) as a row sees it: low-passed without phase."""
+        """A signal (n,) or (n, k) as a row sees it: low-passed without phase, then whitened."""
         out = smooth(signal, period, CORNER)
-        return out if math.isinf(self.cut) else band_limited(out, period, self.cut)
+        if not math.isinf(self.cut):
+            out = band_limited(out, period, self.cut)
+        return out if self.whitener is None else np.asarray(lfilter(self.whitener, 1.0, out, 0))
+
+    def unlimited(self: Rows) -> Rows:
+        """The same rows with all the encoder's noise that they hold."""
+        return self._other(math.inf, None)
+
+    def whitened(self: Rows, filter_: Array) -> Rows:
+        """The same rows behind one more filter (k,): of a residual, the white noise in it."""
+        return self._other(self.cut, filter_)
+
+    def _other(self: Rows, cut: float, whitener: Array | None) -> Rows:
+        other = copy(self)
+        other.cut, other.whitener = cut, whitener
+        if self.simulated is not None:
+            other.simulated = self.simulated._other(cut, whitener)
+        return other
 
     def _prepare(self, record: Record) -> dict[str, Array]:
         i = record.column(self.axis)

@@ -72,12 +72,16 @@ class Evidence:
 
 @dataclass
 class Selection:
-    """Accepted effects in the order of acceptance, the fit with all of them, and evidence."""
+    """Accepted effects in the order of acceptance, the fit with all of them, and evidence.
+
+    `told` holds parameters, with standard deviations, that the innovations tell better.
+    """
 
     accepted: list[str]
     fit: Fit
     evidence: dict[str, Evidence]
     rejected: dict[str, Evidence]
+    told: dict[str, dict[str, tuple[float, float]]] = field(default_factory=dict)
 
 
 class Selector:

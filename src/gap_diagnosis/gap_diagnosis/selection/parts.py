@@ -17,8 +17,10 @@ from gap_diagnosis.input.data import Record, scored_ticks
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.backward import select_backwards
 from gap_diagnosis.selection.forward import Evidence, Rules, Selection, Selector
+from gap_diagnosis.selection.innovated import told_by_innovations
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -272,7 +274,7 @@ def _residual(problem: Problem, selection: Selection) -> Array:
 
 
 def fit_servo(
-    axis: str,
+    rows: Servo,
     problem: Problem,
     records: list[Record],
     twin: TwinFile,
@@ -285,7 +287,7 @@ def fit_servo(
     A disturbance that nothing in the library explains is sometimes imitated in the force
     balance; the twin with such an effect then follows the record worse than without it.
     """
-    barred = list(without)
+    axis, barred = rows.axis, list(without)
     unconfirmed: tuple[str, ...] = ()
     while True:
         part = fit_part(f'servo.{axis}', problem, SERVO_RULES, seed, barred)
@@ -297,7 +299,9 @@ def fit_servo(
         effects = {n: {k: v for k, (v, _) in p.items()} for n, p in found.items()}
         contradicted = _contradicted(axis, accepted, effects, records, twin)
         if not contradicted:
-            return replace(part, unconfirmed=unconfirmed)
+            selection = told_by_innovations(part.selector, part.selection, rows)
+            residual = selection.fit.residual
+            return replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)
         # Beside a loop that swings at another phase nothing else can be judged.
         swinging = tuple(n for n in accepted if effect_of(n).swings)
         if len(contradicted) > 1 and swinging:

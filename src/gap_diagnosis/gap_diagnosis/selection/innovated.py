@@ -1,0 +1,63 @@
+"""What the innovations of a force balance say of effects whose column is a slope of the force."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gap_diagnosis.evidence.describe import describe
+from gap_diagnosis.residuals.innovations import innovations
+from gap_diagnosis.residuals.regression import Regression
+from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.selection.forward import Selection, Selector
+from gap_diagnosis.selection.gains import block_rms_gains, bootstrap_interval
+from stage_twin.effects import effect_of
+
+
+def told_by_innovations(selector: Selector, selection: Selection, rows: Servo) -> Selection:
+    """The selection in which the innovations decide between a delay and a lag, and say how large.
+
+    Only effects without free coefficients are compared: one that scales a mass or a force scales
+    the noise of the rows, too, and squares of different units say nothing. Of a loop that swings
+    no noise model holds.
+    """
+    terms = selector.problem.terms
+    for name in [n for n in selection.accepted if terms[n].fixed and not effect_of(n).swings]:
+        for rival in selection.evidence[name].alternatives:
+            if terms[rival].fixed and not effect_of(rival).swings:
+                other = _exchanged(selector, selection, name, rival)
+                if _favoured(selector, selection, other, rows):
+                    selection, name = other, rival
+                    break
+        selection = _surer(selector, selection, name, rows)
+    return selection
+
+
+def _exchanged(selector: Selector, selection: Selection, name: str, rival: str) -> Selection:
+    """The selection with an alternative in the place of an accepted effect."""
+    less = selector.without_effect(selection.fit, name)
+    thetas = selector.with_effect(less, rival).thetas
+    fit = selector.regression.refine(thetas, list(thetas))
+    evidence = {n: e for n, e in selection.evidence.items() if n != name}
+    # An alternative does about as well by definition.
+    evidence[rival] = replace(selection.evidence[name], name=rival, alternatives=[name])
+    accepted = [rival if n == name else n for n in selection.accepted]
+    rejected = {n: e for n, e in selection.rejected.items() if n != rival}
+    return Selection(accepted, fit, evidence, rejected)
+
+
+def _favoured(selector: Selector, named: Selection, other: Selection, rows: Servo) -> bool:
+    """Whether another selection leaves less of the innovations for certain."""
+    problem, fit = innovations(rows, named.fit)
+    gains = block_rms_gains(problem, fit, innovations(rows, other.fit)[1])
+    return bootstrap_interval(gains, selector.seed, level=selector.rules.level)[0] > 0.0
+
+
+def _surer(selector: Selector, selection: Selection, name: str, rows: Servo) -> Selection:
+    """The selection with the parameters of an effect from the innovations where they are surer."""
+    problem, fit = innovations(rows, selection.fit)
+    white = replace(selection, fit=fit, told={})
+    plain = describe(selection, selector.regression)[name]
+    told = describe(white, Regression(problem))[name]
+    if any(told[key][1] > std for key, (_, std) in plain.items()):
+        return selection
+    return replace(selection, told={**selection.told, name: told})

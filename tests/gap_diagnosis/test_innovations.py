@@ -1,0 +1,63 @@
+"""A lag is told from a delay although the recorded force answers to the encoder's noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.residuals.innovations import innovations
+from gap_diagnosis.residuals.regression import Regression
+from gap_diagnosis.residuals.servo import Servo
+from stage_core.twin_file import TwinFile
+from stage_twin.simulate import simulate
+
+from .conftest import nominal
+
+DELAY, LAG = 'actuation_delay.x', 'current_loop_lag.x'
+
+
+def record_of(effect: str, key: str, twin: TwinFile) -> Record:
+    """A sweep to 80 Hz in the middle of slow strokes, 16 s of one axis."""
+    t = np.arange(16000) * 1e-3
+    rise = np.clip(t - 6.0, 0.0, 4.0)
+    sweep = 2e-4 * np.sin(2.0 * np.pi * (2.0 * rise + 9.75 * rise**2)) * (rise < 4.0)
+    path = (0.02 * np.sin(2.0 * np.pi * 0.4 * t) + sweep)[:, None]
+    rate = np.gradient(path, 1e-3, axis=0)
+    run = simulate(twin.with_effects({effect: {key: 2e-3}}), path, rate, seed=1)
+    return Record(
+        'sweep',
+        ('x',),
+        1e-3,
+        t,
+        path,
+        rate,
+        run.velocity_command,
+        run.force,
+        run.encoder,
+        None,
+        None,
+        None,
+        moving=(True,),
+    )
+
+
+@pytest.mark.parametrize(
+    ('planted', 'key', 'rival'), [(LAG, 'time_constant', DELAY), (DELAY, 'delay', LAG)]
+)
+def test_the_innovations_tell_a_lag_from_a_delay(planted: str, key: str, rival: str) -> None:
+    twin = nominal()
+    coarse = replace(twin.servo('x'), encoder_resolution=8e-6)
+    twin = replace(twin, axes={'x': coarse})
+    rows = Servo([record_of(planted, key, twin)], twin, 'x')
+
+    def innovated(name: str) -> tuple[float, float]:
+        fit = Regression(rows.problem()).refine({name: (2e-3,)}, [name])
+        problem, own = innovations(rows, fit)
+        return own.mean_square(problem), own.thetas[name][0]
+
+    left, value = innovated(planted)
+    assert left < innovated(rival)[0]
+    assert value == pytest.approx(2e-3, rel=0.01)
