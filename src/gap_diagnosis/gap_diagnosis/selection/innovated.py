@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
+from gap_diagnosis.closed_loop.polish import AGREEMENT
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.residuals.innovations import innovations
 from gap_diagnosis.residuals.regression import Regression
@@ -53,11 +55,19 @@ def _favoured(selector: Selector, named: Selection, other: Selection, rows: Serv
 
 
 def _surer(selector: Selector, selection: Selection, name: str, rows: Servo) -> Selection:
-    """The selection with the parameters of an effect from the innovations where they are surer."""
+    """The selection with the parameters of an effect from the innovations where they are surer.
+
+    No noise model is exact: a deviation stays that of the plain rows, and holds the distance of
+    the two estimates.
+    """
     problem, fit = innovations(rows, selection.fit)
     white = replace(selection, fit=fit, told={})
     plain = describe(selection, selector.regression)[name]
     told = describe(white, Regression(problem))[name]
     if any(told[key][1] > std for key, (_, std) in plain.items()):
         return selection
-    return replace(selection, told={**selection.told, name: told})
+    both = {
+        key: (told[key][0], math.hypot(std, AGREEMENT * (told[key][0] - value)))
+        for key, (value, std) in plain.items()
+    }
+    return replace(selection, told={**selection.told, name: both})
