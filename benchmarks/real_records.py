@@ -13,6 +13,7 @@ import argparse
 import json
 import sys
 import textwrap
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.blind.run import commit
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.diagnose import Diagnosis, diagnose
 from session_bags import (
@@ -158,6 +160,8 @@ def page(rows: Mapping[str, dict[str, Any]]) -> str:
         'their sources.',
         '',
         '    python -m benchmarks.real_records --out build/real_records',
+        '',
+        f'Commit {commit()}, {time.strftime("%Y-%m-%d")}.',
         '',
         '| record | held out | verdict, probability | gap, held out | the authors |',
         '|---|---|---|---|---|',

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from benchmarks.blind.run import commit
 
 GOAL = 0.8  # share of what the named effect closes
 
@@ -19,9 +22,9 @@ def page(folder: Path, no_function: Sequence[str], command: str) -> str:
             '',
             f'    {command}',
             '',
-            'Sessions of 20 s, both axes, tracker at 100 Hz with 1 µm noise. How the law is found '
-            'stands in',
-            '`docs/concepts/law.md`.',
+            f'Commit {commit()}, {time.strftime("%Y-%m-%d")}. Sessions of 20 s, both axes, '
+            'tracker at 100 Hz with 1 µm noise.',
+            '[The law of the remainder](../concepts/law.md) says how the law is found.',
             '',
             *_effects(rows['effects'], no_function),
             *_none(rows['none']),

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.report.experiment import section
 from gap_diagnosis.report.hysteresis import hysteresis, hysteresis_plot, since_reversal
 from gap_diagnosis.report.leftovers import leftovers
 from gap_diagnosis.report.response import response_plot, responses
+from stage_core.pages import Page
 from stage_core.twin_file import TwinFile
 
 
@@ -90,3 +92,22 @@ def test_the_response_has_the_bandwidth_of_the_loop() -> None:
     assert abs(at - np.sqrt(0.5)) < 0.05
     np.testing.assert_allclose(found.corrected, found.machine)
     assert len(response_plot([found]).axes) == 2
+
+
+def test_a_motion_that_decides_nothing_is_not_proposed() -> None:
+    pair = (('cyclic_pitch_error.y: amplitude_2 small', 'large'), 0.0, 0.0)
+    found = SimpleNamespace(
+        causes=[],
+        verdict=('cyclic_pitch_error.y',),
+        experiment=SimpleNamespace(
+            pairs=(pair,), expected=0.0, before=0.0, separates=('cyclic_pitch_error.y',),
+            duration=14.0, motions=('a sweep',),
+        ),
+    )  # fmt: skip
+    page = Page('next')
+    section(page, found)  # type: ignore[arg-type]
+    assert 'cyclic pitch error of y: amplitude 2 small or large' in page.render()
+    assert 'experiment.csv' not in page.render()
+    found.experiment.expected = 0.6
+    section(page, found)  # type: ignore[arg-type]
+    assert 'experiment.csv' in page.render()

@@ -264,4 +264,5 @@ def _text(text: str) -> str:
 def _cell(value: object) -> str:
     if value is None:
         return '–'
-    return f'{value:.4g}' if isinstance(value, float) else str(value)
+    text = f'{value:.4g}' if isinstance(value, float) else str(value)
+    return re.sub(r'^-(?=\d)', '−', text)

@@ -55,6 +55,14 @@ def table(position: NDArray[np.float64], period: float, axes: tuple[str, ...]) -
     return '\n'.join(lines) + '\n'
 
 
+def _words(pair: tuple[str, ...]) -> str:
+    """*cyclic pitch error of y: amplitude 3 small or large*."""
+    parts = (candidate.partition(': ') for candidate in pair)
+    return ' or '.join(
+        f'{effect_words(name)}{colon}{rest.replace("_", " ")}' for name, colon, rest in parts
+    )
+
+
 def section(page: Page, found: Diagnosis) -> None:
     """What to measure next, why, and what is expected of it."""
     for cause in found.causes:
@@ -75,6 +83,13 @@ def section(page: Page, found: Diagnosis) -> None:
                 'the machine, the rest is not.'
             )
         return
+    if experiment.expected <= experiment.before:
+        left = '; '.join(_words(pair) for pair, _, _ in experiment.pairs)
+        page.text(
+            f'These data leave open: {left}. No motion that was tried within the limits is '
+            'expected to decide it.'
+        )
+        return
     names = ', '.join(effect_words(name) for name in experiment.separates)
     page.text(
         f'These data cannot tell apart: {names}. Of motions within the limits, this one of '
@@ -85,7 +100,7 @@ def section(page: Page, found: Diagnosis) -> None:
     page.table(
         ['candidates', 'decided by this session', 'expected of the experiment'],
         [
-            [' or '.join(pair), f'{100 * before:.0f} %', f'{100 * expected:.0f} %']
+            [_words(pair), f'{100 * before:.0f} %', f'{100 * expected:.0f} %']
             for pair, before, expected in experiment.pairs
         ],
         'share of the machines with parameters within the intervals on which a diagnosis would '

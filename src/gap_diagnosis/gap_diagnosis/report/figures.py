@@ -76,7 +76,8 @@ def spectra(diagnosis: Diagnosis) -> Figure:
             frequency = np.fft.rfftfreq(size, period)
             # A gap of exactly zero has no place on a logarithmic axis.
             amplitude = np.maximum(4.0 / size * amplitude[1:], 1e-6)
-            index = envelope(amplitude, 400)
+            # On a logarithmic axis the first lines lie far apart: each of them is drawn.
+            index = np.union1d(np.arange(min(40, len(amplitude))), envelope(amplitude, 400))
             plot.loglog(frequency[1:][index], amplitude[index], **style)
         plot.set(xlabel='frequency (Hz)', ylabel=f'{channel.name} ({unit})')
     panels[0].legend()

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
+import numpy as np
+
 from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.evidence.acceptance import Sides, shrink_interval
 from gap_diagnosis.report import experiment, figures, forces, hysteresis, model, response
 from gap_diagnosis.report.causes import causes_section, contained_section, found_section
 from gap_diagnosis.report.laws import laws_section
@@ -12,7 +16,7 @@ from gap_diagnosis.report.leftovers import leftovers
 from gap_diagnosis.report.words import link_words
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN
-from stage_core.wording import effect_words, measure
+from stage_core.wording import effect_words, measure, span
 
 
 def make(diagnosis: Diagnosis) -> Page:
@@ -60,12 +64,36 @@ def _headline(page: Page, diagnosis: Diagnosis) -> None:
         return
     names = ', '.join(effect_words(name) for name in diagnosis.verdict)
     page.headline(
-        f'gap {measure(before)} → {measure(after)} RMS',
-        f'The {_name(diagnosis)} lacks: {names}. With these effects the gap shrinks by '
-        f'{100.0 * (1.0 - after / before):.0f} %, on stretches of the session that no fit has '
-        f'seen. {floor}',
+        f'gap {measure(before)} → {measure(after)} RMS, {_less(diagnosis)}',
+        f'The {_name(diagnosis)} lacks: {names}. The gap before and after these effects is that '
+        f'of stretches of the session that no fit has seen. {floor}',
         warn=UNKNOWN in diagnosis.verdict,
     )
+
+
+def _less(diagnosis: Diagnosis) -> str:
+    """By how much the gap shrinks, with the interval."""
+    sides = [
+        Sides(np.concatenate(c.before) ** 2, np.concatenate(c.after) ** 2, c.unit, 0.0)
+        for c in diagnosis.channels.values()
+        if c.unit == 'm'
+    ]
+    share = 1.0 - diagnosis.after / diagnosis.before
+    low, high = (100.0 * value for value in shrink_interval(sides, 0))
+    return f'{100.0 * share:.0f} % less (95 %: {low:.0f} to {high:.0f} %)'
+
+
+def _travel(diagnosis: Diagnosis) -> str:
+    record = diagnosis.records[-1]
+    ends = zip(record.axes, record.encoder.min(axis=0), record.encoder.max(axis=0), strict=True)
+    return ', '.join(f'{axis} {span(1e3 * low, 1e3 * high, "mm")}' for axis, low, high in ends)
+
+
+def _heat(diagnosis: Diagnosis) -> str:
+    found = [r.temperature for r in diagnosis.records if r.temperature is not None]
+    if not found:
+        return 'not recorded'
+    return span(min(t.min() for t in found), max(t.max() for t in found), '°C', 1)
 
 
 def _conditions(page: Page, diagnosis: Diagnosis) -> None:
@@ -75,6 +103,9 @@ def _conditions(page: Page, diagnosis: Diagnosis) -> None:
             ('Recording', ', '.join(Path(name).name for name in diagnosis.sessions)),
             ('Twin', Path(diagnosis.twin_name).stem),
             *(('Simulator', Path(name).name) for name in diagnosis.simulators),
+            ('Diagnosed', time.strftime('%Y-%m-%d %H:%M')),
+            ('Temperature', _heat(diagnosis)),
+            ('Travel', _travel(diagnosis)),
             ('Judged on', f'{len(diagnosis.windows)} held-out windows'),
             ('Unexplained', f'{100 * diagnosis.unexplained:.1f} % of the squared gap, {left}'),
         ]

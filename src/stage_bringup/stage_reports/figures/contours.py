@@ -44,7 +44,7 @@ def contour_polar(runs: Sequence[Run], radius: float) -> Figure:
     radius : of the circle, m; the title states the magnification.
     """
     _check(runs)
-    figure = canvas(5.6, 5.6)
+    figure = canvas(5.6, 5.8)
     axes = figure.add_subplot(projection='polar')
     widest = max(float(np.abs(e).max()) for _, _, e in runs) * MICRO or 1.0
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -58,5 +58,5 @@ def contour_polar(runs: Sequence[Run], radius: float) -> Figure:
     axes.set_title(
         f'error magnified about {float(f"{magnified:.2g}"):.0f} times', fontsize=10, loc='center'
     )
-    axes.legend(loc='center', fontsize=8)
+    figure.legend(loc='outside lower center', ncols=3)
     return figure

@@ -31,7 +31,7 @@ def convergence(errors: Mapping[str, ArrayLike]) -> Figure:
         axes.plot(
             np.arange(1, curve.size + 1), curve * MICRO, marker='o', color=colour, label=name
         )
-    axes.set(xlabel='iteration', ylabel='error (µm)', yscale='log')
+    axes.set(xlabel='run', ylabel='error (µm)', yscale='log')
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(lambda value, _: f'{value:g}')
     axes.yaxis.set_minor_formatter(NullFormatter())

@@ -52,7 +52,7 @@ def circular_plot(
     result: Circular, counter_clockwise: ArrayLike, clockwise: ArrayLike | None = None
 ) -> Figure:
     """Radial deviations over the angle, magnified about the nominal circle (ISO 230-4)."""
-    figure = canvas(5.6, 5.6)
+    figure = canvas(5.6, 5.8)
     axes = figure.add_subplot(projection='polar')
     paths = [('counter-clockwise', pairs('path', counter_clockwise), BLUE)]
     if clockwise is not None:
@@ -70,7 +70,7 @@ def circular_plot(
     axes.set_ylim(-3.0 * widest, 1.5 * widest)
     axes.set_rlabel_position(67.5)
     axes.set_title(f'{_circular_figures(result)} µm', fontsize=10, loc='center')
-    axes.legend(loc='center', fontsize=8)
+    figure.legend(loc='outside lower center', ncols=3)
     return figure
 
 
@@ -81,4 +81,4 @@ def _circular_figures(result: Circular) -> str:
     parts.append(f'F {result.F_min * MICRO:.3g} to {result.F_max * MICRO:.3g}')
     if result.H is not None:
         parts.append(f'H {result.H * MICRO:.3g}')
-    return ', '.join(parts)
+    return ', '.join(parts).replace('-', '−')

@@ -56,7 +56,7 @@ class Parameter:
     def said(self, value: float) -> str:
         """A value with its unit, as a report says it: `12 µm`."""
         factor, unit = _SAID.get(self.unit, (1.0, self.unit))
-        return f'{factor * value:.3g} {unit}'.rstrip()
+        return f'{factor * value:.3g} {unit}'.rstrip().replace('-', '−')
 
 
 @dataclass(frozen=True)
