@@ -1,5 +1,6 @@
 """The driver as a real process, before a real twin process and without one."""
 
+import re
 import socket
 import subprocess
 import sys
@@ -225,7 +226,9 @@ def test_killed_driver_leaves_the_stage_at_rest_and_a_new_one_takes_over(ros_env
         plant.close()
 
 
-def test_zaber_node_reports_a_pulled_cable_and_goes_on_after_the_reset(ros_env, tmp_path):
+def test_zaber_node_keeps_its_port_reports_a_pulled_cable_and_goes_on_after_the_reset(
+    ros_env, tmp_path
+):
     plant = StepperPlant(STEPPER)
     plant.reset([1000, 1000])
     link = tmp_path / 'zaber'
@@ -233,12 +236,20 @@ def test_zaber_node_reports_a_pulled_cable_and_goes_on_after_the_reset(ros_env, 
     command += arguments(port=link)
     with (
         ZaberPty(ZaberChain(plant), link=link) as server,
-        process(command, ros_env),
+        process(command, ros_env) as first,
         GraphClient('test_client') as client,
     ):
         client.watch(JointState, topics.JOINT_STATES)
         client.watch(DiagnosticArray, topics.DIAGNOSTICS)
         assert client.trigger('/stage_driver/home', PATIENCE) == 'homed: x, y'
+        second = [*command[:-1], f'port:={server.port}']
+        refused = subprocess.run(second, env=ros_env, capture_output=True, text=True)
+        assert refused.returncode == 2
+        assert re.search(
+            rf'stage_driver with pid {first.pid} \(since \d\d:\d\d\) holds the port '
+            rf'{server.port}: stop it, or give this driver another port',
+            refused.stderr,
+        )
         setpoints = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
         client.wait_for(lambda: setpoints.get_subscription_count() > 0, PATIENCE, 'the driver')
 
