@@ -14,7 +14,7 @@ from benchmarks.paper3_rig import norm_optimal_update
 from contour_ctrl import cmac, curves, friction, ilc, reference
 from contour_ctrl.cmac import CmacSettings
 from contour_ctrl.friction import LuGre
-from contour_ctrl.learning import Learner, LearningSettings
+from contour_ctrl.learning import FIRST_BAND, Learner, LearningSettings
 from contour_ctrl.reinforcement import LearningRate, defuzzified
 from contour_ctrl.tick import Controller, Gains
 from stage_core.errors import StageError
@@ -295,7 +295,8 @@ def test_learner_returns_to_the_best_iteration_when_its_own_signal_makes_the_err
         1e-5 * shape - 1e-5 * 3.0 * first / np.abs(first).max() * np.abs(shape).max(), weights
     )
     assert learner.returns == [False, True]
-    assert learner.rate == 0.5 and np.all(weights == 1.0)
+    # Rate and band are halved, and what the CMAC learned in the best iteration is forgotten.
+    assert learner.rate == 0.5 and learner.band == 0.5 * FIRST_BAND and np.all(weights == 0.0)
     assert learner.lead == pytest.approx([30, 30], abs=1)
     broken = shape.copy()
     broken[4] = np.nan

@@ -58,24 +58,64 @@ def learn(
     return rig.iterate(Controller(CIRCLE, how[0]), learner, count, forces(count)), learner
 
 
+def decays(mass: float, delay: float, gain: float, position_gain: float) -> bool:
+    """Whether the position of the x axis comes to rest after a push, without friction."""
+    axis, period, late = NOMINAL.servo('x'), 1e-3, round(1e3 * delay)
+    keep = np.exp(-period * axis.velocity_filter)
+    position = velocity = filtered = last = integral = 0.0
+    moved, forces = np.empty(20_000), np.zeros(20_000 + late)
+    for k in range(len(moved)):
+        moved[k] = position
+        filtered = keep * filtered + (1.0 - keep) * (position - last) / period
+        last = position
+        error = float(k == 0) - position_gain * position - filtered
+        forces[k + late] = gain * axis.velocity_gain * error + integral
+        integral += gain * axis.integral_gain * error * period
+        change = (forces[k] - axis.viscous * velocity) / (mass * axis.mass) * period
+        position += (velocity + 0.5 * change) * period
+        velocity += change
+        if abs(position) > 1.0:
+            return False
+    return bool(np.abs(moved[-2000:]).max() < 0.1 * np.abs(moved).max())
+
+
 @pytest.mark.parametrize('mass', [0.5, 1.0, 3.0])
 @pytest.mark.parametrize('delay', [0.0, 1e-3, 5e-3])
-@pytest.mark.parametrize('gain', [0.5, 1.5])
-def test_learning_recovers_or_the_loop_is_refused(mass: float, delay: float, gain: float) -> None:
+@pytest.mark.parametrize('gain', [0.5, 1.0, 1.5])
+@pytest.mark.parametrize('how', [DEFAULT, STIFF], ids=['default', 'stiff'])
+def test_learning_recovers_or_the_loop_is_refused(
+    how: tuple[Gains, LearningSettings], mass: float, delay: float, gain: float
+) -> None:
     try:
-        results, _ = learn(machine(mass, delay, gain), DEFAULT, 10)
+        results, _ = learn(machine(mass, delay, gain), how, 12)
     except StageError as refusal:
         assert 'oscillates' in str(refusal) and 'lower position_gain' in str(refusal)
-        assert delay == 5e-3 or (mass == 3.0 and gain == 0.5)
+        # Across the path the cross-coupling adds to the position gain.
+        assert not decays(mass, delay, gain, how[0].position[0] + how[0].cross_coupling)
         return
-    assert results[-1].contour_rms < 0.7 * results[0].contour_rms
-    assert results[-1].tracking_rms.sum() < 0.7 * results[0].tracking_rms.sum()
+    for rms in (
+        np.array([lap.contour_rms for lap in results]),
+        np.array([lap.tracking_rms.sum() for lap in results]),
+    ):
+        assert rms[-1] < 0.7 * rms[0]
+        # Without learning this one rings at 75 Hz, just below the cutoff.
+        marginal = how is STIFF and (mass, delay, gain) == (0.5, 1e-3, 1.0)
+        assert rms.max() <= (2.0 if marginal else 1.0) * rms[0]
 
 
 @pytest.mark.parametrize('mass', [1.5, 2.0, 3.0])
 def test_a_payload_is_learned_as_well_as_by_norm_optimal_learning(mass: float) -> None:
     rig = machine(mass)
     results, learner = learn(rig, STIFF, 30)
+    better = min(norm_optimal(rig, weight) for weight in (1e-4, 1e-6))
+    assert results[-1].contour_rms < 1.1 * better
+    assert results[-1].contour_rms < 0.25 * results[0].contour_rms
+    assert any(learner.returns) or mass < 3.0
+    assert max(lap.contour_rms for lap in results) == results[0].contour_rms
+
+
+def norm_optimal(rig: Rehearsal, change_weight: float) -> float:
+    """Contour RMS [m] of the norm-optimal peer in iteration 30."""
     peer = Controller(CIRCLE, Gains((167.0, 169.0), acceleration_feedforward=(0.0035, 0.0035)))
     models = [
         ilc.closed_loop_impulse(NOMINAL.servo(axis), peer.gains.position[i], 1e-3, 1000)
@@ -89,11 +129,7 @@ def test_a_payload_is_learned_as_well_as_by_norm_optimal_learning(mass: float) -
                 peer.record[:, EX + axis].copy(),
                 models[axis],
                 0.0,
-                1e-4,
+                change_weight,
                 1e-6,
             )
-    assert results[-1].contour_rms < 1.1 * figures.contour_rms
-    assert results[-1].contour_rms < 0.25 * results[0].contour_rms
-    assert any(learner.returns) or mass == 1.5
-    # Thrice the mass has to be seen before it is learned.
-    assert mass == 3.0 or max(lap.contour_rms for lap in results) == results[0].contour_rms
+    return float(figures.contour_rms)

@@ -78,6 +78,8 @@ def _reload(value: parameters.Values, controller: Controller, learner: Learner |
         learner.learned[:] = known.signal
     if known.weights.shape == controller.weights.shape:
         controller.weights[:] = known.weights
+        if learner is not None:
+            learner.began = known.weights.copy()
 
 
 class Planning:

@@ -201,6 +201,11 @@ class Controller:
         """Return the number of ticks."""
         return len(self.table)
 
+    @property
+    def adapts(self) -> bool:
+        """Whether a CMAC learns."""
+        return bool(self.settings[MODE] > 0.5 and self.settings[RATE] > 0.0)
+
     def freeze_cmac(self) -> None:
         """Keep the CMAC's weights as they are from now on."""
         self.settings[RATE], self.settings[KEEP] = 0.0, 1.0
