@@ -20,7 +20,7 @@ from gap_diagnosis.closed_loop.channels import (
 )
 from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.acceptance import FAR, Sides, refuted, shows, shrink_of
+from gap_diagnosis.evidence.acceptance import Sides, far_from_explained, refuted, shows, shrink_of
 from gap_diagnosis.evidence.describe import (
     describe,
     plain_values,
@@ -254,9 +254,9 @@ def _conclude(
     accepted = [c.effect for c in causes]
     structured = any(p.structure.structured and _shown(p, channels, floors, twin) for p in parts)
     floor = judge.noise_floor(seen, channels, effects)
-    # A gap far above its floor is not explained by naming nothing; rests scatter by themselves.
-    far = twin.kind != 'stepper' and before > FAR * floor
-    structured = structured or bool(not accepted and far) or not prepared.laws_known
+    # Rests scatter by themselves.
+    far = twin.kind != 'stepper' and far_from_explained(before, after, floor, bool(accepted))
+    structured = structured or far or not prepared.laws_known
     verdict = accepted + ([UNKNOWN] if structured else [])
     progress('where the gap lies')
     found = _conditions(scored, records, twin, parts, seed)

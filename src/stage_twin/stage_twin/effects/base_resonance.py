@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
-from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.structural_resonance import HIGHEST_MOUNT, mode, swinging
-from stage_twin.effects.term import Array, Term
+from stage_twin.effects.rows import ForceRows, TrackerRows
+from stage_twin.effects.structural_resonance import HIGHEST_MOUNT, carried_mass, mode, swinging
+from stage_twin.effects.term import Array, Term, constant
+
+#: Highest frequency of mounts that a search admits [Hz].
+HIGHEST = 40.0
+#: Of a base that carries the table past a tracker on the floor, the share of its motion that is
+#: found lies within this factor of 1: by then its mass ratio is known to a few percent.
+ON_THE_FLOOR = 1.15
 
 EFFECT = Effect(
     name='base_resonance',
@@ -25,6 +33,16 @@ EFFECT = Effect(
         Parameter('damping', '', 0.0, 0.9, 0.05, 'damping ratio of that mode', neutral=None),
         Parameter(
             'mass_ratio', '', 0.0, 0.8, 0.1, 'moving mass as a share of the machine with it'
+        ),
+        Parameter(
+            'floor_share',
+            '',
+            0.0,
+            1.5,
+            0.0,
+            "share of the base's motion that the tracker sees; 1: it stands on the floor, "
+            '0: on the machine',
+            neutral=None,
         ),
     ),
     model="The base swings on springs and dampers: b'' + 2 d w b' + w^2 b = -mass_ratio * p'', "
@@ -72,6 +90,11 @@ def force(
     return -mass / (1.0 - mass_ratio) * (end - rate) / step
 
 
+def follow(state: Array, position: float, floor_share: float) -> float:
+    """Position of the table as the tracker sees it [m]: it rides on the base."""
+    return position + floor_share * state[0]
+
+
 def term(rows: ForceRows) -> Term:
     """The reaction of the base; θ is its frequency and damping."""
     return Term(
@@ -79,9 +102,30 @@ def term(rows: ForceRows) -> Term:
         mode,
         grid=tuple((f, z) for f in (4.0, 6.0, 9.0, 13.0, 19.0, 27.0) for z in (0.02, 0.1)),
         lower=(2.0, 0.0),
-        upper=(40.0, 0.4),
+        upper=(HIGHEST, 0.4),
         admissible=lambda theta, c: bool(
             0.0 < c[0] < 0.8 and 2.5 < theta[0] < 38.0 and theta[1] < 0.35
         ),
         usual=lambda theta: theta[0] < HIGHEST_MOUNT,
+    )
+
+
+def table_term(rows: TrackerRows) -> Term | None:
+    """How far the table rides on the base, where the tracker stands on the floor.
+
+    The motion of the base is that of the force's mode with its mass ratio, so one number is left.
+    A load on a spring moves by more than that: it makes the same force with any other share.
+    """
+    known = rows.found('base_resonance') or rows.found('structural_resonance')
+    if rows.rests or not known or known['frequency'] > HIGHEST:
+        return None
+    mounts = known['frequency'], known['damping']
+    base = [
+        known['mass_ratio'] * carried_mass(q - q[0], rows.period, *mounts)
+        for q in rows.calm_encoder()
+    ]
+    return Term(
+        constant(rows.along(rows.smooth_at_points(base))),
+        lambda theta, c: {**mode(mounts, np.zeros(1)), 'floor_share': float(c[0])},
+        admissible=lambda theta, c: 1.0 / ON_THE_FLOOR < c[0] < ON_THE_FLOOR,
     )
