@@ -35,13 +35,14 @@ from gap_diagnosis.law.learn import Law, learn
 from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.recording import jitter_findings
+from gap_diagnosis.residuals.tracker_jitter import tracker_jitter, tracker_speeds
 from gap_diagnosis.residuals.unrecorded import DriveLaw, widened
 from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import effect_of, link_of
+from stage_twin.effects import effect_of, link_of, misreads
 from stage_twin.packing import pack
 
 if TYPE_CHECKING:
@@ -206,7 +207,8 @@ def _diagnose(
                 found = widened(found, before.laws[axis])
         for name, values in found.items():
             parameters[name] = surer(parameters.get(name, {}), values)
-    parameters.update(_allowed(jitter_findings(records, twin, parameters), without))
+    jitter = jitter_findings(records, twin, parameters, tracker_jitter(parts))
+    parameters.update(_allowed(jitter, without))
     progress('closed-loop replay of the nominal and of the corrected twin')
     effects = plain_values(parameters)
     channels = gap_channels(records, twin, effects, parts)
@@ -252,8 +254,10 @@ def _conclude(
     # The largest contribution to the gap first.
     causes.sort(key=lambda c: -(c.gap_before - c.gap_after))
     accepted = [c.effect for c in causes]
-    structured = any(p.structure.structured and _shown(p, channels, floors, twin) for p in parts)
-    floor = judge.noise_floor(seen, channels, effects)
+    structured = any(
+        p.structure.structured and _shown(p, channels, floors, twin, accepted) for p in parts
+    )
+    floor = judge.noise_floor(seen, channels, effects, tracker_speeds(records))
     # Rests scatter by themselves.
     far = twin.kind != 'stepper' and far_from_explained(before, after, floor, bool(accepted))
     structured = structured or far or not prepared.laws_known
@@ -340,13 +344,26 @@ def _cause(
 
 
 def _shown(
-    part: Part, channels: dict[str, Channel], floors: dict[str, float], twin: TwinFile
+    part: Part,
+    channels: dict[str, Channel],
+    floors: dict[str, float],
+    twin: TwinFile,
+    accepted: Sequence[str],
 ) -> bool:
-    """Whether the encoder shows what a force balance leaves; a tracker's residual shows itself."""
-    encoder = channels.get(f'encoder.{part.name[-1]}')
+    """Whether the encoder shows what a force balance leaves; a tracker's residual shows itself.
+
+    The balance differentiates what the encoder reads. Where the tracker shows that it misreads,
+    the twin's run tells what is left beside that, as a share of the squared gap.
+    """
+    axis = part.name[-1]
+    encoder = channels.get(f'encoder.{axis}')
     if not part.name.startswith('servo') or encoder is None or twin.kind != 'servo':
         return True
-    return shows(encoder.rms('after'), floors[encoder.name])
+    floor = floors[encoder.name]
+    if any(misreads(n) for n in accepted if split_effect(n)[1] == axis):
+        left = encoder.rms('after') ** 2 - floor**2
+        return left > judge.SERVO_STRUCTURE * encoder.rms('before') ** 2
+    return shows(encoder.rms('after'), floor)
 
 
 def _judged(name: str, twin: TwinFile, parts: list[Part]) -> bool:

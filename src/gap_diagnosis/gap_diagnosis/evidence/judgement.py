@@ -201,14 +201,23 @@ def channel_floor(twin: TwinFile, channel: str, resolution: float | None = None)
 
 
 def noise_floor(
-    twin: TwinFile, channels: dict[str, Channel], effects: dict[str, dict[str, float]]
+    twin: TwinFile,
+    channels: dict[str, Channel],
+    effects: dict[str, dict[str, float]],
+    tracker_speeds: dict[str, float],
 ) -> float:
-    """Root mean of the floors of the position channels of the corrected twin [m]."""
+    """Root mean of the floors of the position channels of the corrected twin [m].
+
+    `tracker_speeds` are those of the axes at the tracker points [m/s], by which stamps that
+    scatter move them.
+    """
     squares = []
+    jitter = effects.get('sample_jitter', {}).get('tracker_std', 0.0)
     for name, channel in channels.items():
         if channel.unit == 'm':
             step = effects.get(f'encoder_quantisation.{name[-1]}', {}).get('resolution')
-            squares.append(channel_floor(twin, name, step) ** 2)
+            moved = jitter * tracker_speeds[name[-1]] if name.startswith('tracker') else 0.0
+            squares.append(channel_floor(twin, name, step) ** 2 + moved**2)
     return math.sqrt(float(np.mean(squares)))
 
 

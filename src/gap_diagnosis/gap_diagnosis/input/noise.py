@@ -93,7 +93,7 @@ def axis_noise(
     chosen = fast if np.count_nonzero(fast) >= LEAST_BLOCKS else np.ones(len(power), dtype=bool)
     if np.count_nonzero(chosen) < LEAST_BLOCKS:
         return AxisNoise(least, 0.0, effort, quantum)
-    white, jitter, deviation = _speed_fit(power[chosen], square[chosen])
+    white, jitter, deviation = speed_fit(power[chosen], square[chosen])
     if jitter <= SURE * deviation or jitter * float(np.mean(square[chosen])) < least**2:
         white, jitter = float(np.median(power[chosen])), 0.0
     if white < CLEARLY * least**2:
@@ -118,7 +118,7 @@ def sampling_jitter(
     fast = moved > FAST * quantum / period
     if np.count_nonzero(fast) < LEAST_BLOCKS:
         return None
-    white, jitter, deviation = _speed_fit(power[fast], square[fast])
+    white, jitter, deviation = speed_fit(power[fast], square[fast])
     if LEAST_JITTER * period * np.quantile(moved, 0.95) < math.sqrt(max(white, quantum**2 / 12)):
         return None
     if jitter <= SURE * deviation:
@@ -150,32 +150,32 @@ def jitter_finding(
 
 def _blocks(position: Array, period: float, whole: Mask) -> tuple[Array, Array, Array]:
     """Of each block: variance of white noise [m²], mean square and root of it of the speed."""
-    rough = _rough(position)
-    count = len(rough) // BLOCK
+    rapid = rough(position)
+    count = len(rapid) // BLOCK
     inner = slice(ORDER // 2, ORDER // 2 + count * BLOCK)
     use = whole[inner].reshape(count, BLOCK).all(axis=1)
     # Over some ticks: noise of a difference falls with the length of it.
     moves = np.diff(position[inner].reshape(count, -1, SHORT)[:, :, [0, -1]], axis=2)[:, :, 0]
     square = np.mean((moves / ((SHORT - 1) * period)) ** 2, axis=1)
-    power = np.mean(rough[: count * BLOCK].reshape(count, BLOCK) ** 2, axis=1)
+    power = np.mean(rapid[: count * BLOCK].reshape(count, BLOCK) ** 2, axis=1)
     return power[use], square[use], np.sqrt(square[use])
 
 
-def _rough(signal: Array) -> Array:
+def rough(signal: Array) -> Array:
     """Sixth difference (n - 6, …) of a signal (n, …), scaled to keep the variance of noise."""
     return np.asarray(np.diff(signal, ORDER, axis=0) / math.sqrt(math.comb(2 * ORDER, ORDER)))
 
 
 def white_part(signal: Array, whole: Mask) -> float:
     """Standard deviation of what is white in a signal (n,), in most of its blocks."""
-    rough = _rough(signal)
-    count = len(rough) // BLOCK
+    rapid = rough(signal)
+    count = len(rapid) // BLOCK
     inner = slice(ORDER // 2, ORDER // 2 + count * BLOCK)
     use = whole[inner].reshape(count, BLOCK).all(axis=1)
     if not use.any():
         return 0.0
     return math.sqrt(
-        float(np.median(np.mean(rough[: count * BLOCK].reshape(count, BLOCK) ** 2, axis=1)[use]))
+        float(np.median(np.mean(rapid[: count * BLOCK].reshape(count, BLOCK) ** 2, axis=1)[use]))
     )
 
 
@@ -187,18 +187,18 @@ def tracker_noise(difference: Array, speed: Array, encoder: float) -> float:
     speed : (m,) of the machine at the points [m/s]
     encoder : noise of the encoders, root mean square over the axes [m]; it is taken out
     """
-    rough = _rough(difference)
-    count = len(rough) // TRACKER_BLOCK
+    rapid = rough(difference)
+    count = len(rapid) // TRACKER_BLOCK
     if count < LEAST_BLOCKS:
         return 0.0
-    power = np.mean(rough[: count * TRACKER_BLOCK].reshape(count, -1) ** 2, axis=1)
+    power = np.mean(rapid[: count * TRACKER_BLOCK].reshape(count, -1) ** 2, axis=1)
     at = speed[ORDER // 2 : ORDER // 2 + count * TRACKER_BLOCK].reshape(count, -1).max(axis=1)
     slow = power[at <= np.quantile(at, QUIET)]
     calm = slow[slow <= WILD * float(np.median(slow))]
     return math.sqrt(max(float(np.mean(calm)) - encoder**2, 0.0))
 
 
-def _speed_fit(power: Array, square: Array) -> tuple[float, float, float]:
+def speed_fit(power: Array, square: Array) -> tuple[float, float, float]:
     """Power = white + jitter · speed², each block weighed by its own expected scatter.
 
     White noise [m²], squared jitter [s²] and the standard deviation of the latter.

@@ -93,19 +93,29 @@ def _found(records: list[Record], twin: TwinFile, without: Sequence[str]) -> dic
 
 
 def jitter_findings(
-    records: list[Record], twin: TwinFile, found: Mapping[str, object]
+    records: list[Record],
+    twin: TwinFile,
+    found: Mapping[str, object],
+    points: tuple[float, float] | None,
 ) -> dict[str, Parameters]:
     """`sample_jitter` where the moments of reading scatter otherwise than the twin says.
 
-    An encoder that errs within its period scatters like late samples: it is not asked.
+    An encoder that errs within its period scatters like late samples: it is not asked. `points`
+    is the jitter of the tracker's points, where they show one.
     """
+    least = LEAST_JITTER * twin.control_period
     noises = [r.noise for r in records if r.noise is not None]
     doubted = [f'encoder_interpolation.{axis}' in found for axis in records[0].axes]
     jitter = jitter_finding(noises, twin.control_period, doubted)
-    stated = twin.effects.get('sample_jitter', {}).get('std', 0.0)
-    if jitter is None or abs(jitter[0] - stated) < LEAST_JITTER * twin.control_period:
+    stated = twin.effects.get('sample_jitter', {})
+    if jitter is None or abs(jitter[0] - stated.get('std', 0.0)) < least:
+        jitter = None
+    if points is not None and abs(points[0] - stated.get('tracker_std', 0.0)) < least:
+        points = None
+    if jitter is None and points is None:
         return {}
-    return {'sample_jitter': {'std': jitter}}
+    none = (0.0, 0.0)
+    return {'sample_jitter': {'std': jitter or none, 'tracker_std': points or none}}
 
 
 def _converted(

@@ -70,6 +70,11 @@ def link_of(name: str) -> str:
     return effect_of(name).link
 
 
+def misreads(name: str) -> bool:
+    """Whether the encoder reads another position by this effect, with or without its axis."""
+    return hasattr(MODULES[split_effect(name)[0]], 'read')
+
+
 def terms(candidates: Mapping[str, Any]) -> dict[str, Term]:
     """What effects add to a residual; one that these rows cannot show is left out.
 
