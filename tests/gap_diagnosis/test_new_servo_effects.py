@@ -76,3 +76,18 @@ def test_a_base_on_soft_mounts_is_named_and_what_makes_the_same_force_beside_it(
         assert found.parameters['base_resonance.x'][name][0] == pytest.approx(
             values[name], rel=0.1
         )
+
+
+def test_a_base_is_named_at_any_frequency_where_the_tracker_stands_on_the_floor(
+    planted: Maker,
+) -> None:
+    values = {'frequency': 20.0, 'damping': 0.05, 'mass_ratio': 0.3, 'floor_share': 1.0}
+    session = planted({'base_resonance.x': values}, duration=12.0)
+    twin = TwinFile.nominal_servo()
+    twin = TwinFile.from_dict({**twin.to_dict(), 'axes': {'x': twin.to_dict()['axes']['x']}})
+    found = diagnose([session], [], twin)
+    assert found.verdict == ['base_resonance.x']
+    values = {key: value for key, (value, _) in found.parameters['base_resonance.x'].items()}
+    assert values['frequency'] == pytest.approx(20.0, rel=0.05)
+    # What the tracker sees of the base; its share alone is as sure as the mass ratio is.
+    assert values['mass_ratio'] * values['floor_share'] == pytest.approx(0.3, rel=0.05)

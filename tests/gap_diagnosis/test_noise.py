@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.evidence.acceptance import far_from_explained
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.report.document import as_dict
@@ -149,3 +150,21 @@ def test_a_right_twin_is_not_blamed_for_noise(planted: Maker, white: float, jitt
     assert noise['encoder.x'] == {'std': measured.axes[0].position, 'unit': 'm'}
     assert noise['jitter.x']['std'] == pytest.approx(jitter, rel=0.1)
     assert found.noise_floor > 1.5e-6
+
+
+def test_stamps_of_the_tracker_that_scatter_are_named(planted: Maker) -> None:
+    values = {'std': 0.0, 'tracker_std': 5e-4}
+    session = planted({'sample_jitter': values}, axes=('x', 'y'), duration=12.0)
+    found = diagnose([session], [], TwinFile.nominal_servo())
+    assert found.verdict == ['sample_jitter']
+    estimate, deviation = found.parameters['sample_jitter']['tracker_std']
+    assert estimate == pytest.approx(5e-4, rel=0.1)
+    assert 0.0 < deviation < 5e-5
+
+
+def test_a_gap_far_above_its_floor_is_not_explained_by_a_name_either() -> None:
+    # Floors of 1 um; the third leaves little of a gap that was much larger.
+    assert far_from_explained(9e-6, 7e-6, 1e-6, named=True)
+    assert not far_from_explained(9e-6, 3e-6, 1e-6, named=True)
+    assert not far_from_explained(90e-6, 7e-6, 1e-6, named=True)
+    assert far_from_explained(3e-6, 3e-6, 1e-6, named=False)

@@ -34,7 +34,8 @@ Compiled, of the machine: ``plane`` takes x and y and gives the table's x and y.
 In Python: ``prepare(axis)`` changes the fields of an axis; ``stiffness()`` is that of a friction
 before it slides; ``command(force, velocity, step)`` inverts ``drive`` for forces (n,);
 ``recorded(force)`` is the effort that is recorded of forces (n,), ``tick_stamp(times)`` the
-stamps of ticks; ``stamp(times)`` and ``true_time(stamps)`` carry times (n,) to the tracker's
+stamps of ticks, ``point_stamp(times)`` those of tracker points that scatter;
+``stamp(times)`` and ``true_time(stamps)`` carry times (n,) to the tracker's
 stamps and back; ``seen(points)`` carries table positions (m, 3) to its frame.
 """
 
@@ -218,6 +219,11 @@ def recorded(row: np.ndarray, force: np.ndarray) -> np.ndarray:
 def tick_stamp(common: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Stamps (n,) [s] of ticks at some times of the session [s]."""
     return np.asarray(_applied('tick_stamp', common, times, 'times'))
+
+
+def point_stamp(common: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Stamps [s] that scatter about those of the tracker's clock."""
+    return np.asarray(_applied('point_stamp', common, times, 'times'))
 
 
 def stamp(common: np.ndarray, times: np.ndarray) -> np.ndarray:

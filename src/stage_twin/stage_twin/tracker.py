@@ -70,6 +70,7 @@ def measure(
     -------
     Stamps (m,) [s] and points (m, 3) [m]; none where the twin has no tracker.
     """
+    own = stamps is None
     if stamps is None:
         rate = twin.tracker.rate if twin.tracker is not None else 0.0
         duration = (table.shape[0] - 1) * arrays.period
@@ -81,4 +82,4 @@ def measure(
     points = to_tracker_frame(arrays.common, seen)
     if noise and twin.tracker is not None:
         points += twin.tracker.noise * np.random.default_rng(seed).standard_normal(points.shape)
-    return stamps, points
+    return (hooks.point_stamp(arrays.common, stamps) if own else stamps), points

@@ -38,7 +38,6 @@ def tick_stamp(times: Array, std: float) -> Array:
     return np.asarray(np.maximum.accumulate(times + noise))
 
 
-def stamp(times: Array, tracker_std: float) -> Array:
+def point_stamp(times: Array, tracker_std: float) -> Array:
     """Stamps (m,) [s] of tracker points at some times [s], in order; the same for as many."""
-    noise = tracker_std * np.random.default_rng(len(times)).standard_normal(len(times))
-    return np.asarray(np.maximum.accumulate(times + noise))
+    return tick_stamp(times, tracker_std)
