@@ -107,7 +107,7 @@ def error_signals(rows: Kinematics, axis: str) -> Signals:
     """Variables of the error of the table along an axis [m], at the tracker's points."""
     own = rows.of(axis)
     i = own.axes.index(axis)
-    path = own.encoder()
+    path = own.path()
     ticks = {
         'p': path,
         'v': [

@@ -178,15 +178,18 @@ class Kinematics:
         """Parameters that the servo link gave to an effect of the axis; empty without it."""
         return self.servo.get(f'{effect}.{self.axis}', {})
 
-    def encoder(self) -> list[Array]:
-        """Path of the axis at every tick [m], without what play would take for turns."""
+    def path(self) -> list[Array]:
+        """Path of the axis at every tick [m], without noise beyond the encoder's steps."""
         i, out = self._column, []
         for record in self.records:
             noisy = record.noise is not None and record.noise.axes[i].beyond_steps
             q = record.encoder[:, i]
-            path = smooth(q, record.period, PATH) if noisy else q
-            out.append(path if self.rests else sure_turns(path, self.step))
+            out.append(smooth(q, record.period, PATH) if noisy else q)
         return out
+
+    def encoder(self) -> list[Array]:
+        """The path without what play would take for turns [m]."""
+        return [p if self.rests else sure_turns(p, self.step) for p in self.path()]
 
     def calm_encoder(self) -> list[Array]:
         """Encoder of the axis at every tick without what is above 90 Hz [m]."""

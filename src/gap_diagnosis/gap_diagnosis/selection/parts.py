@@ -266,10 +266,19 @@ def _modelled(problem: Problem, selection: Selection, residual: Array) -> Array:
 
 
 def _residual(problem: Problem, selection: Selection) -> Array:
-    """Residual of a selection in rows as they were measured."""
+    """Residual of a selection in rows as they were measured.
+
+    A held-out session has the nuisances that its own prefix gave.
+    """
+    fit = selection.fit
     residual = problem.target.copy()
-    for name, theta in selection.fit.thetas.items():
-        residual -= problem.terms[name].share(theta, selection.fit.coefficients[name])
+    for name, theta in fit.thetas.items():
+        share = problem.terms[name].share(theta, fit.coefficients[name]).copy()
+        for number, refitted in fit.sessions.items():
+            if name in refitted:
+                rows = problem.record == number
+                share[rows] = problem.terms[name].share(theta, refitted[name])[rows]
+        residual -= share
     return residual
 
 
