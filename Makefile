@@ -22,8 +22,8 @@ kernels: venv
 session: kernels
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" $(PYTHON_ENV) -m stage_bringup.session $(SESSION)
 
-# Tests wait more than they compute: four processes on two cores. A file stays in one process.
-SIDE_BY_SIDE := -n 4 --dist loadfile --no-loadscope-reorder
+# Tests wait more than they compute: two processes on two cores. A file stays in one process.
+SIDE_BY_SIDE := -n 2 --dist loadfile --no-loadscope-reorder
 test: kernels
 	$(PYTHON_ENV) -m pytest -q $(SIDE_BY_SIDE) --session-timeout=4200 $(PYTEST)
 
