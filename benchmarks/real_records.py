@@ -23,7 +23,8 @@ import numpy as np
 
 from benchmarks.blind.run import commit
 from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.result import Diagnosis
 from session_bags import (
     convert_emps,
     convert_ess_tank,

@@ -12,10 +12,11 @@ from typing import Any
 from benchmarks.calibrate.sessions import Sample, samples
 from benchmarks.calibrate.truth import in_report_terms
 from benchmarks.generators.score import judged
-from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.evidence.probability import kind_of
 from gap_diagnosis.report.document import as_dict
+from gap_diagnosis.result import Diagnosis
 from session_bags.archive import Where, map_items
 from stage_core.errors import StageError
 

@@ -21,9 +21,10 @@ import numpy as np
 
 from benchmarks.blind.run import commit
 from benchmarks.experiment.machine import PERIOD, Array, Case, draw, nominal, poor_motion, record
-from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.experiment.motions import Limits, Motion, sample
 from gap_diagnosis.experiment.propose import limits_of, propose
+from gap_diagnosis.result import Diagnosis
 from stage_core.errors import StageError
 from stage_core.whole_file import write_whole
 

@@ -24,7 +24,7 @@ from benchmarks.blind.machine import NOMINAL, Recording, moves, record
 from benchmarks.blind.session import as_session, run_machine
 from benchmarks.blind.suites import SAME
 from benchmarks.laws import planted, written
-from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.law.learn import (
     axis_problem,
@@ -33,6 +33,7 @@ from gap_diagnosis.law.learn import (
 from gap_diagnosis.law.signals import error_signals, force_signals
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.result import Diagnosis
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS as LIBRARY

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.experiment.machine import session
-from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.result import Diagnosis
 from stage_core.session import Session
 from stage_core.twin_file import TrackerSpec, TwinFile
 

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.residuals.controller import controller_findings
+from gap_diagnosis.result import Diagnosis
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import ServoAxis, TrackerSpec, TwinFile

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.report import document as report
+from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.service import run
 from session_bags.writer import write_session
 from stage_core.session import Session

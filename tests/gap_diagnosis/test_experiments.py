@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from contour_ctrl.contour_parameters import PARAMETERS, make_timed
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence.judgement import name_beside_unknown
 from gap_diagnosis.experiment import motions
 from gap_diagnosis.experiment.design import Experiment, design
@@ -19,6 +18,7 @@ from gap_diagnosis.experiment.prediction import Noise, Predictor
 from gap_diagnosis.experiment.questions import Pair
 from gap_diagnosis.experiment.separation import Predicted, decided, margin
 from gap_diagnosis.report import experiment as file
+from gap_diagnosis.result import Diagnosis
 from stage_core.errors import StageError
 from stage_core.pages import Page
 from stage_core.twin_file import TwinFile

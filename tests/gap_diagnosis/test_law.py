@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.law.equation import per
 from gap_diagnosis.law.learn import law_of
 from gap_diagnosis.law.signals import Signals
 from gap_diagnosis.report import document, page
 from gap_diagnosis.residuals.nominal import Prediction
 from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.result import Diagnosis
 from stage_twin.effects.friction import presliding_state
 
 PERIOD = 5e-3

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.acceptance import far_from_explained
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.report.document import as_dict
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.result import Diagnosis
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import TwinFile

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from gap_diagnosis.diagnose import Diagnosis, diagnose
+from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.result import Diagnosis
 from stage_core.session import Series, Session
 from stage_core.twin_file import TrackerSpec, TwinFile
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,16 +26,16 @@ from gap_diagnosis.evidence.describe import (
     surer,
     with_model_error,
 )
-from gap_diagnosis.evidence.localise import Condition, conditions, features
+from gap_diagnosis.evidence.localise import conditions_of
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record, held_out_windows
-from gap_diagnosis.law.learn import Law, learn
+from gap_diagnosis.law.learn import learn
 from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
-from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.recording import jitter_findings
 from gap_diagnosis.residuals.tracker_jitter import tracker_jitter, tracker_speeds
-from gap_diagnosis.residuals.unrecorded import DriveLaw, widened
+from gap_diagnosis.residuals.unrecorded import widened
+from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import UNKNOWN, split_effect
@@ -46,59 +45,9 @@ from stage_twin.effects import effect_of, link_of, misreads
 from stage_twin.packing import pack
 
 if TYPE_CHECKING:
-    from gap_diagnosis.experiment.design import Experiment
-    from gap_diagnosis.report.model import Mended
+    pass
 
 Array = NDArray[np.float64]
-
-
-@dataclass
-class Diagnosis:
-    """Everything that the reports say."""
-
-    sessions: list[str]
-    twin_name: str
-    twin: TwinFile
-    records: list[Record]
-    parts: list[Part]
-    channels: dict[str, Channel]
-    windows: list[tuple[float, float]]
-    before: float
-    after: float
-    noise_floor: float
-    accepted: list[str]
-    parameters: dict[str, dict[str, tuple[float, float]]]
-    causes: list[judge.Cause]
-    verdict: list[str]
-    conditions: list[Condition]
-    axes_share: dict[str, float]
-    link: str
-    unexplained: float
-    structured: bool
-    warnings: list[str] = field(default_factory=list)
-    laws: list[Law] = field(default_factory=list)
-    #: What became of the user's own model, where the twin was read from one.
-    model: Mended | None = None
-    #: By axis, what stands for the forces where none are recorded.
-    drives: dict[str, DriveLaw] = field(default_factory=dict)
-    #: The motion that would decide what is open, where there is one.
-    experiment: Experiment | None = None
-
-    @property
-    def simulators(self) -> list[str]:
-        """The bags of a simulator that stand in place of the twin's prediction."""
-        return [r.simulated.name for r in self.records if r.simulated is not None]
-
-    @property
-    def effects(self) -> dict[str, dict[str, float]]:
-        """The accepted effects as a twin file holds them."""
-        return {n: {k: v for k, (v, _) in self.parameters[n].items()} for n in self.accepted}
-
-    @property
-    def corrected_twin(self) -> TwinFile:
-        """The nominal twin with the accepted effects and the laws of the remainder in it."""
-        laws = {law.effect: law.values for law in self.laws if law.runs}
-        return merged(self.twin, {**self.effects, **laws})
 
 
 def silent(message: str) -> None:
@@ -263,7 +212,7 @@ def _conclude(
     structured = structured or far or not prepared.laws_known
     verdict = accepted + ([UNKNOWN] if structured else [])
     progress('where the gap lies')
-    found = _conditions(scored, records, twin, parts, seed)
+    found = conditions_of(scored, records, twin, parts, seed)
     shares, worst = axis_shares(records[0].axes, channels, seen)
     link = link_of(accepted[0]) if accepted else worst
     others = judge.rejected_causes(parts, accepted, structured, before, after)
@@ -374,35 +323,3 @@ def _judged(name: str, twin: TwinFile, parts: list[Part]) -> bool:
     """
     exact = any(name in p.problem.before for p in parts)
     return bool(parts) and twin.kind != 'stepper' and not exact
-
-
-def _conditions(
-    scored: list[Record], records: list[Record], twin: TwinFile, parts: list[Part], seed: int
-) -> list[Condition]:
-    found: list[Condition] = []
-    total = {}
-    for part in parts:
-        for i, axis in enumerate(records[0].axes):
-            # One session's bags at a time: the conditions are functions of its own time.
-            rows = (part.row_axis == i) & (part.problem.record == 0)
-            if not rows.any():
-                continue
-            excess = float(np.mean(part.problem.gap[rows] ** 2)) - part.problem.floor**2
-            total[part.name, axis] = excess / part.problem.floor**2
-            if excess < 0.5 * part.problem.floor**2:
-                continue
-            record = records[0]
-            time = part.problem.time[rows]
-            step = max(1, len(time) // 6000)
-            lead = float(getattr(twin.axes[axis], 'lead', 0.01))
-            bases = features(record, axis, time[::step], lead, twin.temperature_reference)
-            link = 'servo' if part.name.startswith('servo') else 'kinematic'
-            found += conditions(
-                part.problem.gap[rows][::step],
-                bases,
-                part.problem.block[rows][::step],
-                axis,
-                link,
-                seed,
-            )
-    return sorted(found, key=lambda c: (c.p_value >= 0.05, -c.share))

@@ -17,6 +17,12 @@ from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.input.stepper import load_stepper_record
 from gap_diagnosis.residuals.controller import controller_findings, with_read_gains
 from gap_diagnosis.residuals.kinematics import Kinematics
+from gap_diagnosis.residuals.measured_noise import (
+    rest_scatter,
+    with_mean_points,
+    with_noise,
+    with_steps,
+)
 from gap_diagnosis.residuals.nominal import sensor_frame, with_counted_steps
 from gap_diagnosis.residuals.recording import in_newtons
 from gap_diagnosis.residuals.servo import Servo
@@ -29,10 +35,6 @@ from gap_diagnosis.selection.parts import (
     Part,
     fit_part,
     fit_servo,
-    rest_scatter,
-    with_mean_points,
-    with_noise,
-    with_steps,
 )
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect

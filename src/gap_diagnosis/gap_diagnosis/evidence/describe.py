@@ -8,7 +8,7 @@ import numpy as np
 
 from gap_diagnosis.evidence.calibrated import SPREAD
 from gap_diagnosis.residuals.regression import Regression, Theta
-from gap_diagnosis.selection.forward import Selection
+from gap_diagnosis.selection.model import Selection
 from stage_twin.effects import effect_of, link_of
 
 

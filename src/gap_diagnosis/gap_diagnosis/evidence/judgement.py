@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import encoder_step
 from gap_diagnosis.residuals.problem import Problem
-from gap_diagnosis.selection.forward import Evidence
+from gap_diagnosis.selection.model import Evidence
 from stage_core.quantities import UNKNOWN
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of
 
 if TYPE_CHECKING:
-    from gap_diagnosis.diagnose import Channel, Part
+    from gap_diagnosis.closed_loop.channels import Channel
+    from gap_diagnosis.selection.parts import Part
 
 Array = NDArray[np.float64]
 

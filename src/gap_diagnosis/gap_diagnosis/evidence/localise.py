@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.operators import central_difference, second_difference, smooth
+from stage_core.twin_file import TwinFile
 from stage_twin.effects.friction import presliding_state
+
+if TYPE_CHECKING:
+    from gap_diagnosis.selection.parts import Part
 
 Array = NDArray[np.float64]
 
@@ -106,3 +112,34 @@ def _frequency(target: Array, axis: str, link: str) -> Condition:
     p_value = min(1.0, len(power) * (1.0 - g) ** (len(power) - 1))
     share = float(power.max() / np.sum(np.abs(np.fft.rfft(target)[1:]) ** 2))
     return Condition('frequency_band', axis, link, share, p_value)
+
+
+def conditions_of(
+    scored: list[Record], records: list[Record], twin: TwinFile, parts: Sequence[Part], seed: int
+) -> list[Condition]:
+    """Conditions of the gap in every part, the surest and largest first."""
+    found: list[Condition] = []
+    for part in parts:
+        for i, axis in enumerate(records[0].axes):
+            # One session's bags at a time: the conditions are functions of its own time.
+            rows = (part.row_axis == i) & (part.problem.record == 0)
+            if not rows.any():
+                continue
+            excess = float(np.mean(part.problem.gap[rows] ** 2)) - part.problem.floor**2
+            if excess < 0.5 * part.problem.floor**2:
+                continue
+            record = records[0]
+            time = part.problem.time[rows]
+            step = max(1, len(time) // 6000)
+            lead = float(getattr(twin.axes[axis], 'lead', 0.01))
+            bases = features(record, axis, time[::step], lead, twin.temperature_reference)
+            link = 'servo' if part.name.startswith('servo') else 'kinematic'
+            found += conditions(
+                part.problem.gap[rows][::step],
+                bases,
+                part.problem.block[rows][::step],
+                axis,
+                link,
+                seed,
+            )
+    return sorted(found, key=lambda c: (c.p_value >= 0.05, -c.share))

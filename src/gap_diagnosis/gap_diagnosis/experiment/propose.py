@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.experiment.design import Experiment, design
 from gap_diagnosis.experiment.motions import Limits
 from gap_diagnosis.experiment.prediction import Noise, Predictor
 from gap_diagnosis.experiment.questions import open_pairs
 from gap_diagnosis.residuals.force_rows import ATTENUATION, CUTS, ForceRows
+from gap_diagnosis.result import Diagnosis
 
 Array = NDArray[np.float64]
 Travel = Mapping[str, tuple[float, float]]

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence.acceptance import SIGMAS, defining
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.experiment import unseen
 from gap_diagnosis.experiment.prediction import Predictor
 from gap_diagnosis.residuals.regression import Fit
-from gap_diagnosis.selection.forward import Selection
+from gap_diagnosis.result import Diagnosis
+from gap_diagnosis.selection.model import Selection
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_twin.effects import effect_of

@@ -12,11 +12,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence.acceptance import defining
 from gap_diagnosis.experiment.prediction import Predictor
 from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.result import Diagnosis
 from stage_core.errors import StageError
 from stage_twin.effects import EFFECTS, effect_of
 

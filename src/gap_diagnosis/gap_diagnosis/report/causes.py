@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.report.words import status_words
+from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import split_effect
 from stage_core.wording import effect_words, with_std

@@ -7,11 +7,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.law.learn import Law
 from gap_diagnosis.report import forces
 from gap_diagnosis.report.experiment import as_dict as as_entry
+from gap_diagnosis.result import Diagnosis
 from stage_core.quantities import split_effect
 from stage_core.whole_file import write_whole
 from stage_twin.effects import EFFECTS

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.experiment.design import Experiment
+from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN
 from stage_core.whole_file import write_whole

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gap_diagnosis.closed_loop.channels import Channel
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.report.words import condition_words
+from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array, canvas, envelope, styled
 from stage_core.theme import BLUE, MUTED, ORANGE, RULE
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.residuals.unrecorded import NOT_TOLD
+from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import split_effect
 from stage_core.wording import effect_words, measure

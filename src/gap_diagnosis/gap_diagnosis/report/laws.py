@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.law.learn import Law
+from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array, canvas, styled
 from stage_core.pages import Page
 from stage_core.theme import BLUE, ORANGE

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array
 
 #: A leftover beyond so many robust standard deviations is an event. Of a million samples of

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from gap_diagnosis.closed_loop.own_model import OwnModel, save
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.residuals.nominal import merged
+from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.twin_file import TwinFile
 from stage_core.wording import effect_words, measure

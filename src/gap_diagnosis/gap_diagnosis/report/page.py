@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.evidence.acceptance import Sides, shrink_interval
 from gap_diagnosis.report import experiment, figures, forces, hysteresis, model, response
 from gap_diagnosis.report.causes import causes_section, contained_section, found_section
 from gap_diagnosis.report.laws import laws_section
 from gap_diagnosis.report.leftovers import leftovers
 from gap_diagnosis.report.words import link_words
+from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN
 from stage_core.wording import effect_words, measure, span

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.channels import Channel
-from gap_diagnosis.diagnose import Diagnosis
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.report.figures import AFTER, BEFORE
 from gap_diagnosis.report.hysteresis import scored_records
+from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array, canvas, styled
 from stage_core.theme import INK
 

@@ -11,7 +11,8 @@ import math
 from dataclasses import replace
 
 from gap_diagnosis.residuals.regression import Fit
-from gap_diagnosis.selection.forward import Rules, Selection, Selector
+from gap_diagnosis.selection.forward import Selector
+from gap_diagnosis.selection.model import Rules, Selection
 from stage_twin.effects import effect_of
 
 #: Rows for each free coefficient, below which all effects at once explain anything.

@@ -16,8 +16,8 @@ from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import Rung
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit, Theta
-from gap_diagnosis.selection.forward import Selection
 from gap_diagnosis.selection.gains import weights
+from gap_diagnosis.selection.model import Selection
 from gap_diagnosis.selection.parts import Part
 from stage_twin.effects import EFFECTS
 

@@ -10,8 +10,9 @@ from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.residuals.innovations import innovations
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.residuals.servo import Servo
-from gap_diagnosis.selection.forward import Selection, Selector
+from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import block_rms_gains, bootstrap_interval
+from gap_diagnosis.selection.model import Selection
 from stage_twin.effects import effect_of
 
 

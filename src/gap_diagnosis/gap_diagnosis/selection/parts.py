@@ -16,11 +16,13 @@ from gap_diagnosis.evidence.judgement import Structure
 from gap_diagnosis.input.data import Record, scored_ticks
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
+from gap_diagnosis.residuals.measured_noise import with_noise
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.backward import select_backwards
-from gap_diagnosis.selection.forward import Evidence, Rules, Selection, Selector
+from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.innovated import told_by_innovations
+from gap_diagnosis.selection.model import Evidence, Rules, Selection
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -42,9 +44,6 @@ KNOWN_REST_RULES = replace(REST_RULES, of_noise=0.2, level=0.995)
 #: of friction are approximations; a clock's latency and drift are exact.
 UNEXHAUSTED = {'servo': 0.15, 'sensor': 0.04}
 
-#: Measured noise of a tracker over the stated one, from which on it is taken.
-CLEARLY_NOISIER = 1.15
-
 #: Rows that fit and rows that are held out: of samples in motion, and of rests of a stepper.
 LEAST_ROWS, LEAST_RESTS = (200, 50), (8, 4)
 
@@ -62,70 +61,6 @@ class Part:
     structure: judge.Structure
     rows: ForceRows | Kinematics | None = None  # what the problem was made of
     unconfirmed: tuple[str, ...] = ()  # what the residual shows and no run of the twin can
-
-
-def with_steps(
-    twin: TwinFile, quantisation: dict[str, dict[str, tuple[float, float]]]
-) -> TwinFile:
-    """The twin with the encoder steps that the records really have: they are a noise floor."""
-    axes = dict(twin.axes)
-    for name, values in quantisation.items():
-        axis = name[-1]
-        axes[axis] = replace(axes[axis], encoder_resolution=values['resolution'][0])  # type: ignore[arg-type]
-    return replace(twin, axes=axes)
-
-
-def with_noise(twin: TwinFile, records: list[Record]) -> TwinFile:
-    """The twin with the noise that the records really have, where it is above what it states.
-
-    An encoder's noise is stated as the step of an ideal one that makes as much.
-    """
-    axes = dict(twin.axes)
-    for i, axis in enumerate(records[0].axes):
-        noise = encoder_noise(records, i)
-        if noise * math.sqrt(12.0) > getattr(axes[axis], 'encoder_resolution', math.inf):
-            axes[axis] = replace(axes[axis], encoder_resolution=noise * math.sqrt(12.0))  # type: ignore[arg-type]
-    tracker = twin.tracker
-    seen = [r.noise.tracker for r in records if r.noise and r.noise.tracker is not None]
-    if seen and tracker is not None:
-        noise = float(np.sqrt(np.mean(np.square(seen))))
-        # The measured figure of a record has a scatter of its own.
-        if noise > CLEARLY_NOISIER * tracker.noise:
-            tracker = replace(tracker, noise=noise)
-    return replace(twin, axes=axes, tracker=tracker)
-
-
-def encoder_noise(records: list[Record], i: int) -> float:
-    """Measured noise [m] of the encoder of an axis over all ticks; 0 where it is not known."""
-    known = [r.noise.axes[i].std(np.diff(r.encoder[:, i]) / r.period) for r in records if r.noise]
-    return float(np.sqrt(np.mean(np.square(known)))) if known else 0.0
-
-
-def with_mean_points(twin: TwinFile, records: list[Record]) -> TwinFile:
-    """The twin with the noise that the rows really have: the mean of a rest's tracker points.
-
-    A twin that states its `repeatability` [m] has the scatter of the rests in it (R = 4 s,
-    ISO 230-2).
-    """
-    points = min(r.points_per_row for r in records)
-    if points <= 1.0 or twin.tracker is None:
-        return twin
-    noise = twin.tracker.noise / math.sqrt(points)
-    scatter = rest_scatter(twin, records)
-    if scatter is not None:
-        noise = math.hypot(noise, scatter)
-    return replace(twin, tracker=replace(twin.tracker, noise=noise))
-
-
-def rest_scatter(twin: TwinFile, records: list[Record]) -> float | None:
-    """Standard deviation of where a rest is [m]: of repeated rests, else what the twin states.
-
-    None where neither is known.
-    """
-    measured = [r.rest_scatter for r in records if r.rest_scatter is not None]
-    if measured:
-        return float(np.sqrt(np.mean(np.square(measured))))
-    return None if twin.repeatability is None else 0.25 * twin.repeatability
 
 
 def fit_part(

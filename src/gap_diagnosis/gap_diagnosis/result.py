@@ -1,0 +1,69 @@
+"""What a diagnosis found: everything that the reports say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.evidence.judgement import Cause
+from gap_diagnosis.evidence.localise import Condition
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.law.learn import Law
+from gap_diagnosis.residuals.nominal import merged
+from gap_diagnosis.residuals.unrecorded import DriveLaw
+from gap_diagnosis.selection.parts import Part
+from stage_core.twin_file import TwinFile
+
+if TYPE_CHECKING:
+    from gap_diagnosis.experiment.design import Experiment
+    from gap_diagnosis.report.model import Mended
+
+
+@dataclass
+class Diagnosis:
+    """Everything that the reports say."""
+
+    sessions: list[str]
+    twin_name: str
+    twin: TwinFile
+    records: list[Record]
+    parts: list[Part]
+    channels: dict[str, Channel]
+    windows: list[tuple[float, float]]
+    before: float
+    after: float
+    noise_floor: float
+    accepted: list[str]
+    parameters: dict[str, dict[str, tuple[float, float]]]
+    causes: list[Cause]
+    verdict: list[str]
+    conditions: list[Condition]
+    axes_share: dict[str, float]
+    link: str
+    unexplained: float
+    structured: bool
+    warnings: list[str] = field(default_factory=list)
+    laws: list[Law] = field(default_factory=list)
+    #: What became of the user's own model, where the twin was read from one.
+    model: Mended | None = None
+    #: By axis, what stands for the forces where none are recorded.
+    drives: dict[str, DriveLaw] = field(default_factory=dict)
+    #: The motion that would decide what is open, where there is one.
+    experiment: Experiment | None = None
+
+    @property
+    def simulators(self) -> list[str]:
+        """The bags of a simulator that stand in place of the twin's prediction."""
+        return [r.simulated.name for r in self.records if r.simulated is not None]
+
+    @property
+    def effects(self) -> dict[str, dict[str, float]]:
+        """The accepted effects as a twin file holds them."""
+        return {n: {k: v for k, (v, _) in self.parameters[n].items()} for n in self.accepted}
+
+    @property
+    def corrected_twin(self) -> TwinFile:
+        """The nominal twin with the accepted effects and the laws of the remainder in it."""
+        laws = {law.effect: law.values for law in self.laws if law.runs}
+        return merged(self.twin, {**self.effects, **laws})

@@ -1,0 +1,64 @@
+"""The rules of a selection, and what it gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from gap_diagnosis.residuals.regression import Fit
+
+
+@dataclass(frozen=True)
+class Rules:
+    """When a gain counts.
+
+    Attributes
+    ----------
+    of_gap : least share of the whole gap's mean square above the noise
+    of_rest : least share of what the set without the effect leaves above the noise
+    of_signal : least share of the variance of the whole signal; the step of another
+        integrator leaves 1e-4 of the force
+    of_noise : least share of the noise's mean square
+    of_own_noise : the same for effects whose columns hold the target's noise
+    level : of the bootstrap interval
+    largest : number of effects in a set
+    given : effects that every set is grown with; they too are left out in the end if they can be
+    kept : effects that every set holds, as their larger part was taken out before
+    prefer_plain : whether a special case takes its holder's place wherever the data bear it
+    """
+
+    of_gap: float = 1e-4
+    of_rest: float = 0.10
+    of_signal: float = 1e-4
+    of_noise: float = 0.03
+    of_own_noise: float = 0.3
+    level: float = 0.98
+    largest: int = 10
+    given: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
+    prefer_plain: bool = False
+
+
+@dataclass
+class Evidence:
+    """What speaks for one effect of the accepted set, or against a rejected one."""
+
+    name: str
+    gain: float
+    interval: tuple[float, float]
+    share: float  # of the residual that is left without it
+    admissible: bool
+    alternatives: list[str] = field(default_factory=list)
+
+
+@dataclass
+class Selection:
+    """Accepted effects in the order of acceptance, the fit with all of them, and evidence.
+
+    `told` holds parameters, with standard deviations, that the innovations tell better.
+    """
+
+    accepted: list[str]
+    fit: Fit
+    evidence: dict[str, Evidence]
+    rejected: dict[str, Evidence]
+    told: dict[str, dict[str, tuple[float, float]]] = field(default_factory=dict)
