@@ -1,11 +1,10 @@
-"""Packages and their executables: of an installed workspace, or of this source tree."""
+"""Executables of an installed workspace, or of this source tree."""
 
 from __future__ import annotations
 
 import ast
 import hashlib
 import os
-from dataclasses import dataclass
 from pathlib import Path
 
 from stage_core.errors import StageError
@@ -24,83 +23,45 @@ def kernel_cache() -> Path:
     return _SOURCE.parent / '.cache' / 'numba' / state
 
 
-@dataclass(frozen=True)
-class Executable:
-    """One executable: a file of an installed package, or ``module:function`` of a source one."""
-
-    package: str
-    name: str
-    entry: str = ''
-    file: Path | None = None
-
-
-def packages() -> dict[str, list[Executable]]:
-    """Executables by package; installed ones win over those of the source tree."""
-    found: dict[str, list[Executable]] = {}
+def entry_points() -> dict[str, dict[str, str]]:
+    """``module:function`` by package and name, of the literals in every ``setup.py``."""
+    found: dict[str, dict[str, str]] = {}
     for setup in sorted(_SOURCE.glob('*/setup.py')):
-        if (setup.parent / 'package.xml').is_file():
-            found.setdefault(setup.parent.name, [])
-            for name, entry in _entry_points(setup):
-                package = entry.split('.')[0]
-                found.setdefault(package, []).append(Executable(package, name, entry=entry))
-    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
-        index = Path(prefix) / 'share' / 'ament_index' / 'resource_index' / 'packages'
-        for marker in sorted(index.glob('*')) if prefix and index.is_dir() else ():
-            scripts = sorted((Path(prefix) / 'lib' / marker.name).glob('*'))
-            installed = [
-                Executable(marker.name, script.name, file=script)
-                for script in scripts
-                if script.is_file() and os.access(script, os.X_OK)
-            ]
-            if installed or marker.name not in found:
-                found[marker.name] = installed
+        for node in ast.walk(ast.parse(setup.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.Dict) and 'console_scripts' in map(_literal, node.keys):
+                for line in ast.literal_eval(node)['console_scripts']:
+                    name, entry = (part.strip() for part in line.split('=', 1))
+                    found.setdefault(entry.split('.')[0], {})[name] = entry
     return found
 
 
-def _entry_points(setup: Path) -> list[tuple[str, str]]:
-    """Console scripts (name, ``module:function``) that a ``setup.py`` declares as literals."""
-    for node in ast.walk(ast.parse(setup.read_text(encoding='utf-8'))):
-        if not isinstance(node, ast.Dict):
-            continue
-        for key, value in zip(node.keys, node.values, strict=True):
-            if isinstance(key, ast.Constant) and key.value == 'console_scripts':
-                lines = ast.literal_eval(value)
-                pairs = (line.split('=', 1) for line in lines)
-                return sorted((name.strip(), entry.strip()) for name, entry in pairs)
-    return []
+def _literal(node: ast.expr | None) -> object:
+    return getattr(node, 'value', None)
 
 
-def find(package: str, name: str) -> Executable:
-    """One executable of a package.
+def find(package: str, name: str, python: str) -> tuple[list[str], dict[str, str]]:
+    """Command line and environment of an executable; an installed one wins.
+
+    One of the source tree loads the kernels that `make` compiled.
 
     Raises
     ------
     StageError
         If the package or the executable does not exist.
     """
-    known = packages()
+    for prefix in filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)):
+        script = Path(prefix) / 'lib' / package / name
+        if script.is_file() and os.access(script, os.X_OK):
+            return [str(script)], dict(os.environ)
+    known = entry_points()
     if package not in known:
-        raise StageError(f"Package '{package}' not found: `ros2 pkg list` names the packages")
-    for executable in known[package]:
-        if executable.name == name:
-            return executable
-    names = ', '.join(e.name for e in known[package]) or 'none'
-    raise StageError(f'No executable found: package {package} has {names}')
-
-
-def environment(executable: Executable) -> dict[str, str]:
-    """Environment of an executable: one of the source tree loads what `make` compiled."""
-    own = {} if executable.file is not None else {'NUMBA_CACHE_DIR': str(kernel_cache())}
-    return {**own, **os.environ}
-
-
-def command(executable: Executable, arguments: list[str], python: str) -> list[str]:
-    """Command line that starts an executable."""
-    if executable.file is not None:
-        return [str(executable.file), *arguments]
-    module, function = executable.entry.split(':')
+        raise StageError(f"Package '{package}' not found: there are {', '.join(sorted(known))}")
+    if name not in known[package]:
+        names = ', '.join(sorted(known[package]))
+        raise StageError(f'No executable found: package {package} has {names}')
+    module, function = known[package][name].split(':')
     code = (
-        f'import sys; sys.argv[0] = {executable.name!r}; '
+        f'import sys; sys.argv[0] = {name!r}; '
         f'from {module} import {function}; sys.exit({function}())'
     )
-    return [python, '-c', code, *arguments]
+    return [python, '-c', code], {'NUMBA_CACHE_DIR': str(kernel_cache()), **os.environ}

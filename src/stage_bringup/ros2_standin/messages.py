@@ -44,8 +44,6 @@ def fill(message: Any, text: str) -> Any:
         If the text is no YAML mapping, or names a field or value that does not fit.
     """
     values = yaml_value(text, f'the text {text!r}', "write a mapping, as '{data: true}'")
-    if values is None:
-        values = {}
     if not isinstance(values, Mapping):
         raise StageError(f'the passed value needs to be a dictionary in YAML format, got {text!r}')
     _set_fields(message, values)
@@ -65,31 +63,18 @@ def _set_fields(message: Any, values: Mapping[str, Any]) -> None:
             if hasattr(current, 'get_fields_and_field_types'):
                 _set_fields(current, value or {})
             else:
-                setattr(message, name, _convert(value, current, types[name]))
+                setattr(message, name, _numbers(value, types[name]))
         except (AssertionError, TypeError, ValueError, AttributeError) as error:
             raise StageError(f'{name} is a {types[name]}, got {value!r}') from error
 
 
-def _convert(value: Any, current: Any, type_name: str) -> Any:
-    """A value as the field wants it."""
-    element = re.fullmatch(r'sequence<([^,>]+)(?:, \d+)?>|([^\[]+)\[\d+\]', type_name)
-    if element is not None:
-        inner = element[1] or element[2]
-        if '/' in inner:
-            items = []
-            for entry in value:
-                item = interface(inner, 'msg')()
-                _set_fields(item, entry)
-                items.append(item)
-            return items
-        return [_convert(entry, None, inner) for entry in value]
-    if type_name in ('float', 'double') and not isinstance(value, bool):
-        return float(value)
-    if type_name == 'octet':
-        return bytes([value])
-    if isinstance(current, str) and not isinstance(value, str):
-        return str(value)
-    return value
+def _numbers(value: Any, type_name: str) -> Any:
+    """A value with its whole numbers as floats where the field holds such."""
+    if re.search(r'\b(float|double)\b', type_name) is None:
+        return value
+    if isinstance(value, list):
+        return [_numbers(entry, type_name) for entry in value]
+    return float(value) if type(value) is int else value
 
 
 def to_plain(message: Any) -> Any:
