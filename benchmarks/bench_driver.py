@@ -64,15 +64,15 @@ def polls(count: int = 500) -> np.ndarray:
 def row(name: str, durations: np.ndarray) -> None:
     """Print median and percentiles in microseconds."""
     median, high, worst = np.percentile(durations * 1e6, (50, 99, 100))
-    print(f'{name:34s} median {median:8.1f} us   99 % {high:8.1f} us   worst {worst:9.1f} us')
+    print(f'{name:34s} median {median:8.1f} µs   99 % {high:8.1f} µs   worst {worst:9.1f} µs')
 
 
 def main() -> None:
     """Print the table."""
     row('servo control tick, two axes', control_ticks())
     encoding, decoding = codec()
-    print(f'{"encode a Zaber command":34s} mean   {encoding * 1e6:8.1f} us')
-    print(f'{"decode a Zaber reply":34s} mean   {decoding * 1e6:8.1f} us')
+    print(f'{"encode a Zaber command":34s} mean   {encoding * 1e6:8.1f} µs')
+    print(f'{"decode a Zaber reply":34s} mean   {decoding * 1e6:8.1f} µs')
     row('poll of two Zaber axes (emulated)', polls())
 
 

@@ -48,7 +48,7 @@ def still(command: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def emulated(error: Callable, seed: int) -> tuple[Rows, Rows]:
-    """Places to learn and places to judge of one stage, with 0.5 um of noise."""
+    """Places to learn and places to judge of one stage, with 0.5 µm of noise."""
     generator = np.random.default_rng(seed)
     command = generator.uniform(0.0, 0.05, (LEARNT + HELD_OUT, 2))
     direction = generator.choice([-1.0, 1.0], command.shape)
@@ -89,7 +89,7 @@ def main() -> int:
     stages = {f.__name__: [emulated(f, k) for k in SEEDS] for f in (screw, bowed, still)}
     stages |= recorded()
     print(
-        f'{"":18s} {"stage":20s} {"within 95 %":>11s} {"+- um":>9s} {"before":>9s} {"after":>9s}'
+        f'{"":18s} {"stage":20s} {"within 95 %":>11s} {"+- µm":>9s} {"before":>9s} {"after":>9s}'
     )
     for method in sys.argv[1:] or SHOWN:
         for name, pairs in stages.items():

@@ -61,7 +61,7 @@ def xy_circle(folder: Path) -> None:
             .predict
             for options in choices
         ]
-    print('xy_circle: learnt on day 1, RMS on the two records of day 2 [um]')
+    print('xy_circle: learnt on day 1, RMS on the two records of day 2 [µm]')
     heads = [f'{record} {axis}{o}' for record in 'ab' for o in ('', '+off') for axis in 'XY']
     print(f'{"":18s} ' + ' '.join(f'{head:>8s}' for head in heads))
     for name, trained in predictors.items():
@@ -72,7 +72,7 @@ def xy_circle(folder: Path) -> None:
 
 
 def day2_errors(day2: list, predict: Callable) -> list[float]:
-    """RMS [um] per record, without and with an offset refitted, per axis."""
+    """RMS [µm] per record, without and with an offset refitted, per axis."""
     cells = []
     for r, e, d in day2:
         left = e - predict(r, d)
@@ -106,18 +106,18 @@ def one_axis(command: np.ndarray, measured: np.ndarray, direction: np.ndarray) -
 
 
 def ess_tank(folder: Path) -> None:
-    """Print the tables of the two records; lengths are angles, so um reads urad."""
+    """Print the tables of the two records; lengths are angles, so µm reads µrad."""
     stops = np.load(folder / 'repeatability.npz')
     good = np.abs(stops['encoder']) < 10.0
     samples = one_axis(stops['motor'][good], stops['encoder'][good], stops['approach'][good])
-    print(f'ess_tank repeatability: {len(samples)} stops with direction [urad]')
+    print(f'ess_tank repeatability: {len(samples)} stops with direction [µrad]')
     print(table(compare(samples, ('identity', 'affine', 'polynomial', 'structured', 'lolimot'))))
     stroke = np.load(folder / 'stroke.npz')
     motor = np.interp(stroke['encoder_t'], stroke['motor_t'], stroke['motor'])
     keep = slice(None, None, 10)
     direction = approach_direction(motor[:, None])[:, 0]
     samples = one_axis(motor[keep], stroke['encoder'][keep], direction[keep])
-    print(f'ess_tank stroke: {len(samples)} moving points [urad]')
+    print(f'ess_tank stroke: {len(samples)} moving points [µrad]')
     results = compare(samples, METHODS.split())
     print(table(results))
     structured = results['structured']
@@ -125,7 +125,7 @@ def ess_tank(folder: Path) -> None:
         print(f'period {np.degrees(structured.model.state["leads"][0]):.2f} deg; widest terms:')
         rows = sorted(structured.model.parameters(), key=lambda r: -abs(r['value']))[:6]
         for row in rows:
-            print(f'  {row["name"]:16s} {1e6 * row["value"]:9.2f} +- {1e6 * row["std"]:.2f} urad')
+            print(f'  {row["name"]:16s} {1e6 * row["value"]:9.2f} +- {1e6 * row["std"]:.2f} µrad')
 
 
 def main() -> int:

@@ -110,7 +110,7 @@ def main() -> int:
     given = parser.parse_args()
     for knocked in (False, True):
         print('learned points off by 0.2 mm in hour 3' if knocked else 'warming alone')
-        print('hour   frozen um  adapted um  rollbacks')
+        print('hour   frozen µm  adapted µm  rollbacks')
         for number, hour in enumerate(run(given.hours, given.seed, knocked), 1):
             print(
                 f'{number:4d} {1e6 * hour.frozen:11.2f} {1e6 * hour.adapted:11.2f} '

@@ -1,8 +1,8 @@
 """Table 2 of paper 1 on synthetic stages at its error level, all methods, several seeds.
 
 Each seed draws a stage (scale, squareness, straightness, screw cycle of 0.6096 mm, backlash),
-scaled so that 86.1 um remain uncalibrated, and noise as large as what the paper's calibration
-leaves. Prints the mean over the seeds and its 95 % interval in um.
+scaled so that 86.1 µm remain uncalibrated, and noise as large as what the paper's calibration
+leaves. Prints the mean over the seeds and its 95 % interval in µm.
 
     python benchmarks/paper1_table2.py [--seeds 20] [--samples 600] [--paper-swarm]
 """
@@ -61,7 +61,7 @@ def make_stage(seed: int, samples: int) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def one_seed(seed: int, samples: int, paper_swarm: bool) -> dict[str, list[float]]:
-    """MAE and sigma, train and test [um], per method."""
+    """MAE and sigma, train and test [µm], per method."""
     command, measured, direction = make_stage(seed, samples)
     order = np.random.default_rng(seed + 1000).permutation(samples)
     train, test = order[: int(0.7 * samples)], order[int(0.7 * samples) :]
@@ -91,7 +91,7 @@ def main() -> int:
     parser.add_argument('--paper-swarm', action='store_true', help='1000 x 200, not 30 x 100')
     options = parser.parse_args()
     tables = [one_seed(s, options.samples, options.paper_swarm) for s in range(options.seeds)]
-    print(f'{options.seeds} seeds, {options.samples} samples, 70/30; mean +- 95 % interval [um]')
+    print(f'{options.seeds} seeds, {options.samples} samples, 70/30; mean +- 95 % interval [µm]')
     print(
         f'{"":18s} {"MAE train":>14s} {"sigma train":>14s} {"MAE test":>14s} {"sigma test":>14s}'
     )

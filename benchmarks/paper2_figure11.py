@@ -1,7 +1,7 @@
 """Figure 11 of paper 2: the error of one axis with growing sets of terms, on synthetic data.
 
 A delta robot of 1 cm travel with nine temperatures over three days (21 to 25 degC), 13775 points
-of which 70 % are fitted; noise as in the paper. Errors are 90 % limits (1.645 sigma) in um.
+of which 70 % are fitted; noise as in the paper. Errors are 90 % limits (1.645 sigma) in µm.
 
     python benchmarks/paper2_figure11.py [--samples 13775]
 """
@@ -63,7 +63,7 @@ def main() -> int:
         'positions': (order[:count], order[count:]),
         'last 30 % of the time': (np.arange(count), np.arange(count, samples)),
     }
-    print(f'{samples} samples, {table.columns.shape[1]} terms; 90 % limits in um')
+    print(f'{samples} samples, {table.columns.shape[1]} terms; 90 % limits in µm')
     print(f'{"set":14s} {"paper":>8s}' + ''.join(f' {name:>24s}' for name in splits))
     for group in SETS:
         columns = table.up_to(group).columns

@@ -22,7 +22,7 @@ DISTURBED = 6
 
 
 def x_rms(results: list[Figures]) -> np.ndarray:
-    """Tracking RMS of X per iteration [um]."""
+    """Tracking RMS of X per iteration [µm]."""
     return np.array([1e6 * f.tracking_rms[0] for f in results])
 
 
@@ -39,13 +39,13 @@ def main() -> None:
     second, _, _ = rig.learn(0, gains, fixed)
     third, learner, controller = rig.learn(0, gains, fuzzy)
     assert learner is not None
-    print('figure 9, X RMS um, scheme 2:', np.round(x_rms(second), 2))
-    print('figure 9, X RMS um, scheme 3:', np.round(x_rms(third), 2))
+    print('figure 9, X RMS µm, scheme 2:', np.round(x_rms(second), 2))
+    print('figure 9, X RMS µm, scheme 3:', np.round(x_rms(third), 2))
     number = np.arange(1, rig.ITERATIONS + 1)
     figure, axes = plt.subplots(1, 2, figsize=(10, 3.8))
     axes[0].semilogy(number, x_rms(second), 'o-', label='scheme 2: fixed learning rate')
     axes[0].semilogy(number, x_rms(third), 's-', label='scheme 3: fuzzy regulator')
-    axes[0].set(xlabel='iteration', ylabel='X tracking RMS [um]')
+    axes[0].set(xlabel='iteration', ylabel='X tracking RMS [µm]')
     axes[0].legend()
     axes[1].step(number[:-1], [f[0] for f in learner.factors], where='mid')
     axes[1].set(xlabel='iteration', ylabel='learning rate / L_initial', ylim=(0, 1.05))
@@ -57,13 +57,13 @@ def main() -> None:
     )
     assert reacting is not None
     factors = np.array([f[0] for f in reacting.factors])
-    print('figure 10, X RMS um:', np.round(x_rms(disturbed), 2))
+    print('figure 10, X RMS µm:', np.round(x_rms(disturbed), 2))
     print('figure 10, rate after each iteration:', np.round(factors, 2))
     number = np.arange(1, len(disturbed) + 1)
     figure, axes = plt.subplots(1, 2, figsize=(10, 3.8))
     axes[0].semilogy(number, x_rms(disturbed), 'o-')
     axes[0].axvline(DISTURBED, color='0.7', linestyle='--')
-    axes[0].set(xlabel='iteration', ylabel='X tracking RMS [um]', title='disturbance in 6')
+    axes[0].set(xlabel='iteration', ylabel='X tracking RMS [µm]', title='disturbance in 6')
     axes[1].step(number[:-1], factors, where='mid')
     axes[1].set(xlabel='iteration', ylabel='learning rate / L_initial', ylim=(0, 1.05))
     save(figure, given.out / 'paper3_figure_10.png')

@@ -29,7 +29,7 @@ X, Y, CONTOUR = 0, 3, 6
 
 
 def row(name: str, runs: Runs, seeds: int) -> np.ndarray:
-    """Print a line of means over the seeds; return (seeds, 9) in um."""
+    """Print a line of means over the seeds; return (seeds, 9) in µm."""
     table = []
     for seed in range(seeds):
         f = runs(seed)
@@ -140,7 +140,7 @@ def duel(tuned: rig.Tuned, seeds: int) -> None:
     patient = rig.change_weight(tuned.feed_forward)
     eager = rig.change_weight(tuned.feed_forward, 4)
     print(
-        f'\nContour RMS over {seeds} machines, um. Norm-optimal ILC with the w_d that is best in '
+        f'\nContour RMS over {seeds} machines, µm. Norm-optimal ILC with the w_d that is best in '
         f'iteration 30 ({patient:g}) and the one that is best in iteration 4 ({eager:g}), on the '
         'tuning machine. Differences are scheme 3 minus peer, paired, with their 95 % interval.\n'
     )
@@ -215,7 +215,7 @@ def main() -> None:
         f'lead {ours.lead} ticks, Q {ours.cutoff:g} Hz, L_initial {ours.gain[0]:g} 1/s; without '
         f'lead Q {printed.cutoff:g} Hz, L_initial {printed.gain[0]:g} 1/s; K_a of the peer '
         f'{tuned.feed_forward.acceleration_feedforward[0]:g} s; circle of {rig.RADIUS} m at '
-        f'{rig.FEED} m/s; means over {given.seeds} machines, um; std of X RMS and contour RMS'
+        f'{rig.FEED} m/s; means over {given.seeds} machines, µm; std of X RMS and contour RMS'
     )
     if given.readings:
         readings(tuned, given.seeds)

@@ -131,7 +131,7 @@ def main() -> int:
                 continue
             print(f'{name} {letter}: {found.sentence()}')
     print(
-        '\npredicted, um RMS: what is left when the error that the other records of day 1 show at '
+        '\npredicted, µm RMS: what is left when the error that the other records of day 1 show at '
         'the same place of\nthe circle (a), or at the same friction, speed and acceleration (b), '
         'is taken away'
     )

@@ -21,11 +21,15 @@ from stage_bringup.table import heldout_rows
 from stage_core.wording import effect_words, with_std
 
 ROOT = Path(__file__).resolve().parents[1]
+#: What `ros_ws/config/twin_reality.yaml` has, by effect and parameter.
 PLANTED = {
-    'coulomb_friction.x': '6 N, presliding 2 µm',
-    'backlash.x': 'width 8 µm',
-    'cyclic_pitch_error.y': 'amplitude 3 µm, phase 0.7 rad',
-    'nonorthogonality': 'angle 80 µrad',
+    ('coulomb_friction.x', 'coulomb'): '6 N',
+    ('coulomb_friction.x', 'presliding'): '2 µm',
+    ('backlash.x', 'width'): '8 µm',
+    ('cyclic_pitch_error.y', 'period'): '10 mm',
+    ('cyclic_pitch_error.y', 'amplitude'): '3 µm',
+    ('cyclic_pitch_error.y', 'phase'): '0.7 rad',
+    ('nonorthogonality', 'angle'): '80 µrad',
 }
 
 
@@ -68,15 +72,15 @@ def _wrapped(text: str) -> list[str]:
 def example(folder: Path) -> str:
     """What was planted in the emulated machine and what was found."""
     report = json.loads((folder / 'diagnosis' / 'report.json').read_text())
-    lines = ['| effect | planted | found |', '|---|---|---|']
+    lines = ['| effect | parameter | planted | found |', '|---|---|---|---|']
     for cause in report['causes']:
-        if cause['effect'] in report['verdict']:
-            found = ', '.join(
-                f'{name.replace("_", " ")} {with_std(p["value"], p["std"], p["unit"])}'
-                for name, p in cause['parameters'].items()
-            )
-            planted = PLANTED.get(cause['effect'], 'not planted')
-            lines.append(f'| {effect_words(cause["effect"])} | {planted} | {found} |')
+        effect = cause['effect']
+        if effect in report['verdict']:
+            for name, found in cause['parameters'].items():
+                value = with_std(found['value'], found['std'], found['unit'])
+                planted = PLANTED.get((effect, name), 'not planted')
+                words = name.replace('_', ' ')
+                lines.append(f'| {effect_words(effect)} | {words} | {planted} | {value} |')
     return '\n'.join(lines)
 
 

@@ -17,7 +17,7 @@ WARM = TwinFile.nominal_servo().with_effects(
 
 
 def _planted_map(command, direction):
-    """Scale, squareness, a 4 mm screw cycle and backlash: about 20 um over 50 mm."""
+    """Scale, squareness, a 4 mm screw cycle and backlash: about 20 µm over 50 mm."""
     x, y = command.T
     return (
         np.column_stack(

@@ -27,7 +27,7 @@ def samples(grid_session):
 def test_rests_give_the_planted_pairs(samples, planted_map):
     assert samples.at_rest and len(samples) == 120
     truth = planted_map(samples.command, samples.direction)
-    # 15 tracker points of 0.3 um each per rest.
+    # 15 tracker points of 0.3 µm each per rest.
     assert np.abs(samples.measured - truth).max() < 5e-7
     assert set(np.unique(samples.direction)) == {-1.0, 1.0}
 
@@ -159,7 +159,7 @@ def warming_session(grid_session, seed, span=2400.0, dropout=False):
     points = series[topics.TRACKER_POINT]
     t = (points.stamps - start) * 1e-9
     grown = {axis: values.copy() for axis, values in points.values.items()}
-    # 40 um at the largest rate; what a lag between sensor and screw looks like.
+    # 40 µm at the largest rate; what a lag between sensor and screw looks like.
     grown['x'] += 4e-5 * np.cos(beat * t)
     series[points.topic] = Series(points.topic, points.stamps, grown)
     key = topics.temperature_key('screw_x')

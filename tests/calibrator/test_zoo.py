@@ -39,7 +39,7 @@ def of(command, error, direction, heat=None, at_rest=True):
 
 
 def screw_error(command, direction):
-    """Scale, squareness, straightness, screw and backlash, some 20 um over 50 mm."""
+    """Scale, squareness, straightness, screw and backlash, some 20 µm over 50 mm."""
     x, y = command[:, 0], command[:, -1]
     columns = [
         3e-4 * x - 1e-4 * y + 4e-6 * np.sin(2.0 * np.pi * x / 0.004),

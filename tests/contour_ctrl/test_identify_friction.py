@@ -68,7 +68,7 @@ def test_friction_of_the_twin_is_found_again(record: SimulationResult) -> None:
     assert abs(x.offset) < 0.02
     for estimate in (x, y):
         assert estimate.residual < 0.5 * estimate.residual_without
-    # 28 N over 4 um and 10 N over 3 um: one count of the encoder is 7 N and 3.3 N.
+    # 28 N over 4 µm and 10 N over 3 µm: one count of the encoder is 7 N and 3.3 N.
     for estimate, stiffness in ((x, 28.0 / 4e-6), (y, 10.0 / 3e-6)):
         assert estimate.model.stiffness == pytest.approx(stiffness, rel=0.1)
         assert abs(estimate.model.stiffness - stiffness) < 3.0 * estimate.std['stiffness']

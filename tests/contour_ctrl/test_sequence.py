@@ -23,7 +23,7 @@ REFERENCE = reference.plan(curves.circle(0.005, (0.01, 0.0)), 0.03)
 
 
 class Stage:
-    """Follows velocities exactly and position moves at once; counts of 0.1 um."""
+    """Follows velocities exactly and position moves at once; counts of 0.1 µm."""
 
     def __init__(self) -> None:
         self.q = np.array([0.004, -0.003])

@@ -164,7 +164,7 @@ def test_stamps_of_the_tracker_that_scatter_are_named(planted: Maker) -> None:
 
 
 def test_a_gap_far_above_its_floor_is_not_explained_by_a_name_either() -> None:
-    # Floors of 1 um; the third leaves little of a gap that was much larger.
+    # Floors of 1 µm; the third leaves little of a gap that was much larger.
     assert far_from_explained(9e-6, 7e-6, 1e-6, named=True)
     assert not far_from_explained(9e-6, 3e-6, 1e-6, named=True)
     assert not far_from_explained(90e-6, 7e-6, 1e-6, named=True)

@@ -19,7 +19,7 @@ from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
 from stage_twin.kinematics import carry
 
 START = 1_750_000_000_000_000_000
-SCATTER = 0.75e-6  # m, a quarter of a repeatability of 3 um
+SCATTER = 0.75e-6  # m, a quarter of a repeatability of 3 µm
 EFFECTS = {
     'scale_error.x': {'error': 150e-6},
     'backlash.y': {'width': 8e-6},
@@ -165,7 +165,7 @@ def test_repeatability_is_that_of_repeated_rests() -> None:
 
 
 def test_the_side_of_an_approach_is_that_of_the_last_motion() -> None:
-    """A place above the last rest that is overshot by 20 um is approached from above."""
+    """A place above the last rest that is overshot by 20 µm is approached from above."""
     path = np.array([0.0, 0.0, 0.01, 0.02, 0.02002, 0.02001, 0.02, 0.02, 0.02, 0.03, 0.03])
     other = np.where(np.arange(len(path)) > 8, 0.001, 0.0)
     sides = _sides(np.column_stack([path, other]))

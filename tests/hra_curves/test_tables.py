@@ -51,7 +51,7 @@ def test_the_other_readings_say_what_they_give() -> None:
 
 def test_the_counts_of_section_6_1() -> None:
     assert tables.smallest_count('IB2', 5, 30) == 16
-    # 0.0533 um at 11 points: the paper rounds it to its limit of 0.05.
+    # 0.0533 µm at 11 points: the paper rounds it to its limit of 0.05.
     assert tables.smallest_count('IB1', 5, 25) == 12
     assert max(tables.interval_errors('IB1', 11, (0, 1))) < 0.055e-6
 

@@ -112,6 +112,6 @@ def test_the_command_prints_paper_and_twin(
     monkeypatch.setattr(twin_share, 'measured_uncertainty', few)
     assert main(['table5']) == 0
     printed = capsys.readouterr().out
-    assert 'paper 0.50 um' in printed
+    assert 'paper 0.50 µm' in printed
     assert 'TP4 linear' in printed
-    assert '5.9 %' in printed  # 0.04 um beside 0.01 +- 0.16 um, the paper's TP1
+    assert '5.9 %' in printed  # 0.04 µm beside 0.01 +- 0.16 µm, the paper's TP1

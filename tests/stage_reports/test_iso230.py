@@ -77,7 +77,7 @@ def ring(radius: np.ndarray | float, count: int = 720, centre: tuple[float, floa
 
 
 def test_circular_by_hand() -> None:
-    """A path 2 um too large one way, 1 um too small the other, on a 10 mm circle."""
+    """A path 2 µm too large one way, 1 µm too small the other, on a 10 mm circle."""
     result = circular(ring(0.010002), ring(0.009999)[::-1], radius=0.010, centre=(0.0, 0.0))
     assert pytest.approx(0.0, abs=1e-12) == result.G
     assert result.G_clockwise == pytest.approx(0.0, abs=1e-12)

@@ -162,7 +162,7 @@ def test_lockstep_brakes_a_moving_stage_when_its_driver_dies(machine):
         while not machine.at_rest and time.monotonic() < deadline:
             time.sleep(0.02)
         assert machine.at_rest
-        # 0.2 m/s decays with 20 ms to 10 um/s in some 0.2 s.
+        # 0.2 m/s decays with 20 ms to 10 µm/s in some 0.2 s.
         assert 50 < loop.braked < 500
 
 

@@ -195,7 +195,7 @@ def test_lockstep_alignment_finds_the_planted_transform_twice_the_same(ros_env, 
     )
     cosine, sine = np.cos(ANGLE), np.sin(ANGLE)
     planted = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    # measured = R p + offset; the alignment takes it back. 1 um of noise, some 50 points a rest.
+    # measured = R p + offset; the alignment takes it back. 1 µm of noise, some 50 points a rest.
     for place in [(0.0, 0.0, 0.0), (0.03, 0.03, 0.0)]:
         measured = planted @ np.array(place) + np.array([*OFFSET, 0.0])
         assert np.linalg.norm(found.apply(measured) - place) < 1.5e-6

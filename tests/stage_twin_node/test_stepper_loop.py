@@ -61,7 +61,7 @@ def test_lockstep_is_deterministic_and_the_tracker_sees_the_move(tmp_path):
     assert {b - a for a, b in zip(times, times[1:], strict=False)} == {10_000_000}
     assert clock == sorted(clock)
     assert {(b - a) for a, b in zip(clock, clock[1:], strict=False)} <= {0, LOCKSTEP_EXCHANGE}
-    # 20 000 microsteps; the repeatability is 3 um wide and the noise 1 um.
+    # 20 000 microsteps; the repeatability is 3 µm wide and the noise 1 µm.
     assert first[-1][1][0] == pytest.approx(20000 * MICROSTEP, abs=8e-6)
     assert abs(first[-1][1][1]) < 8e-6
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from datetime import date
 
 from .draw import ROOT, stored
 from .run import Result
@@ -10,14 +11,18 @@ from .run import Result
 PAGE = ROOT / 'docs' / 'results' / 'mutants.md'
 HEAD = """# What the tests catch
 
-A mutant is the source with one operator or number changed.
-`python -m tools.mutants draw --seed 15` drew 40, four from every package
-(`tools/mutants/drawn.json`), and `python -m tools.mutants run` runs each against the test files
-of its package that name its function or module, until a test fails, at most {seconds:.0f} s; a
-test that fails without the mutant as well does not count. `not finished` says that this time was
-up: neither caught nor survived.
+A *mutant* is the source with one operator or number changed. If a test then fails, it has caught
+the mutant. If none fails, the mutant has survived, and a test is missing there.
+
+    python -m tools.mutants draw --seed 15    # four mutants from every package, 40 in all
+    python -m tools.mutants run               # tries them
+
+The command runs each mutant against the test files of its package that name its function or
+module, until a test fails, for at most {seconds:.0f} s. A test that fails without the mutant as well does
+not count. `not finished` says that the time was up. `tools/mutants/drawn.json` holds the mutants.
 
 {summary}
+The table was written on {date}; its last column is the commit of each run.
 
 | place | change | outcome | s | commit |
 |---|---|---|---|---|
@@ -32,7 +37,8 @@ def write_table(found: list[Result], seconds: float) -> None:
     summary = f'{len(tried)} of {len(stored())} tried: '
     summary += ', '.join(f'{n} {outcome}' for outcome, n in sorted(counts.items())) + '.'
     PAGE.write_text(
-        HEAD.format(seconds=seconds, summary=summary) + ''.join(_row(r) for r in tried)
+        HEAD.format(seconds=seconds, summary=summary, date=date.today())
+        + ''.join(_row(r) for r in tried)
     )
 
 

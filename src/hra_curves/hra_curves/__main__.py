@@ -40,7 +40,7 @@ def _table3() -> None:
 def _table4() -> None:
     print('Table 4: largest least-squares errors of the cycloid at the control points printed')
     print(format_entries(tables.table4()))
-    print('\nControl points needed for 0.05 um')
+    print('\nControl points needed for 0.05 µm')
     print(format_entries(tables.table4_counts()))
 
 
@@ -60,9 +60,9 @@ def _table5(twin_file: str | None) -> None:
     print('Table 5: share of the definition error in the total, cycloid through 11 data')
     print(
         f'twin {Path(path).name}: U (k = 2) measured over 50 mm x 50 mm: '
-        f'x {uncertainty[0] * 1e6:.2f} um, y {uncertainty[1] * 1e6:.2f} um (paper 0.50 um)'
+        f'x {uncertainty[0] * 1e6:.2f} µm, y {uncertainty[1] * 1e6:.2f} µm (paper 0.50 µm)'
     )
-    print('\nHeld at a point of the curve (um)')
+    print('\nHeld at a point of the curve (µm)')
     rows = [
         [
             f'{row.name} {"HRA IB1" if row.method == "IB1" else row.method}',
@@ -79,7 +79,7 @@ def _table5(twin_file: str | None) -> None:
     ]
     header = ['point', 'definition: paper', 'here', 'stage: paper', 'here', 'total rms']
     print(format_table([*header, 'share: paper', 'here', 'difference'], rows))
-    print('\nDriven from end to end (um, distance to the cycloid)')
+    print('\nDriven from end to end (µm, distance to the cycloid)')
     moving = [
         [
             row.method,

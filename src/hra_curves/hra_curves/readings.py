@@ -42,7 +42,7 @@ def polyline_errors(count: int, interval: int) -> dict[str, float]:
         'along y': float(np.abs(vertical).max()),
         'along x': float(np.abs(horizontal).max()),
         'nearest of 501 samples': float(samples.query(chord)[0].max()),
-        'data rounded to 1 um': error_to_the_curve(piece(np.round(data, 6))),
+        'data rounded to 1 µm': error_to_the_curve(piece(np.round(data, 6))),
     }
 
 
@@ -69,7 +69,7 @@ def other_readings() -> list[Entry]:
             found.append((case, 'IB2, Delta = 1.5707', TABLE_3[count][3][interval], exact))
             rounded = rounded_error(BASIS_1, count, interval, 8)
             found.append(
-                (case, 'IB1, data rounded to 0.01 um', TABLE_3[count][2][interval], rounded)
+                (case, 'IB1, data rounded to 0.01 µm', TABLE_3[count][2][interval], rounded)
             )
     return [
         Entry(
@@ -77,7 +77,7 @@ def other_readings() -> list[Entry]:
             method,
             paper,
             error * MICRO,
-            'um',
+            'µm',
             'differs' if differs(paper, error * MICRO) else 'gives it',
         )
         for case, method, paper, error in sorted(found, key=lambda row: row[1])

@@ -143,11 +143,11 @@ def table3(counts: Sequence[int] = (7, 9, 11, 21)) -> list[Entry]:
                     elif method == 'IB2':
                         reason = 'Delta = 1.57 here; 1.5707 gives it'
                     elif abs(here / float(paper.lstrip('<')) - 1.0) < 0.01:
-                        reason = 'data rounded to 0.01 um would give it'
+                        reason = 'data rounded to 0.01 µm would give it'
                     else:
                         reason = 'likely a misprint of 5.03: no convention tried gives it'
                 entries.append(
-                    Entry(f'n+1={count} interval {k + 1}', method, paper, here, 'um', reason)
+                    Entry(f'n+1={count} interval {k + 1}', method, paper, here, 'µm', reason)
                 )
     return entries
 
@@ -175,7 +175,7 @@ def node_conventions(count: int = 11) -> list[Entry]:
         closed = max(interval_errors(method, count, (0, 1)))
         interior = interior_node_error(basis, count)
         for place, error in (('closed', closed), ('interior', interior)):
-            entries.append(Entry(f'n+1={count} {place} nodes', method, paper, error * MICRO, 'um'))
+            entries.append(Entry(f'n+1={count} {place} nodes', method, paper, error * MICRO, 'µm'))
     return entries
 
 
@@ -196,16 +196,16 @@ def smallest_count(method: str, first: int, last: int, tolerance: float = TOLERA
 
 
 def counts() -> list[Entry]:
-    """Numbers of points in Section 6.1 that reach 0.05 um."""
+    """Numbers of points in Section 6.1 that reach 0.05 µm."""
     rows = [
-        ('IB1', '11', 5, 25, 'the error at 11 is 0.0533 um, which prints as 0.05'),
+        ('IB1', '11', 5, 25, 'the error at 11 is 0.0533 µm, which prints as 0.05'),
         ('IB2', '16', 5, 30, ''),
-        ('CAM', '>49', 20, 80, 'another spline: 0.047 um at 49 here'),
+        ('CAM', '>49', 20, 80, 'another spline: 0.047 µm at 49 here'),
         ('linear', '>250', 100, 500, 'the bound holds'),
         ('quintic B-spline', '', 8, 40, 'not in the paper'),
     ]
     return [
-        Entry('points for 0.05 um', method, paper, smallest_count(method, first, last), '', reason)
+        Entry('points for 0.05 µm', method, paper, smallest_count(method, first, last), '', reason)
         for method, paper, first, last, reason in rows
     ]
 
@@ -249,12 +249,12 @@ def table4(points: Sequence[int] = (51, 101, 251, 501, 1001)) -> list[Entry]:
                 reason = 'unnamed CAD program, knots and parameters unknown'
             elif differs(paper, here):
                 reason = 'likely a misprint of 0.04'
-            entries.append(Entry(f'l+1={count} n+1={control}', method, paper, here, 'um', reason))
+            entries.append(Entry(f'l+1={count} n+1={control}', method, paper, here, 'µm', reason))
     return entries
 
 
 def control_points_needed(basis: Basis | None, points: int, limit: int = 60) -> int:
-    """Fewest control points whose curve error is below 0.05 um; no basis means the B-spline."""
+    """Fewest control points whose curve error is below 0.05 µm; no basis means the B-spline."""
     for control in range(5, limit):
         if basis is None:
             error = b_spline_error(points, control)
@@ -266,7 +266,7 @@ def control_points_needed(basis: Basis | None, points: int, limit: int = 60) -> 
 
 
 def table4_counts(points: Sequence[int] = (51, 101, 251, 501, 1001)) -> list[Entry]:
-    """Fewest control points that reach 0.05 um, beside the numbers of Table 4."""
+    """Fewest control points that reach 0.05 µm, beside the numbers of Table 4."""
     entries = []
     for count in points:
         for position, (method, basis) in enumerate(

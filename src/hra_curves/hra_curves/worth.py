@@ -129,10 +129,10 @@ def worth(seed: int = 3) -> list[Comparison]:
     generator = np.random.default_rng(seed)
     rows: list[tuple[str, str, dict[str, float]]] = []
     for count in (11, 16, 21, 51):
-        rows.append((f'cycloid, {count} points: curve error', 'um', _cycloid_curves(count)))
+        rows.append((f'cycloid, {count} points: curve error', 'µm', _cycloid_curves(count)))
     rows += [(case, 'relative', found) for case, found in _accuracies(generator)]
     for count in (21, 41):
-        rows.append((f'Runge drawing, {count} points: curve error', 'um', _runge_curves(count)))
+        rows.append((f'Runge drawing, {count} points: curve error', 'µm', _runge_curves(count)))
     comparisons = [
         Comparison(case, unit, results, _winner(results)) for case, unit, results in rows
     ]
@@ -143,7 +143,7 @@ def worth(seed: int = 3) -> list[Comparison]:
             for offset in (0.0, 1e-3, 50e-3)
         }
         case = f'LSB2, l+1=501, n+1={control} ({parity} degree): curve error'
-        comparisons.append(Comparison(case, 'um', errors, ''))
+        comparisons.append(Comparison(case, 'µm', errors, ''))
     return comparisons
 
 
