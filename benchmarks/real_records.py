@@ -24,6 +24,7 @@ import numpy as np
 from benchmarks.blind.run import commit
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.report.causes import parameter_words
 from gap_diagnosis.result import Diagnosis
 from session_bags import (
     convert_emps,
@@ -162,7 +163,9 @@ def page(rows: Mapping[str, dict[str, Any]]) -> str:
         '',
         '    python -m benchmarks.real_records --out build/real_records',
         '',
-        f'Commit {commit()}, {time.strftime("%Y-%m-%d")}.',
+        f'Commit {commit()}, {time.strftime("%Y-%m-%d")}. The effects speak of metres and newtons. In '
+        'the records of rotary axes (`ess_tank`, `slow2`) a metre stands for a radian, and in '
+        '`slow2` a newton for an ampere.',
         '',
         '| record | held out | verdict, probability | gap, held out | the authors |',
         '|---|---|---|---|---|',
@@ -212,7 +215,7 @@ def _details(name: str, found: Mapping[str, Any]) -> list[str]:
     for cause in found['causes']:
         if not cause['parameters']:
             continue
-        values = ', '.join(f'{k} {v:.4g} ± {s:.2g}' for k, (v, s) in cause['parameters'].items())
+        values = parameter_words(cause['effect'], cause['parameters'])
         share, low, high = (100.0 * x for x in cause['shrink'])
         others = ', '.join(f'`{a}`' for a in cause['alternatives']) or 'none'
         out.append(

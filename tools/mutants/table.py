@@ -18,8 +18,9 @@ the mutant. If none fails, the mutant has survived, and a test is missing there.
     python -m tools.mutants run               # tries them
 
 The command runs each mutant against the test files of its package that name its function or
-module, until a test fails, for at most {seconds:.0f} s. A test that fails without the mutant as well does
-not count. `not finished` says that the time was up. `tools/mutants/drawn.json` holds the mutants.
+module, until a test fails, for at most {seconds:.0f} s. A test that fails without the mutant as
+well does not count. `not finished` says that the time was up. `tools/mutants/drawn.json` holds the
+mutants.
 
 {summary}
 The table was written on {date}; its last column is the commit of each run.
