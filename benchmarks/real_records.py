@@ -163,9 +163,9 @@ def page(rows: Mapping[str, dict[str, Any]]) -> str:
         '',
         '    python -m benchmarks.real_records --out build/real_records',
         '',
-        f'Commit {commit()}, {time.strftime("%Y-%m-%d")}. The effects speak of metres and newtons. In '
-        'the records of rotary axes (`ess_tank`, `slow2`) a metre stands for a radian, and in '
-        '`slow2` a newton for an ampere.',
+        f'Commit {commit()}, {time.strftime("%Y-%m-%d")}. The effects speak of metres and '
+        'newtons. In the records of rotary axes (`ess_tank`, `slow2`) a metre stands for a '
+        'radian, and in `slow2` a newton for an ampere.',
         '',
         '| record | held out | verdict, probability | gap, held out | the authors |',
         '|---|---|---|---|---|',
