@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from stage_bringup.graph import Options, commands
 from stage_core.errors import StageError
 from tests.domains import reserve_domain
-from tests.reliability.rig import PATIENCE, Nodes, Watch, last, spread
+from tests.reliability.rig import PATIENCE, STANDS, Nodes, Watch, restart, spread
 
 SHORT: dict[str, dict[str, object]] = {
     'stage_twin': {'lockstep_watchdog': 3.0},
@@ -71,19 +71,14 @@ def one_round(nodes: Nodes, watch: Watch, victim: str, motion: str) -> None:
         if thread is not None and victim != 'contour_ctrl':
             thread.join()
         rows = watch.encoder if victim != 'stage_driver' else watch.tracker
-        watch.silent(rows, 5.0 if victim == 'stage_driver' else 3.0)
-        assert spread(last(rows, 3)) < 2e-5, f'the stage is not at rest: {last(rows, 3)}'
+        watch.rest(rows, 5.0 if victim == 'stage_driver' else 3.0, 3)
         watch.wait(watch.missed(victim), f'{victim} missed')
     assert nodes.dead() == [victim], f'ended with it: {nodes.dead()}'
-    for name in list(watch.states):
-        if name.startswith(f'{victim}:'):
-            del watch.states[name]
     watch.encoder.clear()
-    nodes.start(victim)
-    watch.wait(lambda: any(s.startswith(f'{victim}:') for s in list(watch.states)), 'the restart')
+    restart(nodes, watch, victim)
     watch.silent(watch.encoder, 1.0)
     moved = spread(list(watch.encoder)) if watch.encoder else 0.0
-    assert moved < 2e-5, f'{victim} moved the stage by {1e3 * moved:.3f} mm when it came back'
+    assert moved < STANDS, f'{victim} moved the stage by {1e3 * moved:.3f} mm when it came back'
     arrive(watch, 0.01, 0.01)
 
 
@@ -106,7 +101,7 @@ def main() -> int:
         nodes.start()
         watch = Watch(lockstep=True)
         try:
-            watch.wait(lambda: len(watch.encoder) > 0, 'the stage')
+            watch.wait(lambda: watch.heard('stage_driver'), 'the driver')
             arrive(watch, 0.01, 0.01)
             deadline = time.monotonic() + 60.0 * given.minutes
             while time.monotonic() < deadline:
@@ -119,8 +114,12 @@ def main() -> int:
                 except (AssertionError, StageError) as error:
                     failures.append(f'{victim} during a {motion}: {error}')
                     print(f'  {failures[-1]}', flush=True)
-                    nodes.start(*nodes.dead())
-                    arrive(watch, 0.01, 0.01)
+                    try:
+                        restart(nodes, watch, *nodes.dead())
+                        arrive(watch, 0.01, 0.01)
+                    except (AssertionError, StageError) as again:
+                        failures.append(f'the graph did not recover: {again}')
+                        break
         finally:
             watch.close()
             nodes.end()

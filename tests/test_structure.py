@@ -56,17 +56,8 @@ def test_package_metadata(package: Path) -> None:
     assert {n for n in used if MESSAGES.match(n)} <= declared
 
 
-#: Files that live as long as the process that wrote them, one of /proc, launchers of the standin;
-#: a bag grows, and `repair` writes one beside it.
-NOT_WHOLE = {
-    'training_job.py',
-    'live_buffer.py',
-    'keep_awake.py',
-    'install.py',
-    'repair.py',
-    'reference.py',
-    'whole_file.py',
-}
+#: A file of /proc, the file that `repair` writes beside a bag, and what writes files whole.
+NOT_WHOLE = {'keep_awake.py', 'repair.py', 'whole_file.py'}
 
 
 def test_files_are_written_whole() -> None:

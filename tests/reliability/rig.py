@@ -27,6 +27,9 @@ from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_stat
 
 from ..patience import PATIENCE
 
+#: Rows of a stage at rest are this near to each other [m]; the noise of the tracker is 1 µm.
+STANDS = 2e-5
+
 
 def die_with_parent() -> None:
     """In a child: end when the tests end, even where they are killed (Linux only)."""
@@ -218,21 +221,54 @@ class Watch:
             known = {name: state[1:3] for name, state in self.states.items()}
             raise AssertionError(f'{error}; statuses: {known}') from error
 
-    def silent(self, rows: deque, seconds: float = 0.5) -> None:
-        """Wait until no row has come for a while (lockstep: the world is quiet)."""
+    def silent(
+        self, rows: deque, seconds: float = 0.5, also: Callable[[], bool] = lambda: True
+    ) -> None:
+        """Wait until no row has come for a while (lockstep: a quiet world) and `also` holds."""
         seen = [len(rows), rows[-1] if rows else None, time.monotonic()]
 
         def quiet() -> bool:
             now: list[Any] = [len(rows), rows[-1] if rows else None]
             if now != seen[:2]:
                 seen[:] = [*now, time.monotonic()]
-            return time.monotonic() - float(seen[2]) > seconds  # type: ignore[arg-type]
+            return time.monotonic() - float(seen[2]) > seconds and also()  # type: ignore[arg-type]
 
         self.wait(quiet, 'silence')
+
+    def rest(self, rows: deque, seconds: float = 0.5, count: int = 20) -> None:
+        """Wait until the record is silent and its newest rows are the same place.
+
+        Silence alone is no rest: on a busy machine the plant may be silent in full motion.
+        """
+        self.silent(
+            rows, seconds, lambda: len(rows) >= count and spread(last(rows, count)) < STANDS
+        )
+
+    def heard(self, node: str) -> bool:
+        """Whether a node has spoken on /diagnostics."""
+        return any(name.startswith(f'{node}:') for name in list(self.states))
+
+    def forget(self, *nodes: str) -> None:
+        """Forget what nodes have said: `heard` is then about those that are started again."""
+        for name in list(self.states):
+            if name.partition(':')[0] in nodes:
+                del self.states[name]
 
     def close(self) -> None:
         """Leave the graph."""
         self.client.close()
+
+
+def restart(nodes: Nodes, watch: Watch, *names: str) -> None:
+    """Start nodes again and wait until each speaks.
+
+    Before that a call may go to the one that was killed: discovery forgets it after 20 s.
+    """
+    watch.forget(*names)
+    for name in names:
+        nodes.start(name)
+    for name in names:
+        watch.wait(lambda name=name: watch.heard(name), f'{name} joins again')  # type: ignore[misc]
 
 
 def last(rows: deque, count: int) -> list:

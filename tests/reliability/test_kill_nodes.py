@@ -14,7 +14,7 @@ from session_bags.repair import repair
 from stage_core import topics
 from stage_core.errors import StageError
 
-from .rig import PATIENCE, Nodes, Watch, spread
+from .rig import PATIENCE, Nodes, Watch, restart
 
 #: Feed of a contour that lasts longer than anything that is done to it [m/s].
 SLOW = 0.01
@@ -36,7 +36,7 @@ def whole(graph: Callable[..., Any]) -> Iterator[tuple[Nodes, Watch]]:
         session_recorder={'name': 'killed'},
     ) as (nodes, watch):
         for name in ('tracker_bridge', 'session_recorder', 'calibrator', 'contour_ctrl'):
-            watch.wait(lambda name=name: _heard(watch, name), f'{name} on /diagnostics')
+            watch.wait(lambda name=name: watch.heard(name), f'{name} on /diagnostics')
         watch.wait(lambda: _all_know_each_other(watch), 'discovery')
         yield nodes, watch
 
@@ -50,23 +50,9 @@ def ready(whole: tuple[Nodes, Watch]) -> tuple[Nodes, Watch]:
     return whole
 
 
-def _heard(watch: Watch, node: str) -> bool:
-    return any(name.startswith(f'{node}:') for name in list(watch.states))
-
-
 def _all_know_each_other(watch: Watch) -> bool:
     peers = [s for name, s in list(watch.states.items()) if name.endswith(': peers')]
     return len(peers) == 7 and all('not heard yet' not in s[2].values() for s in peers)
-
-
-def restart(nodes: Nodes, watch: Watch, *names: str) -> None:
-    """Start nodes again and wait until each speaks."""
-    for name in list(watch.states):
-        if name.partition(':')[0] in names:
-            del watch.states[name]
-    nodes.start(*names)
-    for name in names:
-        watch.wait(lambda name=name: _heard(watch, name), f'{name} joins again')
 
 
 class Contour:
@@ -104,8 +90,7 @@ def test_kill_of_bystanders_during_moves(ready: tuple[Nodes, Watch]) -> None:
         nodes.kill(victim)
         # The move goes on to its end and the stage rests at its target.
         watch.wait(watch.arrived(target, 0.01), f'the end of the move without {victim}')
-        watch.silent(watch.encoder)
-        assert spread(list(watch.encoder)[-20:]) < 2e-5
+        watch.rest(watch.encoder)
         target = -target
         if victim != 'session_recorder':
             assert set(nodes.dead()) == set(victims[: victims.index(victim) + 1])
@@ -131,8 +116,7 @@ def test_kill_of_bystanders_during_a_stream(ready: tuple[Nodes, Watch]) -> None:
         nodes.kill(victim)
     run.end()
     assert '1 iteration' in run.message, run.failure
-    watch.silent(watch.encoder)
-    assert spread(list(watch.encoder)[-20:]) < 2e-5
+    watch.rest(watch.encoder)
     restart(nodes, watch, 'calibrator', 'tracker_bridge', 'session_recorder', 'gap_diagnosis')
 
 
@@ -145,8 +129,7 @@ def test_kill_of_the_controller_during_a_stream(ready: tuple[Nodes, Watch]) -> N
         lambda: int(watch.value('stage_driver: state', 'watchdog_stops') or 0) > before,
         'the watchdog of the driver',
     )
-    watch.silent(watch.encoder)
-    assert spread(list(watch.encoder)[-20:]) < 2e-5
+    watch.rest(watch.encoder)
     watch.wait(watch.says('stage_driver: state', 'ready'), 'readiness')
     watch.wait(watch.missed('contour_ctrl'), 'the controller missed')
     restart(nodes, watch, 'contour_ctrl')
@@ -164,9 +147,7 @@ def test_kill_of_the_driver_during_a_stream(ready: tuple[Nodes, Watch]) -> None:
     # Time stands still until the drive's own brake cuts in; the tracker sees the stage stop.
     watch.wait(watch.missed('stage_driver'), 'the driver missed')
     watch.wait(lambda: len(watch.tracker) > last, 'points while the drive brakes')
-    watch.silent(watch.tracker, 4.0)
-    rows = list(watch.tracker)[-3:]
-    assert spread(rows) < 2e-5, rows
+    watch.rest(watch.tracker, 4.0, 3)
     run.end()
     assert 'no encoder message' in run.failure or 'does not answer' in run.failure
     assert nodes.dead() == ['stage_driver']

@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.image import imread
 
 from calibrator import model_file
+from calibrator.live_buffer import load_session, save_session
 from calibrator.models import make_model
+from calibrator.training_job import Job
 from contour_ctrl import storage
-from session_bags import metadata
+from gap_diagnosis.closed_loop import own_model
+from gap_diagnosis.diagnose import Diagnosis
+from gap_diagnosis.experiment.design import Experiment
+from gap_diagnosis.report import document, experiment
+from session_bags import archive, metadata
 from session_bags.bulk import session_blocks
 from session_bags.reader import read_session
 from session_bags.records import read_index
@@ -77,69 +87,8 @@ def model(shift: float) -> model_file.StoredModel:
     return model_file.StoredModel(fitted, version=round(1e6 * shift))
 
 
-def page(text: str) -> Page:
-    made = Page('Kill')
-    made.text(text)
-    return made
-
-
-KINDS: dict[str, tuple[Callable[[Path, int], object], Callable[[Path], int]]] = {
-    'model': (
-        lambda path, n: model_file.save(model(1e-6 * n), path),
-        lambda path: model_file.load(path).version,
-    ),
-    'learned': (
-        lambda path, n: storage.save(
-            path, storage.Learned('c', 'm', np.full((500, 2), float(n)), np.zeros((1, 2, 2)))
-        ),
-        lambda path: int(storage.load(path, 'c', 'm').signal[-1, -1]),
-    ),
-    'twin': (
-        lambda path, n: (
-            TwinFile.nominal_servo()
-            .with_effects({'inertia_mismatch.x': {'ratio': 0.1 * n}})
-            .save(path)
-        ),
-        lambda path: round(10 * TwinFile.load(path).effects['inertia_mismatch.x']['ratio']),
-    ),
-    'page': (
-        lambda path, n: page(f'number {n} ' * 500).save(path),
-        lambda path: (
-            int(path.read_text().rpartition('number ')[2].partition('</p>')[0])
-            if path.read_text().endswith('</html>\n')
-            else -1
-        ),
-    ),
-}
-
-
-@pytest.mark.parametrize('kind', KINDS)
-def test_a_file_is_old_or_new(kind: str, tmp_path: Path) -> None:
-    write, read = KINDS[kind]
-    path = tmp_path / f'{kind}.file'
-    write(path, 1)
-    seen = set()
-
-    def check() -> None:
-        seen.add(read(path))
-        assert seen <= {1, 2}
-
-    killed_everywhere(lambda: write(path, 2), path.stat().st_size, check)
-    write(path, 2)
-    assert read(path) == 2 and 1 in seen
-
-
-def test_a_bags_description_is_old_or_new(tmp_path: Path) -> None:
-    with SessionWriter(tmp_path / 'bag', TwinFile.nominal_servo()) as writer:
-        writer.write_blocks(session_blocks(session()))
-    description = metadata.load(tmp_path / 'bag')
-    assert description is not None
-
-    def check() -> None:
-        assert metadata.load(tmp_path / 'bag') == description
-
-    size = (tmp_path / 'bag' / metadata.FILE_NAME).stat().st_size
-    killed_everywhere(lambda: description.save(tmp_path / 'bag'), size, check)
+def twin(number: int) -> TwinFile:
+    return TwinFile.nominal_servo().with_effects({'inertia_mismatch.x': {'ratio': 0.1 * number}})
 
 
 def session(count: int = 4000) -> Session:
@@ -150,6 +99,133 @@ def session(count: int = 4000) -> Session:
         for axis in 'xy'
     }
     return Session('', {topics.JOINT_STATES: Series(topics.JOINT_STATES, stamps, values)})
+
+
+class Kind(NamedTuple):
+    """A kind of file that the project writes: into a folder, with a number that it tells."""
+
+    name: str
+    write: Callable[[Path, int], object]
+    read: Callable[[Path], int]
+
+
+def report(folder: Path, number: int) -> None:
+    document.write(cast(Diagnosis, SimpleNamespace(corrected_twin=twin(number))), folder)
+
+
+def motion(folder: Path, number: int) -> None:
+    where = np.full((4000, 2), 1e-3 * number)
+    asked = SimpleNamespace(position=where, period=1e-3, axes=('x', 'y'))
+    experiment.write(cast(Experiment, asked), folder)
+
+
+def motion_number(path: Path) -> int:
+    rows = np.loadtxt(path, delimiter=',', skiprows=1)
+    assert len(rows) == 1000
+    return round(1e3 * rows[-1, 2])
+
+
+def page(folder: Path, number: int) -> None:
+    made = Page('Kill')
+    made.text(f'number {number} ' * 500)
+    made.save(folder / 'page')
+
+
+def page_number(path: Path) -> int:
+    text = path.read_text()
+    assert text.endswith('</html>\n') and text.count('number') == 500
+    return int(text.rpartition('number ')[2].partition('</p>')[0])
+
+
+def pictures(folder: Path, number: int) -> None:
+    made = Page('Kill')
+    made.figures.append(('', Figure(figsize=(number, 1.0))))
+    made.save_pictures(folder, 'picture')
+
+
+def description(folder: Path, number: int) -> None:
+    filled = [metadata.FileRecord('bag_0.mcap', start=1, end=2, count=number)]
+    metadata.BagMetadata(files=filled).save(folder)
+
+
+def described(path: Path) -> int:
+    found = metadata.load(path.parent)
+    assert found is not None
+    return found.files[0].count
+
+
+def learned(folder: Path, number: int) -> None:
+    taught = storage.Learned('c', 'm', np.full((500, 2), float(number)), np.zeros((1, 2, 2)))
+    storage.save(folder / 'learned', taught)
+
+
+def live(folder: Path, number: int) -> None:
+    save_session(session(1000 * number), folder / 'live')
+
+
+def text(path: Path) -> int:
+    content = path.read_text()
+    assert len(content) == 500
+    return int(content[-1])
+
+
+KINDS = (
+    Kind(
+        'model',
+        lambda folder, n: model_file.save(model(1e-6 * n), folder / 'model'),
+        lambda path: model_file.load(path).version,
+    ),
+    Kind('learned', learned, lambda path: int(storage.load(path, 'c', 'm').signal[-1, -1])),
+    Kind(
+        'twin',
+        lambda folder, n: twin(n).save(folder / 'twin'),
+        lambda path: round(10 * TwinFile.load(path).effects['inertia_mismatch.x']['ratio']),
+    ),
+    Kind('page', page, page_number),
+    Kind('picture_01.png', pictures, lambda path: round(imread(path).shape[1] / 110)),
+    Kind('metadata.yaml', description, described),
+    Kind('report.json', report, lambda path: json.loads(path.read_text())['number']),
+    Kind('experiment.csv', motion, motion_number),
+    Kind(
+        'model.xml',
+        lambda folder, n: own_model.save(folder / 'model.xml', f'{n}' * 500),
+        text,
+    ),
+    Kind(
+        'kept result',
+        lambda folder, n: archive._keep(folder / 'kept result', archive.Outcome('bag', n)),
+        lambda path: cast(archive.Outcome, archive._kept('bag', path)).result,
+    ),
+    Kind('live', live, lambda path: len(load_session(path).series[topics.JOINT_STATES]) // 1000),
+    Kind(
+        'job',
+        lambda folder, n: Job(out='', version=n).save(folder / 'job'),
+        lambda path: Job.load(path).version,
+    ),
+    # What has no writer of its own: session.json, summary.json, a patch, the reference.
+    Kind('text', lambda folder, n: write_whole(folder / 'text', f'{n}' * 500), text),
+)
+
+
+@pytest.mark.parametrize('kind', KINDS, ids=lambda kind: kind.name)
+def test_a_file_is_old_or_new(kind: Kind, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(document, 'as_dict', lambda found: {'number': number_of(found)})
+    path = tmp_path / kind.name
+    kind.write(tmp_path, 1)
+    seen = set()
+
+    def check() -> None:
+        seen.add(kind.read(path))
+        assert seen <= {1, 2}
+
+    killed_everywhere(lambda: kind.write(tmp_path, 2), path.stat().st_size, check)
+    kind.write(tmp_path, 2)
+    assert kind.read(path) == 2 and 1 in seen
+
+
+def number_of(found: Diagnosis) -> int:
+    """The number of `twin`; a report of any other content is written alike."""
+    return round(10 * found.corrected_twin.effects['inertia_mismatch.x']['ratio'])
 
 
 def test_a_growing_bag_keeps_each_complete_chunk(tmp_path: Path) -> None:

@@ -132,7 +132,7 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
 def test_home_waits_for_a_twin_that_starts_later(ros_env):
     port = free_port()
     twin = [sys.executable, '-m', 'stage_twin.node', '--ros-args']
-    twin += arguments(drive_port=port, clock='realtime', tracker_protocol='none')
+    twin += arguments(drive_port=port, clock='lockstep', tracker_protocol='none')
     driver = DRIVER + arguments(drive_port=port, drive_timeout=300.0)
     with process(driver, ros_env), GraphClient('test_client') as client:
         client.watch(DiagnosticArray, topics.DIAGNOSTICS)
@@ -233,7 +233,8 @@ def test_zaber_node_keeps_its_port_reports_a_pulled_cable_and_goes_on_after_the_
     plant.reset([1000, 1000])
     link = tmp_path / 'zaber'
     command = [*DRIVER, '--params-file', str(CONFIG.with_name('stage_driver_zaber.yaml'))]
-    command += arguments(port=link)
+    # A pulled cable is a hang-up of the port; a busy machine is late with its answers.
+    command += arguments(reply_timeout=5.0, link_timeout=60.0, port=link)
     with (
         ZaberPty(ZaberChain(plant), link=link) as server,
         process(command, ros_env) as first,

@@ -14,6 +14,7 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.session import Series, Session
+from stage_core.whole_file import replacing
 
 
 class LiveBuffer:
@@ -95,7 +96,7 @@ def save_session(session: Session, path: Path) -> None:
     if session.alignment is not None:
         arrays['|rotation'] = session.alignment.rotation
         arrays['|translation'] = session.alignment.translation
-    with path.open('wb') as stream:
+    with replacing(path) as stream:
         np.savez(stream, **arrays)  # type: ignore[arg-type]
 
 

@@ -26,6 +26,7 @@ from calibrator.samples import Samples
 from calibrator.training import Training, default_options, stored, train, twin_leads
 from stage_core.errors import StageError
 from stage_core.priority import to_background
+from stage_core.whole_file import write_whole
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Job:
 
     def save(self, path: Path) -> None:
         """Write the job as JSON."""
-        path.write_text(json.dumps(asdict(self)), encoding='utf-8')
+        write_whole(path, json.dumps(asdict(self)))
 
     @classmethod
     def load(cls, path: Path) -> Job:

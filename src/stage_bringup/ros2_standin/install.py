@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stage_core.errors import StageError, command_line
+from stage_core.whole_file import write_whole
 
 _LAUNCHER = """#!/bin/sh
 # Launcher of ros2_standin: the ros2 verbs where ros2cli is not installed.
@@ -51,7 +52,7 @@ def install(folder: Path) -> Path | None:
             target.unlink(missing_ok=True)
             return None
         folder.mkdir(parents=True, exist_ok=True)
-        target.write_text(_LAUNCHER.format(python=sys.executable), encoding='utf-8')
+        write_whole(target, _LAUNCHER.format(python=sys.executable))
         target.chmod(0o755)
     except OSError as error:
         raise StageError(

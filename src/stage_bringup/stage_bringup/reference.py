@@ -16,6 +16,7 @@ from types import ModuleType
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.parameters import Parameter
+from stage_core.whole_file import write_whole
 
 #: Executable -> module of its node, further modules that create its topics and services.
 NODES: dict[str, tuple[str, ...]] = {
@@ -134,7 +135,7 @@ def render() -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the reference to the path given."""
     path = Path((list(arguments) if arguments is not None else sys.argv[1:])[0])
-    path.write_text(render(), encoding='utf-8')
+    write_whole(path, render())
     print(f'wrote {path}')
     return 0
 

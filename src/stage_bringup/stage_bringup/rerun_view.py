@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from stage_bringup.rerun_content import Note, Recorded, Stamps, read_recorded
 from stage_core import topics
 from stage_core.errors import StageError, command_line
+from stage_core.whole_file import replacing
 
 #: The optional extra `rerun`, the release that the archetypes below were tried with.
 PINNED = 'rerun-sdk==0.41.0'
@@ -54,7 +55,7 @@ class RerunWriter:
         self._session = recorded.session
 
     def write(self) -> None:
-        """Send everything that the bag holds."""
+        """Send everything that the bag holds, and end the recording."""
         self._stream.log('stage', self._sdk.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         self._places()
         self._curves()
@@ -63,6 +64,8 @@ class RerunWriter:
         for stamp, text in self._recorded.models:
             stamps = np.array([stamp])
             self._send('model', stamps, self._sdk.TextDocument.columns(text=[text]))
+        self._stream.flush()
+        self._stream.disconnect()
 
     def _send(self, entity: str, stamps: Stamps, columns: Any) -> None:
         since = (stamps - self._session.start_ns).astype('timedelta64[ns]')
@@ -191,17 +194,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     stream = sdk.RecordingStream('stage')
     stream.send_recording_name('/'.join(chosen.bag.resolve().parts[-2:]))
     blueprint = layout(sdk, recorded)
+    writer = RerunWriter(sdk, stream, recorded)
     try:
         if chosen.out:
-            stream.save(chosen.out, default_blueprint=blueprint)
+            with replacing(chosen.out) as part:
+                stream.save(part.name, default_blueprint=blueprint)
+                writer.write()
         else:
             stream.spawn(default_blueprint=blueprint)
+            writer.write()
     except (OSError, RuntimeError) as error:
         where = f'cannot write {chosen.out}' if chosen.out else 'the viewer does not start'
         raise StageError(f'{where} ({error}): name a file with --out FILE.rrd') from error
-    RerunWriter(sdk, stream, recorded).write()
-    stream.flush()
-    stream.disconnect()
     if chosen.out:
         print(f'{chosen.out}: open it with `rerun {chosen.out}`')
     return 0

@@ -36,6 +36,9 @@ from stage_driver.protocol import (
 #: The id of an unanswered request is not used again for this time: its reply may be late [s].
 QUARANTINE = 5.0
 
+#: A port that takes nothing for so long is gone [s]. pyserial counts the time in which this thread
+#: got no processor, also behind a line that was written: 0.5 s took load for a pulled cable.
+WRITE_TIMEOUT = 5.0
 
 #: Errors of a port that may still come: no such file or device, or nobody listens there yet.
 _ABSENT = (errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ECONNREFUSED)
@@ -98,7 +101,9 @@ class ZaberLink:
         wire = f'port {os.path.realpath(url) if "://" not in url else url}'
         self._owned = Ownership(wire, 'stage_driver', 'give this driver another port')
         try:
-            self._port = serial.serial_for_url(url, baudrate=baud, timeout=0.05, write_timeout=0.5)
+            self._port = serial.serial_for_url(
+                url, baudrate=baud, timeout=0.05, write_timeout=WRITE_TIMEOUT
+            )
         except (serial.SerialException, OSError, ValueError, termios.error) as error:
             self._owned.close()
             kind = PortAbsent if _number(error) in _ABSENT else StageError
