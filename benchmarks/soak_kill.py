@@ -101,7 +101,9 @@ def main() -> int:
         nodes.start()
         watch = Watch(lockstep=True)
         try:
-            watch.wait(lambda: watch.heard('stage_driver'), 'the driver')
+            watch.wait(
+                lambda: watch.value('stage_driver: state', 'connected') == 'True', 'the drive'
+            )
             arrive(watch, 0.01, 0.01)
             deadline = time.monotonic() + 60.0 * given.minutes
             while time.monotonic() < deadline:
