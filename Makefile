@@ -33,7 +33,7 @@ check: venv
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	$(if $(CHANGED),.venv/bin/mypy $(CHANGED))
-	$(PYTHON_ENV) -m pytest -q tests/test_structure.py tests/test_docs.py tests/stage_core
+	$(PYTHON_ENV) -m pytest -q tests/test_structure.py tests/test_docs.py
 
 lint: venv
 	.venv/bin/ruff check .

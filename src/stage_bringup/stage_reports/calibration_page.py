@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from calibrator.model_file import StoredModel
@@ -39,7 +37,7 @@ def calibration_page(
     entries : further conditions.
     """
     errors = rests.errors
-    page = Page(f'{Path(session.path).name}: the table at rest')
+    page = Page('The table at rest')
     page.headline(
         with_interval(distance_rms(errors), *rms_interval(errors)),
         f'RMS distance between wanted and measured position at {len(errors)} rests, before any '

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from stage_core.metrics import error_figures
@@ -35,7 +33,7 @@ def contour_page(
     rms = [error_figures(run.contour).rms for run in found]
     best = int(np.argmin(rms))
     parts = [error_figures(p).rms for p in np.array_split(found[best].contour, STRETCHES)]
-    page = Page(f'{Path(session.path).name}: following a contour')
+    page = Page('Following a contour')
     first = f', {measure(rms[0])} in the first' if best else ''
     page.headline(
         f'{rms[best] * MICRO:.2f} µm ({min(parts) * MICRO:.2f} to {max(parts) * MICRO:.2f} µm '
@@ -55,8 +53,8 @@ def contour_page(
     _learning(page, found, rms)
     seen = [encoder[s] for s in ('encoder', 'tracker') if s in encoder]
     _over_path(page, found, best, seen)
-    _table(page, found, seen)
     _standard(page, found, seen)
+    _table(page, found, encoder.get('encoder'))
     hysteresis_section(page, session, found[best], seen)
     temperature_section(page, session)
     recorded_section(page, session)
@@ -137,33 +135,36 @@ def _circle(run: Run, tracking: Tracking) -> tuple[Array, float] | None:
     return None if paths is None else (paths.centre, paths.radius)
 
 
-def _table(page: Page, found: list[Run], seen: list[Tracking]) -> None:
+def _table(page: Page, found: list[Run], encoder: Tracking | None) -> None:
     header = ['run', 'contour RMS (µm)', 'contour largest (µm)']
-    header += [f'{t.sensor}: RMS of {a} (µm)' for t in seen for a in 'xy'[: t.errors.shape[1]]]
+    axes = 0 if encoder is None else encoder.errors.shape[1]
+    header += [f'encoder: RMS of {axis} (µm)' for axis in 'xy'[:axes]]
     rows: list[list[object]] = []
     for run in found:
         f = error_figures(run.contour)
         row: list[object] = [run.number, f'{f.rms * MICRO:.2f}', f'{f.maximum * MICRO:.1f}']
-        for tracking in seen:
-            part = tracking.errors[run.within(tracking.seconds)]
+        if encoder is not None:
+            part = encoder.errors[run.within(encoder.seconds)]
             row += (
                 [f'{error_figures(column).rms * MICRO:.2f}' for column in part.T]
                 if len(part)
-                else [None] * tracking.errors.shape[1]
+                else [None] * axes
             )
         rows.append(row)
-    page.table(header, rows, 'reference minus what the sensor says, while the contour is followed')
-    if any(t.sensor == 'tracker' for t in seen):
-        page.text(
-            'The encoder sits on the motor side: it does not see play, screw pitch and axes that '
-            'are not square. The tracker sees them, and its own noise.'
-        )
+    page.heading('Each run')
+    page.table(header, rows, 'reference minus encoder, while the contour is followed')
+    page.text(
+        'The encoder sits on the motor side: it does not see play, screw pitch and axes that are '
+        'not square. Where a calibration corrects the contour, the reference holds the correction.'
+    )
 
 
 def _standard(page: Page, found: list[Run], seen: list[Tracking]) -> None:
-    """ISO 230-4 of all runs together, where they run both ways; else of the last one."""
+    """ISO 230-4 of the last run.
+
+    The tracker sees the table. The encoder leaves the circle by the calibration's correction.
+    """
     for tracking in reversed(seen):
-        if _circle(found[-1], tracking) is None:
-            continue
-        page.heading(f'Circular test (ISO 230-4), {tracking.sensor}')
-        circular_section(page, tracking.take(found[-1].within(tracking.seconds)))
+        if _circle(found[-1], tracking) is not None:
+            circular_section(page, tracking.take(found[-1].within(tracking.seconds)))
+            return

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from stage_core import topics
@@ -30,7 +28,7 @@ ARROWS = 120
 
 def motion_page(session: Session) -> Page:
     """Page of a session that has neither rests nor contour errors."""
-    page = Page(f'{Path(session.path).name}: the stage in motion')
+    page = Page('The stage in motion')
     found = tracking_errors(session)
     if found:
         by = [f'{measure(distance_rms(t.errors))} seen by the {t.sensor}' for t in found]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from stage_core.pages import Page
@@ -57,7 +55,7 @@ def positioning_page(
     entries: list[tuple[str, str]] | None = None,
 ) -> Page:
     """Page of a session that tests its axes; `tests` as of `positioning_tests`."""
-    page = Page(f'{Path(session.path).name}: positioning of each axis')
+    page = Page('Positioning of each axis')
     said = []
     for axis, test in tests.items():
         accuracy = positioning(test.targets, test.up, test.down).A / MICROMETRE

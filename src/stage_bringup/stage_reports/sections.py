@@ -55,41 +55,49 @@ def condition_entries(
 
 def positioning_section(page: Page, session: Session, tracking: Tracking) -> bool:
     """Evaluate the axes that were tested by ISO 230-2; whether there was one."""
-    found = False
-    for column, axis in enumerate(session.axes):
-        test = positioning_runs(
-            tracking.seconds, tracking.reference[:, column], tracking.measured[:, column]
+    tests = {
+        axis: test
+        for column, axis in enumerate(session.axes)
+        if (
+            test := positioning_runs(
+                tracking.seconds, tracking.reference[:, column], tracking.measured[:, column]
+            )
         )
-        if test is None:
-            continue
-        found = True
+        is not None
+    }
+    if not tests:
+        return False
+    page.heading(f'Positioning by ISO 230-2, {tracking.sensor}')
+    values: dict[str, list[str]] = {name: [] for name, _ in POSITIONING_FIGURES}
+    for axis, test in tests.items():
         result = positioning(test.targets, test.up, test.down)
-        uncertain = positioning_uncertainty(test)
-        count = test.up.shape[1]
-        page.heading(f'Positioning of axis {axis} (ISO 230-2), {tracking.sensor}')
         page.figure(
             figures.positioning_plot(result, f'axis {axis}'),
             f'Deviations of axis {axis} at {len(test.targets)} targets',
             'The two bands apart: play (B). Wide bands: poor repeatability (R). A slope: scale. '
             'A wave: the screw.',
         )
-        page.table(
-            ['figure', 'meaning', 'value (µm)', 'U (µm)'],
-            [
-                [name.replace('_up', '↑').replace('_down', '↓'), meaning,
-                 f'{getattr(result, name) / MICROMETRE:.2f}',
-                 f'{uncertain[name] / MICROMETRE:.2f}']
-                for name, meaning in POSITIONING_FIGURES
-            ],
-            'U: expanded uncertainty (k = 2) from the scatter of the sensor within the rests '
-            'alone; its alignment, scale and the temperature are not in it',
-        )  # fmt: skip
+        uncertain = positioning_uncertainty(test)
+        for name, said in values.items():
+            value, u = getattr(result, name) / MICROMETRE, uncertain[name] / MICROMETRE
+            said.append(f'{value:.2f} ± {u:.2f}')
+    page.table(
+        ['figure', 'meaning', *(f'{axis} ± U (µm)' for axis in tests)],
+        [
+            [name.replace('_up', '↑').replace('_down', '↓'), meaning, *values[name]]
+            for name, meaning in POSITIONING_FIGURES
+        ],
+        'U: expanded uncertainty (k = 2) from the scatter of the sensor within the rests '
+        'alone; its alignment, scale and the temperature are not in it',
+    )
+    for axis, test in tests.items():
+        count = test.up.shape[1]
         if count < 5 or len(test.targets) < 5:
             page.text(
-                f'{len(test.targets)} targets with {count} approaches from each side. The '
+                f'{axis}: {len(test.targets)} targets with {count} approaches from each side. The '
                 'standard asks for five of each.'
             )
-    return found
+    return True
 
 
 def circular_section(page: Page, tracking: Tracking) -> bool:
@@ -124,6 +132,11 @@ def circular_section(page: Page, tracking: Tracking) -> bool:
         ['figure', 'meaning', 'value (µm)'],
         [[n, words, f'{v / MICROMETRE:.2f}'] for n, words, v in values if v is not None],
     )
+    if second is None:
+        page.text(
+            f'The circle was followed {way} only. The standard asks for both directions, from '
+            'which G(b) and H follow.'
+        )
     return True
 
 

@@ -21,6 +21,8 @@ from stage_core.whole_file import replacing, write_whole
 
 #: A picture wider than this (inches) gets a row of its own.
 _WIDE = 7.0
+#: A cell of so many letters or less is a number or a symbol.
+_SHORT = 12
 
 _CSS = """
 *{box-sizing:border-box}
@@ -57,7 +59,9 @@ figure.wide .plot{min-width:36rem}.plot{display:block;position:relative}
 output{display:block;font-size:.85rem;color:var(--muted);min-height:1.5em}
 figcaption{color:var(--muted);font-size:.92rem;max-width:44rem;
 margin-top:.3rem}figcaption b{color:var(--ink)}
-details{margin:1rem 0}@media (max-width:40rem){td{min-width:6rem}}
+details{margin:1rem 0}
+@media (max-width:40rem){td:not(.short){min-width:6rem}th,td{padding-right:.8rem}
+caption{max-width:calc(100vw - 2rem)}}
 summary{cursor:pointer;color:var(--blue)}
 footer{margin-top:3rem;color:var(--muted);font-size:.88rem}
 @media print{body{font-size:10.5pt;max-width:none;padding:0}h2,h3{break-after:avoid}
@@ -160,7 +164,7 @@ class Page:
                     f'a table row of {len(row)} cells under {len(header)} headings: '
                     'give one cell for each'
                 )
-            lines.append(f'<tr>{"".join(f"<td>{_text(_cell(v))}</td>" for v in row)}</tr>')
+            lines.append(f'<tr>{"".join(_data(_cell(v)) for v in row)}</tr>')
         body = ''.join(lines)
         return self._add(f'<div class="scroll"><table>{body}</tbody></table></div>')
 
@@ -259,6 +263,11 @@ def _text(text: str) -> str:
     # A number and its unit stay in one line.
     text = re.sub(r'(?<=\d) (?=(?:µm|mm|µrad|rad|N|°C|%|s)\b|%)', '\u00a0', text)
     return re.sub(r'`([^`]+)`', r'<code>\1</code>', html.escape(text, quote=False))
+
+
+def _data(text: str) -> str:
+    """A cell; a short one needs no width of its own on a narrow screen."""
+    return f'<td{" class=short" if len(text) <= _SHORT else ""}>{_text(text)}</td>'
 
 
 def _cell(value: object) -> str:

@@ -120,5 +120,7 @@ def histogram(values: Mapping[str, ArrayLike], rare: bool = False) -> Figure:
         axes.hist(errors, edges, weights=share, color=colour, alpha=0.22)
         axes.hist(errors, edges, weights=share, color=colour, histtype='step', label=label)
     axes.set(xlabel='error (µm)', ylabel='share (%)', yscale='log' if rare else 'linear')
+    if rare:
+        axes.yaxis.set_major_formatter(lambda value, _: f'{value:g}')
     axes.legend()
     return figure
