@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from numba import njit
@@ -19,9 +18,7 @@ from numpy.typing import NDArray
 from calibrator.swarm_loops import (
     BLOCK,
     Tag,
-    add_one,
-    add_six,
-    add_three,
+    add_products,
     exponents,
     inverse_sums,
     plain_error,
@@ -36,35 +33,8 @@ RIDGE = 1e-10
 REDUCTION_CODES = {'nie_tan': 0, 'maclaurin': 1, 'biglarbegian': 2, 'karnik_mendel': 1}
 """Training with `karnik_mendel` ranks particles by the first step; the refit is exact."""
 
-LINE = 8
-"""Numbers per cache line."""
-
 SHARES = 8
 """Parts of the swarm per thread."""
-
-
-@njit(cache=True, nogil=True)
-def aligned(count: int) -> Array:
-    """Memory for numbers from the start of a cache line: across two, a vector takes two reads."""
-    buffer = np.empty(count + LINE)
-    start = -(buffer.ctypes.data // 8) % LINE
-    return buffer[start : start + count]
-
-
-@njit(cache=True, nogil=True)
-def _add(a: Array, b: Array, square: bool, pairs: Array, sums: Array, size: Any) -> None:
-    """Add a block to sums (P, Q) of products and rows of pairs, see `swarm_loops.add_six`."""
-    count = sums.shape[1]
-    q = 0
-    while q + 6 <= count:
-        add_six(a, b, square, pairs, q, sums, size)
-        q += 6
-    while q + 3 <= count:
-        add_three(a, b, square, pairs, q, sums, size)
-        q += 3
-    while q < count:
-        add_one(a, b, square, pairs, q, sums, size)
-        q += 1
 
 
 @njit(cache=True, nogil=True, fastmath={'contract'}, error_model='numpy')
@@ -105,8 +75,8 @@ def _factorise(rules: Tag, moments: Array, matrix: Array) -> None:
 @njit(cache=True, nogil=True, fastmath={'contract'}, error_model='numpy')
 def _solve(matrix: Array, right: Array, theta: Array) -> None:
     """Solution theta ((n+1)·M,), row by row (n+1, M), with the factor of `_factorise`."""
-    rules, blocks = right.shape
-    size = blocks * rules
+    rules, size = len(right), len(theta)
+    blocks = size // rules
     for a in range(blocks):
         for j in range(rules):
             theta[a * rules + j] = right[j, a]
@@ -153,15 +123,15 @@ def swarm_errors(
     rule_count, terms = len(rules), len(axes) + 1
     outputs = targets.shape[1]
     block_count = len(pairs)
-    lower = aligned(block_count * rule_count * BLOCK).reshape(block_count, -1)
-    upper = aligned(block_count * rule_count * BLOCK).reshape(block_count, -1)
-    inverses = aligned(block_count * 2 * BLOCK).reshape(block_count, -1)
-    weights = aligned(2 * rule_count * BLOCK)
-    strongest = aligned(BLOCK)
-    moments = np.empty((rule_count * (rule_count + 1) // 2, terms * (terms + 1) // 2))
-    right = np.empty((outputs, rule_count, terms))
+    lower = np.empty(block_count * rule_count * BLOCK).reshape(block_count, -1)
+    upper = np.empty(block_count * rule_count * BLOCK).reshape(block_count, -1)
+    inverses = np.empty(block_count * 2 * BLOCK).reshape(block_count, -1)
+    weights = np.empty(2 * rule_count * BLOCK)
+    strongest = np.empty(BLOCK)
+    moments = np.empty((rule_count * (rule_count + 1) // 2, len(pairs[0]) // BLOCK))
+    right = np.empty((outputs, rule_count, -(-terms // 3) * 3))
     signed_moments = np.empty_like(moments)
-    signed_right = np.empty((rule_count, terms))
+    signed_right = np.empty_like(right[0])
     first = np.empty((terms * rule_count, terms * rule_count))
     matrix = np.empty((terms * rule_count, terms * rule_count))
     theta = np.empty(terms * rule_count)
@@ -170,8 +140,7 @@ def swarm_errors(
         moments[:] = 0.0
         right[:] = 0.0
         sets = particles[p].reshape(3, -1)
-        # Exponents of two: one multiplication per width, none per sample.
-        wide = np.exp(-2.0 * sets[1]) / np.log(2.0)
+        wide = np.exp(-2.0 * sets[1])
         narrow = wide * np.exp(-2.0 * np.minimum(sets[2], 0.0))
         for b in range(block_count):
             size = np.uint64(min(BLOCK, samples - b * BLOCK))
@@ -181,9 +150,9 @@ def swarm_errors(
             strengths(rules, up, strongest, size)
             inverse_sums(rules, low, up, inverses[b], size)
             plain_weights(rules, 2 if code == 2 else 0, low, up, inverses[b], weights, size)
-            _add(weights, weights, True, pairs[b], moments, size)
+            add_products(weights, weights, True, pairs[b], moments, size)
             for o in range(outputs):
-                _add(weights, targets[b, o], False, pairs[b], right[o], size)
+                add_products(weights, targets[b, o], False, pairs[b], right[o], size)
         _factorise(rules, moments, first)
         for o in range(outputs):
             _solve(first, right[o], theta)
@@ -203,8 +172,8 @@ def swarm_errors(
                         total += signed_error(
                             rules, axes, low, up, inverse, x, target, theta, weights, size
                         )
-                        _add(weights, weights, True, x, signed_moments, size)
-                        _add(weights, target, False, x, signed_right, size)
+                        add_products(weights, weights, True, x, signed_moments, size)
+                        add_products(weights, target, False, x, signed_right, size)
                     elif code == 1:
                         total += signed_error(
                             rules, axes, low, up, inverse, x, target, theta, None, size
@@ -217,11 +186,14 @@ def swarm_errors(
 
 
 def input_pairs(inputs: Array) -> Array:
-    """Products x_a x_b (Q, N) of inputs (n, N) with x_0 = 1, in the order of `swarm_errors`."""
+    """Products x_a x_b of inputs (n, N) with x_0 = 1, in the order of `swarm_errors`, (Q, N).
+
+    Rows of zeros make Q a multiple of three.
+    """
     extended = np.vstack([np.ones(inputs.shape[1]), inputs])
-    return np.array(
-        [extended[a] * extended[b] for a in range(len(extended)) for b in range(a, len(extended))]
-    )
+    first, second = np.triu_indices(len(extended))
+    pairs = extended[first] * extended[second]
+    return np.vstack([pairs, np.zeros((-len(pairs) % 3, inputs.shape[1]))])
 
 
 def _blocked(rows: Array) -> Array:
@@ -229,7 +201,7 @@ def _blocked(rows: Array) -> Array:
     blocks = -(-rows.shape[1] // BLOCK)
     padded = np.zeros((len(rows), blocks * BLOCK))
     padded[:, : rows.shape[1]] = rows
-    cut = aligned(padded.size).reshape(blocks, len(rows), BLOCK)
+    cut = np.empty(padded.size).reshape(blocks, len(rows), BLOCK)
     cut[:] = padded.reshape(len(rows), blocks, BLOCK).transpose(1, 0, 2)
     return cut
 
