@@ -16,9 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from session_bags.cdr import NUMERIC_TYPES
 from session_bags.definitions import definition
-from session_bags.metadata import load
 from session_bags.reader import read_session
 from session_bags.writer import SessionWriter, write_session
 from stage_core import topics
@@ -308,91 +306,3 @@ def test_messages_out_of_order_are_sorted_and_said(tmp_path: Path) -> None:
     found = read_session(tmp_path / 'bag')
     np.testing.assert_array_equal(found.series[topics.REFERENCE].stamps, reference.stamps)
     assert 'order of its stamps' in found.warnings[0]
-
-
-class TestBadInput:
-    """Each is one StageError that names the thing and the remedy."""
-
-    def test_no_bag(self, tmp_path: Path) -> None:
-        with pytest.raises(StageError, match='does not exist'):
-            read_session(tmp_path / 'nothing')
-        with pytest.raises(StageError, match='holds no bag'):
-            read_session(tmp_path)
-        (tmp_path / 'text.mcap').write_text('hello, this is no bag at all')
-        with pytest.raises(StageError, match='not an mcap file'):
-            read_session(tmp_path / 'text.mcap')
-
-    def test_no_message(self, tmp_path: Path) -> None:
-        SessionWriter(tmp_path / 'bag').close()
-        with pytest.raises(StageError, match='holds no message'):
-            read_session(tmp_path / 'bag')
-        with SessionWriter(tmp_path / 'empty') as writer:
-            writer.add_topic(topics.REFERENCE)
-        with pytest.raises(StageError, match='holds no message'):
-            read_session(tmp_path / 'empty')
-
-    def test_one_message(self, tmp_path: Path) -> None:
-        path = write_session(tmp_path / 'bag', random_session(1))
-        assert len(read_session(path).series[topics.REFERENCE]) == 1
-
-    def test_not_a_number(self, tmp_path: Path) -> None:
-        session = random_session(30)
-        session.series[topics.TRACKER_POINT].values['y'][2] = np.nan
-        path = write_session(tmp_path / 'bag', session)
-        with pytest.raises(StageError, match=r'/tracker/point holds .*\(y at stamp'):
-            read_session(path)
-        assert_same(session, read_session(path, allow_nan=True))
-        read_session(path, topics=[topics.REFERENCE])
-
-    def test_wrong_type(self, tmp_path: Path) -> None:
-        with SessionWriter(tmp_path / 'bag') as writer:
-            writer.add_topic(topics.REFERENCE, 'geometry_msgs/msg/PointStamped')
-        with pytest.raises(StageError, match='a session has sensor_msgs/msg/JointState'):
-            read_session(tmp_path / 'bag')
-
-    @pytest.mark.parametrize(
-        'data', [b'', b'\0\1', b'\0\1\0\0' + bytes(30), b'\0\7\0\0' + bytes(60)]
-    )
-    def test_malformed_message(self, tmp_path: Path, data: bytes) -> None:
-        with SessionWriter(tmp_path / 'bag') as writer:
-            writer.write(topics.TRACKER_POINT, data, 5)
-        with pytest.raises(StageError, match='/tracker/point is no geometry_msgs'):
-            read_session(tmp_path / 'bag')
-
-    def test_unknown_type_cannot_be_written(self, tmp_path: Path) -> None:
-        with (
-            SessionWriter(tmp_path / 'bag') as writer,
-            pytest.raises(StageError, match='type of /other is unknown'),
-        ):
-            writer.add_topic('/other')
-        with (
-            SessionWriter(tmp_path / 'bag2') as writer,
-            pytest.raises(StageError, match='own_msgs/msg/Odd is unknown'),
-        ):
-            writer.add_topic('/other', 'own_msgs/msg/Odd')
-
-    def test_missing_file_of_a_bag(self, bag: Path) -> None:
-        (bag / 'bag_0.mcap').unlink()
-        with pytest.raises(StageError, match='lacks its file bag_0.mcap'):
-            read_session(bag)
-
-    @pytest.mark.parametrize('text', ['', '{', 'a: 1', 'rosbag2_bagfile_information: 3', '\0\xff'])
-    def test_unreadable_metadata_does_not_matter(self, bag: Path, text: str) -> None:
-        (bag / 'metadata.yaml').write_text(text)
-        session = read_session(bag)
-        assert 'metadata.yaml' in session.warnings[0] and session.twin is not None
-        with pytest.raises(StageError, match='session_bags repair'):
-            load(bag)
-
-    def test_garbage_messages_never_escape(self, tmp_path: Path) -> None:
-        rng = np.random.default_rng(11)
-        for number in range(12):
-            path = tmp_path / f'bag{number}'
-            with SessionWriter(path) as writer:
-                for topic, kind in topics.TOPIC_TYPES.items():
-                    if kind in NUMERIC_TYPES:
-                        size = int(rng.integers(0, 200))
-                        noise = b'\0\1\0\0' + rng.integers(0, 4, size, np.uint8).tobytes()
-                        writer.write(topic, noise, number)
-            with pytest.raises(StageError):
-                read_session(path)

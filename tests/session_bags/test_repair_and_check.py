@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import errno
-import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,18 +14,16 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from session_bags import check, info, repair
+from session_bags import info, repair
 from session_bags.bulk import session_blocks
-from session_bags.check import ERROR, OK, WARNING, check_bag
-from session_bags.drops import DropCounter
+from session_bags.check import check_bag
 from session_bags.reader import read_session
-from session_bags.writer import SessionWriter, write_session
+from session_bags.writer import SessionWriter
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_core.session import Series, Session
-from stage_core.twin_file import TwinFile
+from stage_core.session import Session
 
-from .conftest import START, assert_same, random_session
+from .conftest import assert_same, random_session
 
 #: A failing example is small as it is, and each costs a bag.
 NO_SHRINKING = (Phase.explicit, Phase.generate)
@@ -240,181 +236,3 @@ def test_repair_says_what_it_did(
     assert 'whole' in capsys.readouterr().out
     assert repair.main([str(tmp_path / 'nothing')]) == 2
     assert 'error: ' in capsys.readouterr().err
-
-
-def smooth_session() -> Session:
-    """A good session: a circle, followed exactly."""
-    count = 2000
-    stamps = START + np.arange(count) * 1_000_000
-    angle = np.linspace(0, 6, count)
-    turn = 6 / (count - 1) * 1000.0
-    columns = {
-        'position.x': 0.01 * np.cos(angle),
-        'position.y': 0.01 * np.sin(angle),
-        'velocity.x': -0.01 * turn * np.sin(angle),
-        'velocity.y': 0.01 * turn * np.cos(angle),
-    }
-    slow = stamps[::10]
-    points = {'x': columns['position.x'][::10], 'y': columns['position.y'][::10]}
-    command = {k: v for k, v in columns.items() if k.startswith('velocity')}
-    series = {
-        topics.REFERENCE: Series(topics.REFERENCE, stamps, dict(columns)),
-        topics.JOINT_STATES: Series(topics.JOINT_STATES, stamps, dict(columns)),
-        topics.COMMAND: Series(topics.COMMAND, stamps, command),
-        topics.TRACKER_POINT: Series(
-            topics.TRACKER_POINT, slow, {**points, 'z': np.zeros(len(slow))}
-        ),
-        topics.temperature_key('air'): Series(
-            topics.TEMPERATURE, slow, {'temperature': np.full(len(slow), 20.5)}
-        ),
-    }
-    return Session('smooth', series, TwinFile.nominal_servo().to_dict())
-
-
-def test_a_good_bag_is_a_session_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = write_session(tmp_path / 'bag', smooth_session())
-    assert [f for f in check_bag(path) if f.level != OK] == []
-    assert check.main([str(path)]) == 0
-    out = capsys.readouterr().out
-    assert 'is a session bag: 0 errors, 0 warnings' in out and 'mean 1000 Hz, usual' in out
-    assert info.main([str(path)]) == 0
-    assert 'Topic: /stage/reference' in capsys.readouterr().out
-
-
-def test_check_tells_the_mean_rate_and_the_slowest_stretch(tmp_path: Path) -> None:
-    session = smooth_session()
-    series = session.series[topics.JOINT_STATES]
-    stamps = series.stamps
-    # From half a second on, for one second, nine of ten are lost: the usual step is the same.
-    second = 1_000_000_000
-    lost = abs(stamps - stamps[0] - second) <= second // 2
-    kept = ~lost | (np.arange(len(stamps)) % 10 == 0)
-    thinned = Series(
-        series.topic, stamps[kept], {name: v[kept] for name, v in series.values.items()}
-    )
-    path = write_session(
-        tmp_path / 'bag', Session('thin', {**session.series, topics.JOINT_STATES: thinned})
-    )
-    (said,) = (f.text for f in check_bag(path) if (f.about, f.level) == (topics.JOINT_STATES, OK))
-    span = (stamps[-1] - stamps[0]) / second
-    (mean,) = re.findall(r'mean ([\d.]+) Hz', said)
-    assert float(mean) == pytest.approx((kept.sum() - 1) / span, rel=1e-3)
-    assert 'usual step 1000 Hz' in said and 'slowest stretch 100 Hz for 1 s from 0.5 s' in said
-
-
-def test_one_axis_is_enough(tmp_path: Path) -> None:
-    session = smooth_session()
-    one = {
-        key: Series(s.topic, s.stamps, {k: v for k, v in s.values.items() if not k.endswith('.y')})
-        for key, s in session.series.items()
-    }
-    path = write_session(tmp_path / 'bag', Session('one', one))
-    assert [f for f in check_bag(path) if f.level != OK] == []
-
-
-Break = Callable[[dict[str, Series]], None]
-
-
-def scaled(topic: str, names: tuple[str, ...], factor: float) -> Break:
-    def change(series: dict[str, Series]) -> None:
-        for name in names:
-            series[topic].values[name] = series[topic].values[name] * factor
-
-    return change
-
-
-def stamps_changed(change: Callable[[np.ndarray], np.ndarray]) -> Break:
-    def apply(series: dict[str, Series]) -> None:
-        old = series[topics.JOINT_STATES]
-        series[topics.JOINT_STATES] = Series(old.topic, change(old.stamps.copy()), old.values)
-
-    return apply
-
-
-def without(topic: str) -> Break:
-    return lambda series: series.__delitem__(topic)
-
-
-def renamed(series: dict[str, Series]) -> None:
-    old = series[topics.REFERENCE]
-    values = {k.replace('.x', '.joint1'): v for k, v in old.values.items()}
-    series[topics.REFERENCE] = Series(old.topic, old.stamps, values)
-
-
-@pytest.mark.parametrize(
-    ('breaks', 'level', 'text'),
-    [
-        (without(topics.REFERENCE), ERROR, '/stage/reference: is absent'),
-        (without(topics.TRACKER_POINT), WARNING, '/tracker/point: is absent'),
-        (renamed, ERROR, "names joint 'joint1'"),
-        (
-            scaled(topics.JOINT_STATES, ('position.x', 'velocity.x'), 1e3),
-            WARNING,
-            'travels 1e+03 times as far',
-        ),
-        (scaled(topics.REFERENCE, ('velocity.x',), 1e3), WARNING, 'times the derivative'),
-        (scaled(topics.TRACKER_POINT, ('x',), 1e6), WARNING, 'points are in metres'),
-        (scaled('/stage/temperature:air', ('temperature',), 14.3), WARNING, 'room temperature'),
-        (
-            stamps_changed(lambda s: s + np.where(np.arange(len(s)) > 999, 10**9, 0)),
-            WARNING,
-            'gap',
-        ),
-        (stamps_changed(lambda s: np.repeat(s[::2], 2)), WARNING, 'repeat the stamp'),
-        (scaled(topics.REFERENCE, ('position.x',), np.inf), ERROR, 'not a finite number'),
-    ],
-)
-def test_what_is_wrong_is_named(tmp_path: Path, breaks: Break, level: str, text: str) -> None:
-    session = smooth_session()
-    breaks(session.series)
-    path = write_session(tmp_path / 'bag', session)
-    found = [str(f) for f in check_bag(path) if f.level == level]
-    assert any(text in line for line in found), found
-    assert check.main([str(path), '-q']) == (1 if level == ERROR else 0)
-
-
-def test_a_topic_of_another_clock_is_named(tmp_path: Path) -> None:
-    session = smooth_session()
-    old = session.series[topics.TRACKER_POINT]
-    session.series[topics.TRACKER_POINT] = Series(old.topic, old.stamps + 10**17, old.values)
-    path = write_session(tmp_path / 'bag', session)
-    found = [str(f) for f in check_bag(path) if f.level == WARNING]
-    assert any('/tracker/point: is stamped 1e+08 s from the reference' in f for f in found), found
-    assert any('another clock than the rest' in f for f in found), found
-
-
-def test_findings_about_the_container(tmp_path: Path) -> None:
-    from session_bags.bulk import blocks_of
-
-    session = smooth_session()
-    with SessionWriter(tmp_path / 'bag', 'kind: nonsense') as writer:
-        writer.add_topic('/stage/refrence', 'sensor_msgs/msg/JointState')
-        writer.add_topic(topics.MODEL, latched=False)
-        writer.add_topic(topics.CONTACT_FORCE, 'geometry_msgs/msg/PointStamped')
-        writer.write_blocks(session_blocks(session))
-        (block,) = blocks_of(session.series[topics.REFERENCE], topics.REFERENCE)
-        # One message at the end that comes late and was preceded by two lost ones.
-        writer.write(topics.REFERENCE, block.rows[5].tobytes(), START + 3 * 10**9, sequence=2003)
-    text = '\n'.join(str(finding) for finding in check_bag(tmp_path / 'bag'))
-    for expected in (
-        'twin is no twin file',
-        '/stage/refrence: is no topic of a session',
-        '/calibrator/model: is not latched',
-        '/stage/contact_force: is of type geometry_msgs/msg/PointStamped',
-        '/stage/reference: 2 messages were dropped',
-        '/stage/reference: stamps go back in time',
-    ):
-        assert expected in text, text
-
-
-@pytest.mark.parametrize(
-    ('numbers', 'dropped'),
-    [([1, 2, 3], 0), ([5, 6, 9, 10], 2), ([7, 8, 1, 2], 0), ([1, 4, 1, 3], 3), ([], 0)],
-)
-def test_drop_counter(numbers: list[int], dropped: int) -> None:
-    counter = DropCounter()
-    for number in numbers:
-        counter.add(number)
-    assert counter.received == len(numbers) and counter.known_drops == dropped
-    counter.several_publishers = True
-    assert counter.known_drops is None

@@ -6,7 +6,8 @@ import threading
 import time
 
 from stage_core import drive_link
-from tests.patience import PATIENCE
+
+from ..patience import PATIENCE
 
 PERIOD = 0.001
 START = 1_000_000_000

@@ -10,7 +10,6 @@ from collections import deque
 
 import numpy as np
 import pytest
-from driver_rig import Recorder, SmallPlant
 
 from contour_ctrl.curves import circle
 from contour_ctrl.reference import plan
@@ -22,6 +21,8 @@ from stage_driver.limits import AxisLimits
 from stage_driver.servo import ServoBackend
 from stage_driver.servo_axes import ServoConfig
 from stage_driver.states import State
+
+from .driver_rig import Recorder, SmallPlant
 
 RADIUS, FEED = 0.01, 0.05
 LIMITS = AxisLimits(-0.03, 0.03, 0.2, 2.0, 4.0)

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from driver_rig import SmallPlant
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -25,6 +24,7 @@ from stage_twin.emulators.zaber_pty import ZaberPty
 from stage_twin.stepper import StepperPlant
 
 from ..patience import PATIENCE
+from .driver_rig import SmallPlant
 
 STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
 

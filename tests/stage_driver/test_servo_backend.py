@@ -1,68 +1,16 @@
 """The servo backend against a small independent plant over the drive link."""
 
 import math
-import os
 import time
-from contextlib import contextmanager
-from itertools import pairwise
 
 import pytest
-from driver_rig import Recorder, SmallPlant
 
 from stage_core import drive_link
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
-from stage_driver.limits import AxisLimits
-from stage_driver.servo import ServoBackend
-from stage_driver.servo_axes import ServoConfig
 from stage_driver.states import State
 
-from ..patience import PATIENCE
-
-LIMITS = AxisLimits(-0.05, 0.05, 0.2, 2.0, 4.0)
-
-
-@contextmanager
-def rig(lockstep=True, start=(0.0, 0.0), **options):
-    plant, recorder = SmallPlant(lockstep, start), Recorder()
-    options.setdefault('home_required', False)
-    options.setdefault('settle_time', 0.3)
-    config = ServoConfig(
-        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), port=plant.port, **options
-    )
-    backend = ServoBackend(config, recorder)
-    plant.start()
-    backend.start()
-    try:
-        recorder.wait(lambda: recorder.states)
-        yield plant, backend, recorder
-    finally:
-        backend.close()
-        plant.close()
-
-
-def quiet(backend, recorder):
-    """Wait until the motion has ended."""
-    deadline = time.monotonic() + PATIENCE
-    while backend.status().state is State.MOVING or not backend._inbox.empty():
-        assert time.monotonic() < deadline, backend.status()
-        time.sleep(0.002)
-
-
-def move(backend, recorder, x, y):
-    before = len(recorder.controls)
-    backend.submit(0, ['x', 'y'], [x, y], [])
-    recorder.wait(lambda: len(recorder.controls) > before)
-    quiet(backend, recorder)
-
-
-def stream(backend, recorder, count, setpoint):
-    """Lockstep stream: each set-point carries the stamp of the newest joint state."""
-    for k in range(count):
-        stamp, positions, _ = recorder.states[-1]
-        position, velocity = setpoint(k, positions)
-        backend.submit(stamp, ['x', 'y'], position, velocity)
-        recorder.wait(lambda stamp=stamp: recorder.states[-1][0] > stamp)
+from .servo_rig import move, quiet, rig, stream
 
 
 def test_position_move_lands_on_target_and_the_world_is_quiet_after_it():
@@ -76,15 +24,6 @@ def test_position_move_lands_on_target_and_the_world_is_quiet_after_it():
         speeds = [max(map(abs, rates)) for _, _, rates, _, _ in recorder.controls]
         assert 0.1 < max(speeds) <= 0.2 + 1e-9
         assert recorder.temperatures[0][1] == drive_link.SENSORS
-
-
-def test_a_drive_has_one_driver():
-    with rig() as (plant, backend, recorder):
-        with pytest.raises(StageError, match=f'pid {os.getpid()} .*since.* holds the drive 127.0'):
-            ServoBackend(backend.config, Recorder())
-        move(backend, recorder, 0.001, 0.0)
-    with rig() as (_, backend, recorder):
-        move(backend, recorder, 0.001, 0.0)
 
 
 def test_a_move_is_the_same_run_to_run():
@@ -261,41 +200,6 @@ def test_disabled_stage_refuses_moves():
         move(backend, recorder, 0.001, 0.0)
 
 
-def test_drive_restart_asks_for_homing():
-    with rig(home_required=True) as (plant, backend, recorder):
-        backend.home().result()
-        plant.reset((0.002, 0.0))
-        recorder.wait(lambda: recorder.said('restarted'))
-        backend.submit(0, ['x'], [0.01], [])
-        recorder.wait(lambda: recorder.said('not homed'))
-        assert plant.tick == 0
-
-
-def test_drive_that_dies_while_the_world_is_quiet_is_a_fault_and_may_come_back():
-    with rig(lockstep_timeout=0.3) as (plant, backend, recorder):
-        move(backend, recorder, 0.001, 0.0)
-        plant.muted = True
-        recorder.wait(lambda: recorder.said('no encoder datagram'))
-        assert backend.status().state is State.FAULT and not backend.status().connected
-        plant.muted = False
-        recorder.wait(lambda: recorder.said('drive back'))
-        assert backend.reset_fault().result() == 'ready'
-        move(backend, recorder, 0.002, 0.0)
-        assert plant.position[0] == pytest.approx(0.002, abs=3e-6)
-
-
-@pytest.mark.parametrize(
-    'babble', [b'', b'noise', b'SDL1' + bytes(40), b'SDL1\x01\x02' + bytes(34)]
-)
-def test_garbage_on_the_drive_link_is_dropped(babble):
-    not_a_number = drive_link.encode_encoder(10**6, 10**15, (float('nan'), 0.0))
-    with rig() as (plant, backend, recorder):
-        for data in (babble, not_a_number):
-            plant.socket.sendto(data, plant.driver)
-        move(backend, recorder, 0.001, 0.0)
-        assert plant.position[0] == pytest.approx(0.001, abs=3e-6)
-
-
 def test_friction_compensation_is_part_of_the_published_command():
     import numpy as np
 
@@ -307,158 +211,3 @@ def test_friction_compensation_is_part_of_the_published_command():
         feedback = 40.0 * (middle[1][0] - state[1][0])
         # At speed the bristles carry the Coulomb force: 20 N / 3600 N s/m.
         assert middle[3][0] - feedback == pytest.approx(20.0 / 3600.0, rel=1e-3)
-
-
-def test_real_time_watchdog_stops_a_stream_and_a_silent_drive_is_a_fault():
-    with rig(lockstep=False, link_timeout=0.5) as (plant, backend, recorder):
-        backend.submit(0, ['x', 'y'], [], [0.03, 0.0])
-        recorder.wait(lambda: recorder.said('stream ended'))
-        quiet(backend, recorder)
-        assert backend.status().details['watchdog_stops'] == '1'
-        # Timeout, ramps and the loop's overshoot; twice as much would already be wrong.
-        assert 0.001 < plant.position[0] < 2 * (0.03 * 0.1)
-        plant.muted = True
-        recorder.wait(lambda: recorder.said('no encoder datagram'))
-        assert backend.status().state is State.FAULT
-        plant.muted = False
-        recorder.wait(lambda: recorder.said('drive back'))
-        assert backend.reset_fault().result() == 'ready'
-
-
-@pytest.mark.parametrize('homing', [False, True])
-def test_driver_that_was_late_ends_the_motion_and_goes_on_with_the_newest_tick(homing):
-    with rig(lockstep=False, start=(0.04, 0.0), homing_velocity=0.1) as (plant, backend, recorder):
-        if homing:
-            done = backend.home()
-        else:
-            backend.submit(0, ['x', 'y'], [0.0, 0.0], [])
-        recorder.wait(lambda: plant.velocity[0] < -0.05)
-        # A drive waits for nobody: it takes the last force for a while, then brakes by itself.
-        plant.patience = 0.0
-        until = plant.tick + 150
-
-        def held_up():
-            while plant.tick < until:
-                time.sleep(0.001)
-            plant.patience = 2.0
-            recorder.delay = lambda: None
-
-        recorder.delay = held_up
-        recorder.wait(lambda: recorder.said('the driver was late by'))
-        quiet(backend, recorder)
-        assert backend.status().state is State.READY
-        # Its own words, no blocked axis; what was measured meanwhile is published all the same.
-        assert not recorder.said('following error')
-        assert int(backend.status().details['late_ticks']) > 100
-        stamps = [stamp for stamp, *_ in recorder.states]
-        assert all(later - earlier == 1_000_000 for earlier, later in pairwise(stamps))
-        # No force for a tick that was over, and none that pushes the resting stage.
-        assert max(later[0] - earlier[0] for earlier, later in pairwise(recorder.controls)) > 100e6
-        assert all(abs(velocity[0]) < 0.01 for _, velocity in plant.trace[until + 20 :])
-        if homing:
-            with pytest.raises(StageError, match='the driver was late'):
-                done.result()
-        move(backend, recorder, 0.01, 0.0)
-        assert plant.position[0] == pytest.approx(0.01, abs=2e-6)
-
-
-@contextmanager
-def lonely(port=9, **options):
-    """Backend of both axes whose drive is not there (yet)."""
-    recorder = Recorder()
-    config = ServoConfig(
-        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), port=port, **options
-    )
-    backend = ServoBackend(config, recorder)
-    backend.start()
-    try:
-        yield backend, recorder
-    finally:
-        backend.close()
-
-
-def test_absent_drive_is_named_after_the_declared_time():
-    with lonely(drive_timeout=0.3) as (backend, recorder):
-        with pytest.raises(StageError, match='no drive at 127.0.0.1:9 within 0.3 s: start it'):
-            backend.home().result()
-        assert not backend.status().connected
-        assert recorder.said('homing waits up to 0.3 s')
-
-
-@pytest.mark.parametrize('enabled', [False, True])
-@pytest.mark.parametrize('lockstep', [False, True])
-def test_homing_waits_for_a_drive_that_comes_later(lockstep, enabled):
-    plant = SmallPlant(lockstep, (0.01, 0.005))
-    try:
-        with lonely(plant.port) as (backend, recorder):
-            if enabled:
-                assert backend.enable(True).result() == 'ready'
-            homing = backend.home()
-            recorder.wait(lambda: recorder.said('homing waits'))
-            with pytest.raises(StageError, match='homing is under way'):
-                backend.home().result()
-            plant.start()
-            assert homing.result().startswith('homed: x 0.0000')
-            assert backend.status().homed and abs(plant.position[0]) < 1e-5
-    finally:
-        plant.close()
-
-
-@pytest.mark.parametrize(
-    ('end', 'words'),
-    [
-        (lambda backend: backend.stop(), 'homing ended: stopped by request'),
-        (lambda backend: backend.enable(False), 'homing ended: disabled'),
-    ],
-)
-def test_a_homing_that_waits_ends_on_request(end, words):
-    with lonely() as (backend, recorder):
-        homing = backend.home()
-        recorder.wait(lambda: recorder.said('homing waits'))
-        end(backend)
-        with pytest.raises(StageError, match=words):
-            homing.result()
-        assert not backend.status().homed
-
-
-def test_a_stage_disabled_on_purpose_refuses_to_home_at_once():
-    for requested in (False, True):
-        with lonely(enable_on_start=requested) as (backend, _):
-            if requested:
-                assert backend.enable(False).result() == 'disabled'
-            with pytest.raises(StageError, match='the stage is disabled: call ~/enable'):
-                backend.home().result()
-
-
-def test_a_request_to_disable_outlasts_the_first_contact_and_a_reset():
-    plant = SmallPlant()
-    try:
-        with lonely(plant.port, home_required=False, lockstep_timeout=0.3) as (backend, recorder):
-            assert backend.enable(False).result() == 'disabled'
-            plant.start()
-            recorder.wait(lambda: recorder.said('drive found at tick 0'))
-            assert backend.enable(False).result() == 'disabled'
-            plant.muted = True
-            recorder.wait(lambda: recorder.said('no encoder datagram'))
-            plant.muted = False
-            recorder.wait(lambda: recorder.said('drive back'))
-            assert backend.reset_fault().result() == 'disabled'
-            assert backend.enable(True).result() == 'ready'
-            move(backend, recorder, 0.001, 0.0)
-    finally:
-        plant.close()
-
-
-def test_homing_after_a_loss_waits_until_what_brakes_is_at_rest():
-    with rig(lockstep_timeout=0.3, home_required=True) as (plant, backend, recorder):
-        backend.home().result()
-        plant.muted = True
-        recorder.wait(lambda: recorder.said('no encoder datagram'))
-        backend.reset_fault().result()
-        backend.enable(True).result()
-        homing = backend.home()
-        recorder.wait(lambda: recorder.said('homing waits'))
-        plant.velocity[0] = 0.05
-        plant.muted = False
-        assert homing.result().startswith('homed')
-        assert abs(plant.position[0]) < 1e-5 and abs(plant.velocity[0]) < 1e-3

@@ -3,8 +3,6 @@
 import random
 import time
 
-from driver_rig import Recorder
-
 from stage_core.clocks import LOCKSTEP_EXCHANGE, NANOSECONDS
 from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
 from stage_driver.limits import AxisLimits
@@ -14,8 +12,9 @@ from stage_driver.zaber_setup import ZaberConfig
 from stage_twin.loops import LOCKSTEP_START_NS
 from stage_twin.stepper_loop import StepperLoop
 
-from ..patience import PATIENCE
 from ..points import PointRecorder
+from .driver_rig import Recorder
+from .zaber_rig import wait
 
 TWIN = TwinFile(
     kind='stepper',
@@ -27,13 +26,6 @@ LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
 SETTLE = 0.2
 TICK = 20_000_000
 AXES = ['x', 'y']
-
-
-def wait(condition, timeout=PATIENCE):
-    deadline = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
 
 
 def run(folder, pauses):

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import re
 import shutil
 import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
-from xml.etree import ElementTree
 
 import matplotlib.image
 import numpy as np
@@ -20,7 +17,7 @@ from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Series, Session
-from stage_reports import circular, figures, positioning
+from stage_reports import circular, positioning
 from stage_reports.command import main, session_page
 from stage_reports.extract import circular_paths, positioning_runs
 from stage_reports.intervals import distance_rms, rms_interval
@@ -28,9 +25,9 @@ from stage_reports.tracking import places, runs, tracking_errors
 from stage_reports.trials_page import trials_page
 from stage_reports.uncertainty import positioning_uncertainty
 
-LAYOUTS = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config' / 'layouts'
+from .sessions import START, circle_session, joint, rest_session, staircase
+
 CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'google-chrome', 'chrome'))), None)
-START = 1_700_000_000_000_000_000
 
 
 class Page(HTMLParser):
@@ -52,110 +49,6 @@ class Page(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         self.words.append(data)
-
-
-def joint(topic: str, stamps: np.ndarray, **columns: np.ndarray) -> Series:
-    return Series(topic, stamps, {key.replace('_', '.'): v for key, v in columns.items()})
-
-
-def circle_session(error: float = 2e-6, temperature: bool = True) -> Session:
-    """One turn each way on a 10 mm circle; the measured radius is larger one way by error."""
-    count = 1200
-    stamps = START + np.arange(2 * count, dtype=np.int64) * 1_000_000
-    turn = 2.0 * np.pi * np.arange(count) / (count - 1)
-    angle = np.concatenate([turn, turn[::-1]])
-    x, y = 0.01 * np.cos(angle), 0.01 * np.sin(angle)
-    growth = 1.0 + np.where(np.arange(2 * count) < count, error, -error) / 0.01
-    zeros = np.zeros_like(x)
-    series = {
-        topics.REFERENCE: joint(
-            topics.REFERENCE, stamps, position_x=x, position_y=y, velocity_x=zeros,
-            velocity_y=zeros,
-        ),
-        topics.JOINT_STATES: joint(
-            topics.JOINT_STATES, stamps, position_x=growth * x, position_y=growth * y,
-            velocity_x=zeros, velocity_y=zeros,
-        ),
-        topics.CONTOUR_ERROR: Series(
-            topics.CONTOUR_ERROR, stamps, {'x': zeros, 'y': zeros, 'z': zeros + error}
-        ),
-    }  # fmt: skip
-    if temperature:
-        key = topics.temperature_key('screw_x')
-        series[key] = Series(
-            topics.TEMPERATURE, stamps[::100], {'temperature': 20.0 + zeros[::100]}
-        )
-    return Session('circle', series)
-
-
-def staircase(targets: list[float], cycles: int = 3) -> np.ndarray:
-    """Reference that visits the targets up and down, resting 0.5 s at 100 Hz on each."""
-    parts = [np.full(60, targets[0] - 0.01)]
-    order = [*targets, targets[-1] + 0.01, *reversed(targets), targets[0] - 0.01]
-    here = targets[0] - 0.01
-    for _ in range(cycles):
-        for target in order:
-            parts.append(np.linspace(here, target, 30)[1:])
-            parts.append(np.full(50, target))
-            here = target
-    return np.concatenate(parts)
-
-
-def test_error_maps_share_a_scale_and_state_the_rms() -> None:
-    grid = np.array([[x, y] for x in (0.0, 0.01) for y in (0.0, 0.01)])
-    before = np.tile([3e-6, 4e-6], (4, 1))
-    figure = figures.error_map(grid, before, before / 10.0)
-    titles = [axes.get_title(loc='left') for axes in figure.axes]
-    assert titles == ['before: RMS 5 µm', 'after: RMS 0.5 µm']
-    scales = {axes.collections[0].scale for axes in figure.axes}
-    assert len(scales) == 1
-    np.testing.assert_allclose(figure.axes[0].collections[0].U, 3.0)
-    alone = figures.error_map(grid, before)
-    assert [axes.get_title(loc='left') for axes in alone.axes] == ['errors: RMS 5 µm']
-    with pytest.raises(StageError, match='each point'):
-        figures.error_map(grid, before[:2])
-    with pytest.raises(StageError, match='finite'):
-        figures.error_map(grid, before * np.nan)
-
-
-def test_positioning_and_circular_plots_show_their_figures() -> None:
-    result = positioning([0.0, 0.1], [[1e-6, 1e-6], [2e-6, 2e-6]], [[0.0, 0.0], [0.0, 0.0]])
-    title = figures.positioning_plot(result, 'axis x').axes[0].get_title(loc='left')
-    assert 'B 2' in title
-    assert 'A 2' in title
-    angle = np.linspace(0.0, 2.0 * np.pi, 400)
-    path = 0.010001 * np.column_stack([np.cos(angle), np.sin(angle)])
-    outcome = circular(path, path[::-1], 0.01, (0.0, 0.0))
-    axes = figures.circular_plot(outcome, path, path[::-1]).axes[0]
-    assert 'G(b)' in axes.get_title()
-    drawn = axes.lines[0].get_ydata()
-    np.testing.assert_allclose(drawn[np.isfinite(drawn)], 1.0, rtol=1e-6)
-    # One gap, where the angle's branch changes.
-    assert np.isnan(drawn).sum() == 1
-
-
-def test_learning_pictures_and_spectra() -> None:
-    curve = figures.convergence({'RMS': [1e-5, 5e-6, 1e-6]}).axes[0]
-    np.testing.assert_allclose(curve.lines[0].get_ydata(), [10.0, 5.0, 1.0])
-    assert curve.get_yscale() == 'log'
-    assert len(figures.learning_rate({'x': [1.0, 0.5], 'reward': [1.0, 0.2]}).axes[0].lines) == 2
-    rate = 1000.0
-    tone = np.sin(2.0 * np.pi * 50.0 * np.arange(8192) / rate)
-    line = figures.spectrum({'tone': tone}, rate, 'µm').axes[0].lines[0]
-    peak = line.get_xdata()[np.argmax(line.get_ydata())]
-    assert peak == pytest.approx(50.0, abs=0.5)
-    for bad in (
-        lambda: figures.convergence({}),
-        lambda: figures.learning_rate({}),
-        lambda: figures.spectrum({'a': [1.0]}, 1.0, 'm'),
-        lambda: figures.spectrum({'a': np.ones(16)}, 0.0, 'm'),
-        lambda: figures.time_series([0.0], {'a': [1.0, 2.0]}, 'm'),
-        lambda: figures.histogram({'a': [1.0]}),
-        lambda: figures.error_over_path([], 'angle'),
-        lambda: figures.error_over_axis([0.0], [0.0, 1.0], [1.0], 'x'),
-    ):
-        with pytest.raises(StageError):
-            bad()
 
 
 def test_rests_and_positioning_runs_are_found() -> None:
@@ -195,32 +88,6 @@ def test_circles_are_found_and_other_paths_are_not() -> None:
     line = np.column_stack([np.linspace(0, 1, 50), np.linspace(0, 1, 50)])
     assert circular_paths(line, line) is None
     assert circular_paths(line * 0.0, line) is None
-
-
-def rest_session() -> Session:
-    """Twelve rests of a table that is off by 3 µm in x, between them a servo that lags by 1 mm."""
-    rng = np.random.default_rng(1)
-    targets = rng.uniform(-0.04, 0.04, (13, 2))
-    reference, measured = [], []
-    for old, new in zip(targets, targets[1:], strict=False):
-        way = np.linspace(old, new, 30)
-        reference += [way, np.tile(new, (70, 1))]
-        measured += [way - 1e-3, np.tile(new + [3e-6, 0.0], (70, 1))]
-    r, m = np.vstack(reference), np.vstack(measured)
-    m += 1e-7 * rng.standard_normal(m.shape)
-    stamps = START + np.arange(len(r), dtype=np.int64) * 10_000_000
-    zeros = np.zeros(len(r))
-    return Session(
-        'rests',
-        {
-            topics.REFERENCE: joint(
-                topics.REFERENCE, stamps, position_x=r[:, 0], position_y=r[:, 1]
-            ),
-            topics.TRACKER_POINT: Series(
-                topics.TRACKER_POINT, stamps, {'x': m[:, 0], 'y': m[:, 1], 'z': zeros}
-            ),
-        },
-    )
 
 
 def words(html: str) -> str:
@@ -387,37 +254,6 @@ def test_one_axis_and_motor_steps() -> None:
 def test_a_missing_bag_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['--bag', str(tmp_path / 'none'), '--out', str(tmp_path)]) == 2
     assert capsys.readouterr().err.count('\n') == 1
-
-
-@pytest.mark.parametrize('name', ['foxglove_live.json', 'foxglove_recorded.json'])
-def test_foxglove_layouts_name_known_topics(name: str) -> None:
-    layout = json.loads((LAYOUTS / name).read_text())
-    placed: list[str] = []
-
-    def walk(node: object) -> None:
-        if isinstance(node, str):
-            placed.append(node)
-        else:
-            assert isinstance(node, dict)
-            walk(node['first'])
-            walk(node['second'])
-
-    walk(layout['layout'])
-    assert sorted(placed) == sorted(layout['configById'])
-    paths = [p['value'] for c in layout['configById'].values() for p in c.get('paths', [])]
-    assert len(paths) > 10
-    for path in paths:
-        topic = re.split(r'[.{]', path)[0]
-        assert topic in topics.TOPIC_TYPES
-
-
-def test_the_plotjuggler_layout_names_known_topics() -> None:
-    root = ElementTree.parse(LAYOUTS / 'plotjuggler.xml').getroot()
-    curves = [curve.get('name') or '' for curve in root.iter('curve')]
-    assert len(curves) > 10
-    known = [*topics.TOPIC_TYPES, 'reference', 'tracker']
-    assert all(any(curve.startswith(topic) for topic in known) for curve in curves)
-    assert len(list(root.iter('Tab'))) == 5
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')

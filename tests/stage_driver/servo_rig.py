@@ -1,0 +1,73 @@
+"""The servo backend with a small plant behind the drive link, and how it is moved."""
+
+import time
+from contextlib import contextmanager
+
+from stage_core.twin_file import TwinFile
+from stage_driver.limits import AxisLimits
+from stage_driver.servo import ServoBackend
+from stage_driver.servo_axes import ServoConfig
+from stage_driver.states import State
+
+from ..patience import PATIENCE
+from .driver_rig import Recorder, SmallPlant
+
+LIMITS = AxisLimits(-0.05, 0.05, 0.2, 2.0, 4.0)
+
+
+@contextmanager
+def rig(lockstep=True, start=(0.0, 0.0), **options):
+    plant, recorder = SmallPlant(lockstep, start), Recorder()
+    options.setdefault('home_required', False)
+    options.setdefault('settle_time', 0.3)
+    config = ServoConfig(
+        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), port=plant.port, **options
+    )
+    backend = ServoBackend(config, recorder)
+    plant.start()
+    backend.start()
+    try:
+        recorder.wait(lambda: recorder.states)
+        yield plant, backend, recorder
+    finally:
+        backend.close()
+        plant.close()
+
+
+@contextmanager
+def lonely(port=9, **options):
+    """Backend of both axes whose drive is not there (yet)."""
+    recorder = Recorder()
+    config = ServoConfig(
+        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), port=port, **options
+    )
+    backend = ServoBackend(config, recorder)
+    backend.start()
+    try:
+        yield backend, recorder
+    finally:
+        backend.close()
+
+
+def quiet(backend, recorder):
+    """Wait until the motion has ended."""
+    deadline = time.monotonic() + PATIENCE
+    while backend.status().state is State.MOVING or not backend._inbox.empty():
+        assert time.monotonic() < deadline, backend.status()
+        time.sleep(0.002)
+
+
+def move(backend, recorder, x, y):
+    before = len(recorder.controls)
+    backend.submit(0, ['x', 'y'], [x, y], [])
+    recorder.wait(lambda: len(recorder.controls) > before)
+    quiet(backend, recorder)
+
+
+def stream(backend, recorder, count, setpoint):
+    """Lockstep stream: each set-point carries the stamp of the newest joint state."""
+    for k in range(count):
+        stamp, positions, _ = recorder.states[-1]
+        position, velocity = setpoint(k, positions)
+        backend.submit(stamp, ['x', 'y'], position, velocity)
+        recorder.wait(lambda stamp=stamp: recorder.states[-1][0] > stamp)

@@ -1,0 +1,58 @@
+"""The Zaber backend with the emulated chain on a pseudo-terminal, and how it is moved."""
+
+import time
+from contextlib import contextmanager
+
+from stage_core.twin_file import StepperAxis, TwinFile
+from stage_driver.limits import AxisLimits
+from stage_driver.states import State
+from stage_driver.zaber import ZaberBackend
+from stage_driver.zaber_setup import ZaberConfig
+from stage_twin.emulators.zaber import ZaberChain
+from stage_twin.emulators.zaber_pty import ZaberPty
+from stage_twin.stepper import StepperPlant
+
+from ..patience import PATIENCE
+from .driver_rig import Recorder
+
+STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
+
+
+LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
+
+
+STEP = 0.047625e-6
+
+
+@contextmanager
+def rig(tmp_path, start=(3000, 2000), **options):
+    plant, recorder = StepperPlant(STEPPER), Recorder()
+    plant.reset(start)
+    link = tmp_path / 'zaber'
+    with ZaberPty(ZaberChain(plant), link=link) as server:
+        options.setdefault('reply_timeout', 0.1)
+        options.setdefault('link_timeout', 0.5)
+        config = ZaberConfig(('x', 'y'), (LIMITS, LIMITS), str(link), **options)
+        backend = ZaberBackend(config, recorder)
+        backend.start()
+        try:
+            yield server, backend, recorder
+        finally:
+            backend.close()
+
+
+def wait(condition, timeout=PATIENCE):
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+def move(backend, recorder, x, y):
+    backend.submit(0, ['x', 'y'], [x, y], [])
+    wait(lambda: backend.status().state is State.MOVING)
+    wait(lambda: backend.status().state is not State.MOVING)
+
+
+def position(server):
+    return [server.chain.plant.position_steps(axis) * STEP for axis in range(2)]

@@ -1,0 +1,83 @@
+"""Sessions whose errors are known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stage_core import topics
+from stage_core.session import Series, Session
+
+START = 1_700_000_000_000_000_000
+
+
+def joint(topic: str, stamps: np.ndarray, **columns: np.ndarray) -> Series:
+    return Series(topic, stamps, {key.replace('_', '.'): v for key, v in columns.items()})
+
+
+def circle_session(error: float = 2e-6, temperature: bool = True) -> Session:
+    """One turn each way on a 10 mm circle; the measured radius is larger one way by error."""
+    count = 1200
+    stamps = START + np.arange(2 * count, dtype=np.int64) * 1_000_000
+    turn = 2.0 * np.pi * np.arange(count) / (count - 1)
+    angle = np.concatenate([turn, turn[::-1]])
+    x, y = 0.01 * np.cos(angle), 0.01 * np.sin(angle)
+    growth = 1.0 + np.where(np.arange(2 * count) < count, error, -error) / 0.01
+    zeros = np.zeros_like(x)
+    series = {
+        topics.REFERENCE: joint(
+            topics.REFERENCE, stamps, position_x=x, position_y=y, velocity_x=zeros,
+            velocity_y=zeros,
+        ),
+        topics.JOINT_STATES: joint(
+            topics.JOINT_STATES, stamps, position_x=growth * x, position_y=growth * y,
+            velocity_x=zeros, velocity_y=zeros,
+        ),
+        topics.CONTOUR_ERROR: Series(
+            topics.CONTOUR_ERROR, stamps, {'x': zeros, 'y': zeros, 'z': zeros + error}
+        ),
+    }  # fmt: skip
+    if temperature:
+        key = topics.temperature_key('screw_x')
+        series[key] = Series(
+            topics.TEMPERATURE, stamps[::100], {'temperature': 20.0 + zeros[::100]}
+        )
+    return Session('circle', series)
+
+
+def rest_session() -> Session:
+    """Twelve rests of a table that is off by 3 µm in x, between them a servo that lags by 1 mm."""
+    rng = np.random.default_rng(1)
+    targets = rng.uniform(-0.04, 0.04, (13, 2))
+    reference, measured = [], []
+    for old, new in zip(targets, targets[1:], strict=False):
+        way = np.linspace(old, new, 30)
+        reference += [way, np.tile(new, (70, 1))]
+        measured += [way - 1e-3, np.tile(new + [3e-6, 0.0], (70, 1))]
+    r, m = np.vstack(reference), np.vstack(measured)
+    m += 1e-7 * rng.standard_normal(m.shape)
+    stamps = START + np.arange(len(r), dtype=np.int64) * 10_000_000
+    zeros = np.zeros(len(r))
+    return Session(
+        'rests',
+        {
+            topics.REFERENCE: joint(
+                topics.REFERENCE, stamps, position_x=r[:, 0], position_y=r[:, 1]
+            ),
+            topics.TRACKER_POINT: Series(
+                topics.TRACKER_POINT, stamps, {'x': m[:, 0], 'y': m[:, 1], 'z': zeros}
+            ),
+        },
+    )
+
+
+def staircase(targets: list[float], cycles: int = 3) -> np.ndarray:
+    """Reference that visits the targets up and down, resting 0.5 s at 100 Hz on each."""
+    parts = [np.full(60, targets[0] - 0.01)]
+    order = [*targets, targets[-1] + 0.01, *reversed(targets), targets[0] - 0.01]
+    here = targets[0] - 0.01
+    for _ in range(cycles):
+        for target in order:
+            parts.append(np.linspace(here, target, 30)[1:])
+            parts.append(np.full(50, target))
+            here = target
+    return np.concatenate(parts)
