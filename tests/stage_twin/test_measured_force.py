@@ -8,7 +8,6 @@ import pytest
 from stage_core.errors import StageError
 from stage_core.twin_file import ForceAxis, ServoAxis, TwinFile
 from stage_twin.measured_force import (
-    filter_force,
     required_force,
     simulate_measured_force,
     smooth_motion,
@@ -68,7 +67,6 @@ def test_the_right_twin_explains_the_record(name):
 def test_windows_start_from_the_smoothed_record():
     position, force = record({})
     result = simulate_measured_force(rig({'drive_gain.x': {'error': 0.3}}), position, force)
-    assert result.window == 100
     starts = smooth_motion(position, PERIOD)
     np.testing.assert_array_equal(result.encoder[::100], starts.position[::100])
     np.testing.assert_array_equal(result.velocity[::100], starts.velocity[::100])
@@ -96,18 +94,6 @@ def test_smoothing_keeps_a_cubic_and_its_derivatives():
     np.testing.assert_allclose(motion.position, t**3 - 0.1 * t, atol=1e-13)
     np.testing.assert_allclose(motion.velocity, 3.0 * t**2 - 0.1, atol=1e-10)
     np.testing.assert_allclose(motion.acceleration, 6.0 * t, atol=1e-6)
-
-
-def test_force_filter_is_that_of_the_acceleration():
-    # A free unit mass: its acceleration is the force, however rough, once both are filtered.
-    rough = np.random.default_rng(0).standard_normal((3000, 1))
-    velocity = np.cumsum(rough, axis=0) * PERIOD
-    position = np.cumsum(velocity, axis=0) * PERIOD
-    acceleration = smooth_motion(position, PERIOD).acceleration
-    # The second sum takes in its own sample: position k + 1 shows force k.
-    filtered = filter_force(rough, PERIOD)
-    np.testing.assert_allclose(acceleration[20:-19], filtered[21:-18], atol=1e-6)
-    np.testing.assert_allclose(filter_force(np.full((50, 2), 7.0), PERIOD), 7.0)
 
 
 def test_wrong_records_are_named():

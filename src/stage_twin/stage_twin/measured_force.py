@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import convolve1d
-from scipy.signal import savgol_coeffs, savgol_filter
+from scipy.signal import savgol_filter
 
 from stage_core.errors import StageError
 from stage_core.twin_file import ForceAxis, TwinFile
@@ -49,10 +48,7 @@ class MeasuredForceResult:
     encoder, velocity
         Simulated motor position and velocity, restarted at every window.
     force : recorded force [N].
-    required : force that the model needs for the recorded motion [N]; compare it with the force
-        behind :func:`filter_force`.
-    window : int
-        Ticks of a window.
+    required : force that the model needs for the recorded motion [N].
     """
 
     times: np.ndarray
@@ -60,7 +56,6 @@ class MeasuredForceResult:
     velocity: np.ndarray
     force: np.ndarray
     required: np.ndarray
-    window: int
 
 
 def smooth_motion(position: np.ndarray, period: float) -> Motion:
@@ -87,19 +82,6 @@ def smooth_motion(position: np.ndarray, period: float) -> Motion:
         for order in range(3)
     )
     return Motion(smooth, velocity, acceleration)
-
-
-def filter_force(force: np.ndarray, period: float) -> np.ndarray:
-    """Recorded force (n, n_axes) behind the same filter as the acceleration of `smooth_motion`.
-
-    Model and measurement have to be filtered alike, or what the smoothing takes from the
-    acceleration counts as a gap (parallel filtering: Gautier, "Dynamic identification of robots
-    with power model", ICRA 1997). The second derivative's weights, summed up twice, are that
-    filter: a symmetric low pass of unit gain.
-    """
-    weights = savgol_coeffs(_window(period), _ORDER, deriv=2, use='dot')
-    low_pass = np.cumsum(np.cumsum(weights))[:-2]
-    return convolve1d(np.asarray(force, dtype=float), low_pass, axis=0, mode='nearest')
 
 
 def _window(period: float) -> int:
@@ -185,7 +167,6 @@ def simulate_measured_force(
         velocity=velocity,
         force=force,
         required=_required(arrays, motion, external, states),
-        window=ticks,
     )
 
 
