@@ -2,8 +2,6 @@
 
 import json
 import signal
-import subprocess
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -14,27 +12,15 @@ from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
 
+from ..node_process import node
 from ..patience import PATIENCE
 
 
 @pytest.fixture
 def calibrator(ros_env, tmp_path):
-    parameters = {'model_folder': str(tmp_path / 'models'), 'buffer_size': 200_000}
-    arguments = [item for k, v in parameters.items() for item in ('-p', f'{k}:={v}')]
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'calibrator.node', '--ros-args', *arguments],
-        env=ros_env,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    yield process
-    if process.poll() is None:
-        process.send_signal(signal.SIGTERM)
-        try:
-            process.wait(20.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-    process.communicate()
+    folder = f'model_folder:={tmp_path / "models"}'
+    with node('calibrator.node', ros_env, folder, 'buffer_size:=200000') as process:
+        yield process
 
 
 def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted_map):
@@ -122,15 +108,8 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
 @pytest.fixture
 def contour(ros_env):
     """The contour controller in real time, with a circle that begins at (35, 0) mm."""
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'contour_ctrl.node', '--ros-args', '-p', 'radius:=0.035'],
-        env=ros_env,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    yield process
-    process.kill()
-    process.communicate()
+    with node('contour_ctrl.node', ros_env, 'radius:=0.035') as process:
+        yield process
 
 
 def contour_start(client):

@@ -20,6 +20,7 @@ from typing import Any
 import pytest
 
 from session_bags.definitions import definition
+from stage_bringup.graph import free_port
 from stage_bringup.live_view_node import Thinner, channel
 from stage_core import topics
 
@@ -51,12 +52,6 @@ def test_channel_carries_the_message_definition() -> None:
     assert values['message_encoding'] == 'cdr'
     assert values['schema']['encoding'] == 'ros2msg'
     assert values['schema']['data'].decode() == definition('sensor_msgs/msg/JointState')[0]
-
-
-def free_port() -> int:
-    with socket.socket() as free:
-        free.bind(('127.0.0.1', 0))
-        return int(free.getsockname()[1])
 
 
 def start(env: dict[str, str], **ports: int) -> subprocess.Popen:

@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from stage_bringup.graph import free_port
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ros.client_node import GraphClient
@@ -48,13 +49,6 @@ def process(command, environment):
         except subprocess.TimeoutExpired:
             running.kill()
             running.communicate()
-
-
-def free_port():
-    """UDP port that nobody has, so that a driver finds no drive of somebody else."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(('127.0.0.1', 0))
-        return probe.getsockname()[1]
 
 
 def statuses(message):
@@ -130,7 +124,7 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
 
 
 def test_home_waits_for_a_twin_that_starts_later(ros_env):
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     twin = [sys.executable, '-m', 'stage_twin.node', '--ros-args']
     twin += arguments(drive_port=port, clock='lockstep', tracker_protocol='none')
     driver = DRIVER + arguments(drive_port=port, drive_timeout=300.0)
@@ -157,7 +151,7 @@ def test_home_waits_for_a_twin_that_starts_later(ros_env):
 
 
 def test_home_without_a_drive_is_one_clear_line(ros_env):
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     driver = DRIVER + arguments(drive_port=port, drive_timeout=0.5)
     with (
         process(driver, ros_env),

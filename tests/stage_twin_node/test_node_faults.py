@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+from stage_bringup.graph import free_port
 from stage_core import topics
 
 from ..patience import PATIENCE
@@ -57,12 +58,6 @@ def nodes():
             return node
 
         yield start
-
-
-def free_port(kind):
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(('127.0.0.1', 0))
-        return probe.getsockname()[1]
 
 
 def test_tracker_absent_then_there_faulty_killed_and_back(ros_env):

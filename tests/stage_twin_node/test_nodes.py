@@ -2,51 +2,22 @@
 
 import contextlib
 import re
-import signal
 import socket
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import yaml
 
+from stage_bringup.graph import free_port
 from stage_core import drive_link, topics
 from stage_core.frames import RigidTransform
 from stage_core.twin_file import TwinFile
 
+from ..node_process import node
 from ..patience import PATIENCE
 
 ANGLE, OFFSET = 0.3, (0.25, -0.4)
 PLACES = [(0.0, 0.0), (0.03, 0.0), (0.03, 0.03), (-0.02, 0.025), (0.0, -0.03)]
-
-
-@contextlib.contextmanager
-def node(module, env, *parameters):
-    arguments = [item for pair in parameters for item in ('-p', pair)]
-    process = subprocess.Popen(
-        [sys.executable, '-m', module, '--ros-args', *arguments],
-        env=env,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGTERM)
-            try:
-                process.wait(20.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-        process.communicate()
-
-
-def free_port(kind):
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(('127.0.0.1', 0))
-        return probe.getsockname()[1]
 
 
 class SmallDriver:
