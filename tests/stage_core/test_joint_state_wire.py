@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
@@ -82,3 +84,10 @@ def test_rubbish_and_short_messages_are_none() -> None:
     for broken in (b'', data[:3], data[:40], b'\xff' * len(data), data[:16] + b'\xff' * 60):
         assert layout.decode(broken) is None
         assert reader.read(broken) is None
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.binary(max_size=80).map(lambda tail: b'\0\x01\0\0' + tail))
+def test_damaged_bytes_end_no_reader(data: bytes) -> None:
+    sample = JointStateReader().read(data)
+    assert sample is None or isinstance(sample.stamp, int)

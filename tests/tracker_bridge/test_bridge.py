@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from stage_core.errors import StageError
 from tracker_bridge.bridge import Bridge, Limits
-from tracker_bridge.joint_cdr import stamp_and_position
 from tracker_bridge.offset import MAXIMUM_WAITING, ClockOffset
 from tracker_bridge.registration import register
 from tracker_bridge.rest import RestPairs, RestRules
@@ -295,28 +294,3 @@ def test_rests_on_one_line_are_refused():
     line = np.outer(np.linspace(-0.05, 0.05, 9), [1.0, 0.5, 0.0])
     with pytest.raises(StageError, match='one line'):
         register(line, line)
-
-
-# The serialised message
-
-
-def test_joint_state_fields_from_cdr():
-    from rclpy.serialization import serialize_message
-
-    from stage_core.ros.node import joint_state
-
-    for axes, position in (('xy', (0.125, -3.5)), ('x', (7.0,)), ('xy', ())):
-        message = joint_state(12 * SECOND + 345, axes, position, [0.5] * len(axes))
-        message.header.frame_id = 'a' * len(position)
-        stamp, found = stamp_and_position(serialize_message(message))
-        assert (stamp, found) == (12 * SECOND + 345, position)
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.binary(max_size=80).map(lambda tail: b'\0\x01\0\0' + tail))
-def test_a_damaged_message_is_one_error(data):
-    try:
-        stamp, position = stamp_and_position(data)
-    except ValueError:
-        return
-    assert isinstance(stamp, int) and len(position) <= 16

@@ -16,9 +16,18 @@ from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ownership import Ownership, address
 from stage_core.ros.batch_node import Batches
-from stage_core.ros.node import ERROR, LATCHED_QOS, OK, STATE_QOS, WARN, StageNode, run, set_stamp
+from stage_core.ros.node import (
+    ERROR,
+    LATCHED_QOS,
+    OK,
+    STATE_QOS,
+    WARN,
+    JointStateReader,
+    StageNode,
+    run,
+    set_stamp,
+)
 from tracker_bridge.bridge import CLOCK_LOST, Bridge, Limits
-from tracker_bridge.joint_cdr import stamp_and_position
 from tracker_bridge.parameters import PARAMETERS
 from tracker_bridge.registration import register
 from tracker_bridge.rest import RestPairs, RestRules
@@ -43,6 +52,7 @@ class TrackerBridge(StageNode):
     def __init__(self, **options: Any) -> None:
         super().__init__('tracker_bridge', PARAMETERS, **options)
         self._lock = threading.Lock()
+        self._reader = JointStateReader()
         value = self.value
         self._bridge = Bridge(
             Limits(
@@ -118,14 +128,11 @@ class TrackerBridge(StageNode):
             self._points.publish(message)
 
     def _on_joint_states(self, data: bytes, _: dict[str, int]) -> None:
-        try:
-            stamp, position = stamp_and_position(data)
-        except ValueError:
-            return
-        if position and all(abs(value) < 1e6 for value in position):
+        sample = self._reader.read(data)
+        if sample and sample.position and all(abs(value) < 1e6 for value in sample.position):
             with self._lock:
                 self._arrived = time.monotonic()
-                self._pairs.add_stage(stamp, position)
+                self._pairs.add_stage(sample.stamp, tuple(sample.position))
 
     def _on_align(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._until_arrived()
