@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 from calibrator.stepwise import stepwise
-from calibrator.thermal import SETS, monomials, temperature_derivatives, thermal_terms
+from calibrator.thermal import SETS, derivatives_at, monomials, thermal_terms
 
 PAPER = {'geometric': 26.6, 'thermal': 0.115, 'correlated': 0.101, 'derivatives': 0.096}
 PERIOD = 10.0
@@ -55,8 +55,9 @@ def main() -> int:
     parser.add_argument('--samples', type=int, default=13775)
     samples = parser.parse_args().samples
     q, temperatures, x = make_robot(samples)
-    first, second = temperature_derivatives(temperatures, PERIOD)
-    table = thermal_terms(q, temperatures, first, second, temperatures.mean(axis=0))
+    clock = np.arange(samples) * PERIOD
+    derivatives = np.stack([derivatives_at(clock, sensor, clock) for sensor in temperatures.T], 2)
+    table = thermal_terms(q, temperatures, *derivatives, temperatures.mean(axis=0))
     order = np.random.default_rng(1).permutation(samples)
     count = int(0.7 * samples)
     splits = {

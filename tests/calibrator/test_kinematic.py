@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibrator.kinematic import Poses, calibrate, constraint, grow_calibration, jacobian
+from benchmarks.paper5_examples import Poses, calibrate, constraint, grow_calibration, jacobian
 from calibrator.lolimot import LocalLinearTree
 from stage_core.errors import StageError
 
@@ -50,9 +50,7 @@ def test_jacobian_equals_differences():
     d = np.random.default_rng(1).normal(size=8)
 
     def f(d):
-        return constraint(
-            data, d[0], d[1], LocalLinearTree(LOW, HIGH, d[2:].reshape(3, 2), 0.2), 0
-        )
+        return constraint(data, d[0], d[1], LocalLinearTree(LOW, HIGH, d[2:].reshape(3, 2), 0.2))
 
     for k in range(8):
         step = np.zeros(8)
@@ -62,4 +60,4 @@ def test_jacobian_equals_differences():
 
 def test_too_few_poses_are_named():
     with pytest.raises(StageError, match='3 poses are too few for 8'):
-        calibrate(poses(lambda s: 0 * s, count=3), LOW, HIGH, 0.1, 1.0)
+        calibrate(poses(lambda s: 0 * s, count=3), LOW, HIGH, 0.1)

@@ -8,7 +8,7 @@ import statsmodels.api as sm
 
 from calibrator.models import make_model
 from calibrator.stepwise import stepwise
-from calibrator.thermal import SETS, temperature_derivatives, thermal_terms
+from calibrator.thermal import SETS, thermal_terms
 from stage_core.errors import StageError
 
 # Hald's cement data: heat evolved by composition (Woods, Steinour, Starke 1932), MATLAB's hald.
@@ -87,20 +87,6 @@ def test_three_axes_and_nine_sensors_give_217_terms():
     np.testing.assert_allclose(values['q2^3·T5'], q[:, 1] ** 3 * t[:, 4])
     expected = {tuple(sorted(c)) for n in (1, 2, 3) for c in itertools.product(range(3), repeat=n)}
     assert len(expected) == 19
-
-
-def test_derivatives_of_a_parabola_are_exact_and_causal():
-    period, time = 10.0, np.arange(100) * 10.0
-    value = 20.0 + 3e-4 * time + 2e-8 * time**2
-    first, second = temperature_derivatives(value[:, None], period)
-    np.testing.assert_allclose(first[30:, 0], 3e-4 + 4e-8 * time[30:], rtol=1e-8)
-    np.testing.assert_allclose(second[30:, 0], 4e-8, rtol=1e-5)
-    changed = value.copy()
-    changed[60:] += 5.0
-    again = temperature_derivatives(changed[:, None], period)[0]
-    np.testing.assert_array_equal(again[:60], first[:60])
-    with pytest.raises(StageError, match='too few'):
-        temperature_derivatives(value[:10, None], period)
 
 
 def test_thermal_model_finds_growth_and_warns_outside():

@@ -91,7 +91,6 @@ def grow(
     models: int = 20,
     overlap: float = 0.1,
     split_all: bool = False,
-    bounds: tuple[Array, Array] | None = None,
     penalty: float | None = 2.0,
 ) -> list[LocalLinearTree]:
     """Trees with 1, 2, ... local models; the last one is the choice.
@@ -104,8 +103,6 @@ def grow(
         Largest number of local models.
     split_all
         Try to split every model (section 4 of the paper) instead of the worst one (section 3.2).
-    bounds
-        Corners (p,) of the space; those of the inputs where not given.
     penalty
         The growth stops when n·log(mse) + penalty·parameters (Akaike's criterion for 2) rises
         twice in a row; None only stops at `models`.
@@ -118,8 +115,7 @@ def grow(
     u, y = np.asarray(inputs, dtype=float), np.asarray(target, dtype=float)
     if len(u) < u.shape[1] + 2:
         raise StageError(f'{len(u)} samples are too few for a local linear model: record more')
-    low, high = bounds if bounds is not None else (u.min(axis=0), u.max(axis=0))
-    low, high = np.atleast_2d(low).astype(float), np.atleast_2d(high).astype(float)
+    low, high = u.min(axis=0)[None], u.max(axis=0)[None]
     trees = [LocalLinearTree(low, high, fit_local(u, y, low, high, overlap), overlap)]
     scores = [_score(trees[0], u, y, penalty)]
     while len(trees) < models:

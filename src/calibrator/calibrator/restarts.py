@@ -22,7 +22,7 @@ from stage_core.errors import StageError
 from stage_core.whole_file import replacing
 
 _NUMBERS = ('seconds', 'samples', 'held_out', 'wild')
-_METRICS = ('before', 'after', 'train_before', 'train_after')
+_METRICS = ('before', 'after', 'train_after')
 
 
 def train_restarts(

@@ -12,7 +12,6 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs
 
 from stage_core.errors import StageError
 
@@ -105,9 +104,9 @@ def derivatives_at(
 ) -> tuple[Array, Array]:
     """First [K/s] and second [K/s2] derivative of one sensor at the times `at` [s], (n,) each.
 
-    As `temperature_derivatives`, for readings at any times: a parabola by least squares through
-    the readings of the last `span` seconds, which is also what a running controller knows. Times
-    before the first full span take the parabola of that one.
+    A parabola by least squares through the readings of the last `span` seconds, which is also what
+    a running controller knows; plain differences of a sensor with 1 mK noise at 10 s are ten times
+    the drift itself. Times before the first full span take the parabola of that one.
 
     Raises
     ------
@@ -134,31 +133,3 @@ def derivatives_at(
         c = np.linalg.lstsq(np.vander(u, 3), values[first:last], rcond=None)[0]
         result[:, k] = c[1] / span, 2.0 * c[0] / span**2
     return result[0], result[1]
-
-
-def temperature_derivatives(
-    temperatures: Array, period: float, window: int = 31
-) -> tuple[Array, Array]:
-    """First and second derivative of temperatures sampled every `period` [s], (m, sensors) each.
-
-    Causal Savitzky-Golay parabola over the last `window` samples, as a controller would have it:
-    plain differences of a sensor with 1 mK noise at 10 s are ten times the drift itself. The
-    first samples use the parabola of the first full window.
-
-    Raises
-    ------
-    StageError
-        If there are fewer samples than the window holds.
-    """
-    t = np.asarray(temperatures, dtype=float)
-    if len(t) < window:
-        raise StageError(
-            f'{len(t)} temperatures are too few for derivatives over {window}: record longer'
-        )
-    results = []
-    for order in (1, 2):
-        weights = savgol_coeffs(window, 2, order, period, pos=window - 1, use='dot')
-        windows = np.lib.stride_tricks.sliding_window_view(t, window, axis=0)
-        value = windows @ weights
-        results.append(np.vstack([np.repeat(value[:1], window - 1, axis=0), value]))
-    return results[0], results[1]

@@ -60,7 +60,6 @@ class Training:
     model: CalibrationModel
     before: Metrics
     after: Metrics
-    train_before: Metrics
     train_after: Metrics
     gain: Gain
     seconds: float
@@ -164,7 +163,6 @@ def train(
         model,
         Metrics.of(before),
         Metrics.of(after),
-        Metrics.of(training.measured - training.command),
         evaluate(model, training),
         held_out_gain(before, after, places, seed),
         seconds,
