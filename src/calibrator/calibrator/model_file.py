@@ -18,6 +18,7 @@ from stage_core.errors import StageError
 from stage_core.quantities import AXES
 from stage_core.untrusted import file_text, json_object
 from stage_core.whole_file import write_whole
+from stage_core.wording import span
 
 FORMAT = 'stage-calibration-model'
 FORMAT_VERSION = 1
@@ -103,11 +104,11 @@ class StoredModel:
         assert seen is not None
         heat = len(self.sensors)
         parts = [
-            f'{axis} {1e3 * low:.3f} to {1e3 * high:.3f} mm'
+            f'{axis} {span(1e3 * low, 1e3 * high, "mm", 1)}'
             for axis, low, high in zip(AXES, seen.low, seen.high, strict=False)
         ]
         parts += [
-            f'{sensor} {low:.2f} to {high:.2f} °C'
+            f'{sensor} {span(low, high, "°C", 2)}'
             for sensor, low, high in zip(
                 self.sensors, seen.coldest[:heat], seen.hottest[:heat], strict=True
             )
@@ -116,7 +117,7 @@ class StoredModel:
         parts.append(f'up to {1e3 * fastest:.0f} mm/s' if fastest else 'at rest')
         half = ' and '.join(f'{1.96e6 * deviation:.2f}' for deviation in self.model.spread)
         return (
-            f'domain: {", ".join(parts)}; beyond it the model holds its edge; 95 % of predictions '
+            f'{", ".join(parts)}; beyond it the model holds its edge; 95 % of predictions '
             f'within {half} µm'
         )
 

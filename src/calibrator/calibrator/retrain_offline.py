@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(result.model.describe())
     print(before_and_after(result.before, result.after, result.held_out))
     print(result.line())
-    print(model.domain_line())
+    print(f'domain: {model.domain_line()}')
     if options.holdout:
         print(_held_out_table(options, samples, result))
     if options.out:

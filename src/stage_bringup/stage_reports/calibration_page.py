@@ -57,7 +57,7 @@ def calibration_page(
         [
             *condition_entries(session, entries),
             ('Places', f'{len(errors)} rests, {where}'),
-            *([] if model is None else [('Model', model.domain_line())]),
+            *([] if model is None else [('Domain of the model', model.domain_line())]),
         ]
     )
     left = None if model is None else errors - predicted_errors(model, rests)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator
 from itertools import cycle, islice
-from typing import ParamSpec
+from typing import Any, ParamSpec
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from stage_core.theme import SERIES, STYLE
@@ -41,6 +42,12 @@ def canvas(width: float, height: float) -> Figure:
 def colours(count: int) -> Iterator[str]:
     """So many colours of the series, from the start again where they run out."""
     return islice(cycle(SERIES), count)
+
+
+def plain(axis: Any) -> None:
+    """Numbers of a logarithmic axis as a person writes them: 0.1, 1, 10."""
+    axis.set_major_formatter(lambda value, _: f'{value:g}')
+    axis.set_minor_formatter(NullFormatter())
 
 
 def thin(count: int, limit: int = MOST_POINTS) -> NDArray[np.int64]:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.report.words import condition_words
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array, canvas, envelope, styled
+from stage_core.drawing import Array, canvas, envelope, plain, styled
 from stage_core.theme import BLUE, MUTED, ORANGE, RULE
 
 #: The pale wide line below and the thin one above: where both agree, both are seen.
@@ -79,6 +79,7 @@ def spectra(diagnosis: Diagnosis) -> Figure:
             # On a logarithmic axis the first lines lie far apart: each of them is drawn.
             index = np.union1d(np.arange(min(40, len(amplitude))), envelope(amplitude, 400))
             plot.loglog(frequency[1:][index], amplitude[index], **style)
+        plain(plot.xaxis)
         plot.set(xlabel='frequency (Hz)', ylabel=f'{channel.name} ({unit})')
     panels[0].legend()
     for plot in panels[len(channels) :]:

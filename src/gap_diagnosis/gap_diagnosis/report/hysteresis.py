@@ -13,7 +13,7 @@ from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.report.figures import AFTER, BEFORE, scale
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array, canvas, styled
+from stage_core.drawing import Array, canvas, plain, styled
 from stage_core.theme import INK
 
 #: An axis has reversed when it has come back by this (m), a few counts of an encoder: less is
@@ -129,6 +129,7 @@ def hysteresis_plot(found: list[Hysteresis]) -> Figure:
                 )
         if force:
             plot.set_xscale('log')
+            plain(plot.xaxis)
         axis = item.channel.name[-1]
         plot.set_xlabel('travel since the reversal (µm)' if force else f'{axis} (mm)')
         plot.set_ylabel(f'{item.channel.name} ({unit})')

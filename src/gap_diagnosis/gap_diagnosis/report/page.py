@@ -210,11 +210,12 @@ def _next(page: Page, diagnosis: Diagnosis) -> None:
     found = leftovers(diagnosis)
     if found:
         worst = max(found, key=lambda item: item.largest)
+        events = '1 short event' if worst.count == 1 else f'{worst.count} short events'
         steps.append(
-            f'{worst.channel} still leaves {worst.count} short events of up to '
-            f'{measure(worst.largest, worst.unit)}, {worst.after_reversal} of them soon after a '
-            'reversal. Measure strokes in both directions at several speeds, then diagnose with '
-            'the corrected twin: what is left then has the shape of the missing effect.'
+            f'{worst.channel} still has {events} of up to {measure(worst.largest, worst.unit)}, '
+            f'{worst.after_reversal} soon after a reversal. Measure strokes in both directions at '
+            'several speeds, then diagnose with the corrected twin: what is left then has the '
+            'shape of the missing effect.'
         )
     elif diagnosis.experiment is None and UNKNOWN not in diagnosis.verdict:
         steps.append('Nothing: run the corrected twin, and diagnose again after a change.')

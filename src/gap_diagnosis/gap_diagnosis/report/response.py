@@ -13,7 +13,7 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.report.figures import AFTER, BEFORE
 from gap_diagnosis.report.hysteresis import scored_records
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array, canvas, styled
+from stage_core.drawing import Array, canvas, plain, styled
 from stage_core.theme import INK
 
 #: Ticks of one stretch of a frequency response, and the coherence of reference and encoder from
@@ -91,6 +91,7 @@ def response_plot(found: list[Response]) -> Figure:
         for values, style in curves:
             upper.semilogx(item.frequency, 20.0 * np.log10(np.abs(values)), **style)
             lower.semilogx(item.frequency, np.degrees(np.unwrap(np.angle(values))), **style)
+        plain(lower.xaxis)
         upper.set(title=f'axis {item.axis}', ylabel='magnitude (dB)')
         lower.set(xlabel='frequency (Hz)', ylabel='phase (°)')
     handles = panels[0, 0].get_legend_handles_labels()

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from stage_core.drawing import MICRO, canvas, colours, envelope, styled
+from stage_core.drawing import MICRO, canvas, colours, envelope, plain, styled
 from stage_core.errors import StageError
 
 
@@ -33,8 +33,7 @@ def convergence(errors: Mapping[str, ArrayLike]) -> Figure:
         )
     axes.set(xlabel='run', ylabel='error (µm)', yscale='log')
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(lambda value, _: f'{value:g}')
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    plain(axes.yaxis)
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.legend()
     return figure
@@ -94,6 +93,7 @@ def spectrum(values: Mapping[str, ArrayLike], rate: float, unit: str) -> Figure:
             raise StageError(f'{name} has {data.size} samples: a spectrum needs at least 8')
         frequency, density = signal.welch(data, rate, nperseg=min(data.size, 4096))
         axes.loglog(frequency[1:], np.sqrt(density[1:]), lw=0.9, color=colour, label=name)
+    plain(axes.xaxis)
     axes.set(xlabel='frequency (Hz)', ylabel=f'{unit}/√Hz')
     axes.legend()
     return figure
@@ -121,6 +121,6 @@ def histogram(values: Mapping[str, ArrayLike], rare: bool = False) -> Figure:
         axes.hist(errors, edges, weights=share, color=colour, histtype='step', label=label)
     axes.set(xlabel='error (µm)', ylabel='share (%)', yscale='log' if rare else 'linear')
     if rare:
-        axes.yaxis.set_major_formatter(lambda value, _: f'{value:g}')
+        plain(axes.yaxis)
     axes.legend()
     return figure
