@@ -102,7 +102,8 @@ def main() -> None:
     folder = named or sessions[-1]
     date = time.strftime('%Y-%m-%d', time.localtime((folder / 'session.json').stat().st_mtime))
     state = f'{date}, commit {_commit(folder / "session.json")}'
-    source = f'\n\nWritten by `make docs-figures` from a session of {state}.'
+    tests = ' with `--standard-tests`' if (folder / 'positioning').exists() else ''
+    source = f'\n\nWritten by `make docs-figures` from a session{tests} of\n{state}.'
     replace(ROOT / 'README.md', printed(folder) + source)
     replace(ROOT / 'docs' / 'guide' / 'diagnosis_reading.md', example(folder) + source)
     images = ROOT / 'docs' / 'images'

@@ -181,7 +181,8 @@ def _leftovers(page: Page, diagnosis: Diagnosis) -> None:
             ]
             for item in found
         ],
-        'what stands out of the noise after the correction (session time)',
+        'what stands out of the noise after the correction; times of the session, of which the '
+        'picture shows the held-out windows only',
     )
 
 
