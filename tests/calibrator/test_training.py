@@ -93,7 +93,7 @@ def test_split_keeps_visits_to_a_position_together(samples):
     assert not any(tuple(p) in seen for p in held.command)
     [(training, held)] = splits(twice, by='time')
     assert training.times.max() <= held.times.min()
-    with pytest.raises(StageError, match='by position or by time'):
+    with pytest.raises(StageError, match='by position, time or session'):
         splits(twice, by='colour')
 
 
@@ -105,6 +105,19 @@ def test_few_places_are_each_held_out_once(samples):
     assert all(len(training) == 50 for training, _ in pairs)
     with pytest.raises(StageError, match='4 distinct places'):
         splits(samples.take(np.repeat(np.arange(4), 50)))
+
+
+def test_a_model_of_one_session_is_not_taken_for_another(samples):
+    assert splits(samples, by='session') == []
+    rng = np.random.default_rng(5)
+    # The second session's stage errs the other way: at unseen places both are half right.
+    other = replace(samples, measured=2.0 * samples.command - samples.measured)
+    assert len(splits(concatenate([samples, other]), by='session')) == 2
+    alike = replace(samples, measured=samples.measured + rng.normal(0.0, 1e-7, (120, 2)))
+    good, bad = (train(concatenate([samples, s]), 'affine') for s in (alike, other))
+    assert good.gain.proven
+    assert bad.gain.sessions and not bad.gain.proven
+    assert 'where whole sessions are left out' in bad.line()
 
 
 def test_structured_training_reaches_the_noise(samples):

@@ -26,12 +26,15 @@ class Gain:
         Its 95 % interval.
     places
         Distinct places that were held out.
+    sessions
+        Whether whole sessions were held out.
     """
 
     value: float
     low: float
     high: float
     places: int
+    sessions: bool = False
 
     @property
     def proven(self) -> bool:
@@ -39,7 +42,8 @@ class Gain:
         return self.low > 0.0
 
     def __str__(self) -> str:
-        return f'gain {100 * self.value:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]'
+        text = f'gain {100 * self.value:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]'
+        return f'{text} where whole sessions are left out' if self.sessions else text
 
 
 def held_out_gain(before: Array, after: Array, places: NDArray[np.int64], seed: int = 0) -> Gain:

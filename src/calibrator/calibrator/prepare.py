@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrator.clock_shift import estimate_shift, interpolate, jumps
+from calibrator.models.domain import Domain
 from calibrator.places import folds, judged_places
 from calibrator.samples import Samples
 from calibrator.temperatures import rates_at, readings_at
@@ -35,6 +36,8 @@ FEWEST_PLACES = 5
 """With fewer distinct places, even a gain at every one of them could be chance (1 of 32 signs)."""
 FEWEST_HELD = 8
 """Held-out places from which one draw tells the gain."""
+MOST_SESSION_FITS = 4
+"""Sessions are held out in so many groups at most: each costs a fit."""
 
 
 def prepare(session: Session, source: str = 'reference', target: str = 'tracker') -> Samples:
@@ -124,6 +127,8 @@ def splits(
         that no held-out place has been seen. Where one draw would hold out fewer than
         `FEWEST_HELD` places, each place is held out once, in up to that many pairs. `time`: the
         last part of the session is held out, which does not flatter where the stage drifts.
+        `session`: each of several sessions is held out once, in up to `MOST_SESSION_FITS` groups,
+        at the places that the others know; no pair where there is one session.
 
     Raises
     ------
@@ -147,13 +152,24 @@ def splits(
         held = drawn[int(round(share * len(drawn))) :]
         many = len(held) >= FEWEST_HELD
         masks = [np.isin(labels, held)] if many else folds(labels, FEWEST_HELD, seed)
+    elif by == 'session':
+        labels = np.zeros(0, dtype=np.int64) if samples.session is None else samples.session
+        masks = folds(labels, MOST_SESSION_FITS, seed) if len(np.unique(labels)) > 1 else []
+        return [(samples.take(~m), known) for m in masks if len(known := _known(samples, m))]
     else:
-        raise StageError(f'samples are split by position or by time, not by {by}')
+        raise StageError(f'samples are split by position, time or session, not by {by}')
     if any(mask.all() or not mask.any() for mask in masks):
         raise StageError(
             f'{len(samples)} samples are too few to hold some out: record more positions'
         )
     return [(samples.take(~mask), samples.take(mask)) for mask in masks]
+
+
+def _known(samples: Samples, held: NDArray[np.bool_]) -> Samples:
+    """The held samples at places that the rest knows; elsewhere no model predicts anything."""
+    rest, chosen = samples.take(~held), samples.take(held)
+    domain = Domain.of(rest.command, rest.measured - rest.command, rest.temperatures)
+    return chosen.take(domain.distance(chosen.command) <= 1.0)
 
 
 def approach_direction(command: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -116,8 +116,9 @@ def train(
 ) -> Training:
     """Fit a method on a part of the samples and judge it on the rest.
 
-    Where the places suffice for one draw (see `prepare.splits`) the model is the one that was
-    judged; else one of all samples, judged by those that were fitted without each place.
+    Of several sessions whole ones are left out, too; the worse gain counts. Where the places
+    suffice for one draw (see `prepare.splits`) the model is the one that was judged; else one of
+    all samples, judged by those that were fitted without each place.
 
     Parameters
     ----------
@@ -154,17 +155,17 @@ def train(
     started = time.perf_counter()
     models = [fit(training) for training, _ in pairs]
     seconds = (time.perf_counter() - started) / len(pairs)
-    held = [held for _, held in pairs]
-    before = np.vstack([part.measured - part.command for part in held])
-    after = np.vstack([p.measured - predict(m, p) for m, p in zip(models, held, strict=True)])
-    places = judged_places(np.vstack([part.command for part in held]))
+    before, after, gain = _judged(models, pairs, seed)
+    if apart := splits(samples, seed=seed, by='session'):
+        other = _judged([fit(training) for training, _ in apart], apart, seed)[2]
+        gain = min(gain, replace(other, sessions=True), key=lambda found: found.low)
     training, model = (pairs[0][0], models[0]) if len(pairs) == 1 else (samples, fit(samples))
     return Training(
         model,
         Metrics.of(before),
         Metrics.of(after),
         evaluate(model, training),
-        held_out_gain(before, after, places, seed),
+        gain,
         seconds,
         len(samples),
         len(before),
@@ -172,6 +173,17 @@ def train(
         samples.sensors if model.sensors else (),
         speeds(samples),
     )
+
+
+def _judged(
+    models: Sequence[CalibrationModel], pairs: Sequence[tuple[Samples, Samples]], seed: int
+) -> tuple[Array, Array, Gain]:
+    """Errors (n, axes) [m] of the stage and of the models at what they did not see; the gain."""
+    held = [held for _, held in pairs]
+    before = np.vstack([part.measured - part.command for part in held])
+    after = np.vstack([p.measured - predict(m, p) for m, p in zip(models, held, strict=True)])
+    places = judged_places(np.vstack([part.command for part in held]))
+    return before, after, held_out_gain(before, after, places, seed)
 
 
 def speeds(samples: Samples) -> tuple[float, float]:
