@@ -103,6 +103,18 @@ def test_learning_recovers_or_the_loop_is_refused(
         assert rms.max() <= (2.0 if marginal else 1.0) * rms[0]
 
 
+def test_a_band_that_made_the_error_grow_is_not_learned_in_again() -> None:
+    _, learner = learn(machine(3.0, 5e-3, 0.5), DEFAULT, 12)
+    # Without `WIDEST` it grows in iterations 3, 6 and 9.
+    assert sum(learner.returns) == 1
+
+
+@pytest.mark.parametrize('cutoff', [5.5, 25.0, 80.0])
+def test_learning_begins_with_3_hz_or_an_eighth_of_the_cutoff(cutoff: float) -> None:
+    learner = Learner(1000, 1e-3, replace(DEFAULT[1], cutoff=cutoff))
+    assert learner.band * cutoff == pytest.approx(max(3.0, cutoff / 8.0))
+
+
 @pytest.mark.parametrize('mass', [1.5, 2.0, 3.0])
 def test_a_payload_is_learned_as_well_as_by_norm_optimal_learning(mass: float) -> None:
     rig = machine(mass)
