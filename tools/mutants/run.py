@@ -23,7 +23,8 @@ FOLDERS = {
     'stage_bringup': ['stage_bringup', 'stage_reports', 'ros2_standin'],
     'stage_twin': ['stage_twin', 'stage_twin_node'],
 }
-FAILED = re.compile(r'^(?:FAILED|ERROR) (\S+)', re.MULTILINE)
+#: A parameter in a test's name may hold spaces.
+FAILED = re.compile(r'^(?:FAILED|ERROR) (.+?)(?: - .*)?$', re.MULTILINE)
 CAUGHT, SURVIVED, UNFINISHED, GONE = 'caught', 'survived', 'not finished', 'no such place'
 
 
