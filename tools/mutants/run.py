@@ -73,7 +73,7 @@ class Trial:
         while True:
             with _replaced(path, text), _kernels('numba' in text) as cache:
                 outcome, test = self._pytest([*files, *deselected], cache, end)
-            if outcome != CAUGHT:
+            if outcome != CAUGHT or not test:
                 return outcome, test
             # A test that fails without the mutant as well says nothing about it.
             with _kernels(False) as cache:
@@ -116,6 +116,9 @@ class Trial:
                 return UNFINISHED, ''
         if process.returncode == 0:
             return SURVIVED, ''
+        if process.returncode < 0:
+            # A kernel that writes beside its arrays ends the interpreter.
+            return CAUGHT, ''
         failed = FAILED.search(output)
         if failed is None:
             raise RuntimeError(output[-2000:])
