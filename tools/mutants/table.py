@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 from datetime import date
 
 from .draw import ROOT, stored
@@ -49,7 +50,8 @@ def _row(result: Result) -> str:
     change = f'`{_cell(mutant.before)}` → `{_cell(mutant.after)}`'
     outcome = result.outcome
     if result.test:
-        outcome += f' by `{_cell(result.test.rpartition("/")[2])}`'
+        file, _, name = result.test.partition('::')
+        outcome += f' by `{_cell("::".join(filter(None, (Path(file).name, name))))}`'
     return f'| {place} | {change} | {outcome} | {result.seconds:.0f} | {result.commit} |\n'
 
 
