@@ -27,7 +27,7 @@ LONGEST_LEAD = 3.0
 FIRST_BAND = 0.125
 #: The first error is learned up to this frequency [Hz] where it is above that share of the cutoff:
 #: the loop of 25 Hz in that test has it as an eighth. A Zaber chain, whose cutoff is 5.5 Hz, would
-#: spend its first three laps below 3 Hz (`benchmarks/zaber_feed.py`: 0.23 in place of 0.14 µm).
+#: spend its first three laps below 3 Hz (`benchmarks/zaber_feed.py`: 0.23 in place of 0.08 µm).
 FIRST_FREQUENCY = 3.0
 #: How a lap that grew narrows the band, and how far it may widen again. Without the second, half
 #: the gain, three times the mass and 5 ms more delay grow in every third lap (the same test).
