@@ -43,8 +43,9 @@ QUIET, EDGE = 25.0, 0.2  # Hz, and s at the ends that are left out
 #: Times what such noise makes, below which no other law is looked for: its measured figure is the
 #: mean of a noise that may go with the speed.
 BEYOND_NOISE = 2.0
-#: Share by which a gain must differ to be named.
-LEAST_SHARE = 0.02
+#: Share by which a gain must differ to be named. Recorded commands give it to 1e-14; a position
+#: gain wrong by 0.018 makes a gap of forty times the floor, so that this share makes two.
+LEAST_SHARE = 1e-3
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from gap_diagnosis.input.checks import check_controller
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import LEAST_JITTER, jitter_finding
 from gap_diagnosis.residuals.controller import (
-    LEAST_SHARE,
     Parameters,
     force_increments,
     quiet,
@@ -42,6 +41,9 @@ FOLLOWED = 0.9
 #: Of the distance between a factor and 1 (of logarithms) that which effort over needed force may
 #: have from the factor: it is 1 for a controller of other gains.
 NEARER = 0.35
+#: Share by which a unit differs from the newton at least: a position gain wrong by 0.018 makes
+#: 0.002 of it.
+LEAST_UNIT = 0.02
 CORNER = 30.0  # Hz, of the low-pass on forces
 #: Share of ticks of the other sign, from which on a record without signs has lost them.
 BOTH_SIGNS = 0.01
@@ -87,7 +89,7 @@ def _found(records: list[Record], twin: TwinFile, without: Sequence[str]) -> dic
             (found if sure else doubted)[name] = values
     factors = [v['factor'][0] for v in found.values()]
     for name, values in doubted.items():
-        if any(abs(values['factor'][0] / f - 1.0) < LEAST_SHARE for f in factors):
+        if any(abs(values['factor'][0] / f - 1.0) < LEAST_UNIT for f in factors):
             found[name] = values
     return found
 
@@ -156,7 +158,7 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Paramete
     if left > (1.0 - FOLLOWED) * float(np.mean(written**2)):
         return {}, False
     deviation = math.sqrt(left / float(law @ law))
-    if abs(factor - 1.0) < max(LEAST_SHARE, 3.0 * deviation):
+    if abs(factor - 1.0) < max(LEAST_UNIT, 3.0 * deviation):
         return ({'factor': (1.0, deviation), 'magnitude': (1.0, 0.0)} if unsigned else {}), True
     values = {'factor': (factor, deviation), 'magnitude': (float(unsigned), 0.0)}
     # A loop whose gain has the other sign would run away.

@@ -10,8 +10,6 @@ from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
 if TYPE_CHECKING:
     from gap_diagnosis.selection.forward import Selector
 
-#: Shapes of an effect that may gain nothing before one does.
-LOOK_AHEAD = 2
 #: Least gain of a richer shape as a share of the noise's mean square: below it, it would not be
 #: seen in the gap.
 OF_NOISE_GROWN = 2e-3
@@ -20,20 +18,20 @@ OF_NOISE_GROWN = 2e-3
 def grow(selector: Selector, fit: Fit, names: list[str]) -> Fit:
     """Effects in as rich a shape as held-out data bear: harmonics, orders of a curve.
 
-    A shape that alone gains nothing may do so with the next one: an even order, an odd one.
+    An order that alone gains nothing may do so with later ones: all are tried.
     """
     terms = selector.problem.terms
     for name in names:
-        plain, theta, skipped = terms[name], fit.thetas[name], 0
-        while skipped < LOOK_AHEAD and (richer := terms[name].richer) is not None:
+        plain, theta = terms[name], fit.thetas[name]
+        while (richer := terms[name].richer) is not None:
             terms[name] = richer()
             if len(terms[name].lower) > len(theta):
                 others = {n: t for n, t in fit.thetas.items() if n != name}
                 theta = selector.regression.warm_start(selector.regression.linear(others), name)
             trial = selector.regression.refine({**fit.thetas, name: theta}, [name], rounds=8)
-            theta, skipped = trial.thetas[name], skipped + 1
+            theta = trial.thetas[name]
             if _worth_it(selector, fit, trial) and selector.admissible(trial, name):
-                fit, plain, skipped = trial, terms[name], 0
+                fit, plain = trial, terms[name]
         terms[name] = plain
     return fit
 

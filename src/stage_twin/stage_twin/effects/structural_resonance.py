@@ -35,10 +35,11 @@ EFFECT = Effect(
         Parameter(
             'table_share',
             '',
-            0.0,
+            -2.0,
             2.0,
             0.0,
-            "share of the spring's deflection that the table makes; 0: the table is the motor",
+            "share of the spring's deflection that the table makes; 0: the table is the motor, "
+            'below it: the load rocks and the table goes the other way',
         ),
     ),
     model='Two masses: a share of the moving mass hangs on a spring and a damper behind the motor'
@@ -130,7 +131,7 @@ def table_term(rows: TrackerRows) -> Term | None:
         grid=((known['frequency'], known['damping']),) if known else _GRID,
         lower=_LOWER,
         upper=_UPPER,
-        admissible=lambda theta, c: 0.0 < c[0] < 2.0 and _inside(theta),
+        admissible=lambda theta, c: abs(c[0]) < 2.0 and _inside(theta),
     )
 
 
