@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stage_core.twin_file import TwinFile
+from stage_twin.effects import torque_sag
 from stage_twin.measured_force import required_force
 from stage_twin.simulate import simulate
 
@@ -40,6 +41,33 @@ def test_the_force_constant_sags():
     assert_close(kernel, integrate(rates, swing()), 2e-3)
 
 
+def test_the_force_constant_sags_with_squared_force_and_with_heat():
+    def rates(state, force):
+        left = max(0.2, 1.0 - 1e-4 * force**2 - 4e-4 * state[2])
+        return [
+            state[1],
+            (force * left - VISCOUS * state[1]) / MASS,
+            (force**2 - state[2]) / 1.5,
+        ]
+
+    values = {'sag_force': 0.0, 'sag_square': 1e-4, 'sag_heat': 4e-4, 'heat_time': 1.5}
+    kernel = open_loop(one_axis({'torque_sag.x': values}), swing())
+    assert_close(kernel, integrate(rates, swing(), 3), 2e-3)
+
+
+def test_the_force_to_command_undoes_a_sag():
+    force = np.linspace(-40.0, 40.0, 401)
+    given = {'sag_force': 3e-3, 'sag_square': 3e-5, 'sag_speed': 0.5}
+    commanded = torque_sag.command(
+        force, np.full(401, 0.2), 1e-3, **given, sag_heat=0.0, heat_time=9.0
+    )
+    acting = [
+        torque_sag.drive(f, 0.2, 1e-3, np.zeros(1), **given, sag_heat=0.0, heat_time=9.0)
+        for f in commanded
+    ]
+    np.testing.assert_allclose(acting, force, atol=1e-6)
+
+
 def test_the_other_axis_pulls():
     """With x free to move, what y does to it is what the equation says."""
     twin = TwinFile.nominal_servo().with_effects(
@@ -63,7 +91,7 @@ def test_the_needed_force_undoes_the_drive():
     """A twin with a lag, a sag and a play needs the force that it was given."""
     effects = {
         'current_loop_lag.x': {'time_constant': 4e-3},
-        'torque_sag.x': {'sag_force': 4e-3, 'sag_speed': 1.0},
+        'torque_sag.x': {'sag_force': 4e-3, 'sag_speed': 1.0, 'sag_heat': 1e-4, 'heat_time': 2.0},
         'drive_play.x': {'width': 1e-7, 'mass_ratio': 0.25},
     }
     given = swing(30.0, 20.0, 1000)

@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from stage_twin.effects.definition import Parameter
-from stage_twin.effects.position_force import force as _curve
+from stage_twin.effects.position_force import curve
 from stage_twin.effects.term import Array
 
 TERMS, KNOTS = 4, 13
@@ -63,9 +63,6 @@ def factor(x: float, shape: float, scale: float, bend: float) -> float:
     elif size > 0.0:
         size = math.exp(bend * math.log(size / abs(scale)))
     return -size if x < 0.0 and kind != EVEN else size
-
-
-curve = njit(cache=True)(_curve)
 
 
 @njit(cache=True)

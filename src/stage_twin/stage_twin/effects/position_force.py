@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
+from numba import njit
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Term, constant
+from stage_twin.effects.term import Array, Term, Theta, constant
 
 KNOTS = 9  # of the curve: the shortest wave that they follow is a quarter of the travel
+MIDDLES = KNOTS - 1  # between them, for waves of half that length
 
 EFFECT = Effect(
     name='position_force',
@@ -20,18 +24,24 @@ EFFECT = Effect(
             Parameter(f'c{k}', 'N', -500.0, 500.0, 0.5 * (k - 4.5), f'force at knot {k}')
             for k in range(KNOTS)
         ),
+        *(
+            Parameter(f'm{k}', 'N', -500.0, 500.0, 0.0, f'more half-way from knot {k} to the next')
+            for k in range(MIDDLES)
+        ),
     ),
     model='Force on the moving mass through equally spaced knots over the position, cubic between '
-    'them. Catmull and Rom, "A class of local interpolating splines" (1974).',
-    sentence='a force that depends on the position pulls the axis: {c0} at one end of the travel, '
-    '{c8} at the other',
+    'them, plus a curve of this kind that is zero at the knots and m half-way between. Catmull '
+    'and Rom, "A class of local interpolating splines" (1974).',
+    sentence='a force that depends on the position pulls the axis: {c0} at one end of the '
+    'travel, {c8} at the other',
     excited_by='slow strokes over the whole travel in both directions',
     holds=('cable_force', 'force_offset'),
 )
 
 
-def force(position: float, start: float, stop: float, c: np.ndarray) -> float:
-    """Force on the moving mass [N]; held beyond the ends."""
+@njit(cache=True)
+def curve(position: float, start: float, stop: float, c: Array) -> float:
+    """Cubic curve through equally spaced knots [N]; held beyond the ends."""
     last = len(c) - 1
     at = min(max((position - start) / max(stop - start, 1e-9), 0.0), 1.0) * last
     k = min(int(at), last - 1)
@@ -46,17 +56,58 @@ def force(position: float, start: float, stop: float, c: np.ndarray) -> float:
     )
 
 
+def force(position: float, start: float, stop: float, c: Array, m: Array) -> float:
+    """Force on the moving mass [N]; held beyond the ends."""
+    total = curve(position, start, stop, c)
+    last = 2 * len(m)
+    at = min(max((position - start) / max(stop - start, 1e-9), 0.0), 1.0) * last
+    k = min(int(at), last - 1)
+    t = at - k
+    before, here, there, after = _fine(m, k - 1), _fine(m, k), _fine(m, k + 1), _fine(m, k + 2)
+    slope, next_slope, rise = 0.5 * (there - before), 0.5 * (after - here), there - here
+    bend = 3.0 * rise - 2.0 * slope - next_slope + t * (slope + next_slope - 2.0 * rise)
+    return total + here + t * (slope + t * bend)
+
+
+@njit(cache=True)
+def _fine(m: Array, k: int) -> float:
+    """Second curve at knot k of both: zero at every other one, and mirrored at the ends."""
+    if k % 2 == 0:
+        return 0.0
+    if k < 0:
+        return -m[0]
+    return m[k // 2] if k < 2 * len(m) else -m[-1]
+
+
 def term(rows: ForceRows) -> Term:
     """The curve of one newton at each knot; one that hardly varies is a constant force."""
+    return _term(rows, KNOTS)
+
+
+def _term(rows: ForceRows, number: int) -> Term:
+    """The curves of the first `number` of the knots and the middles between them."""
     path = rows.used(rows.position())
     start, stop = float(path.min()), float(path.max())
-    grid = np.linspace(start, stop, 40 * (KNOTS - 1) + 1)
-    curves = [np.array([force(p, start, stop, unit) for p in grid]) for unit in np.eye(KNOTS)]
-    signals = [[-np.interp(p, grid, curve) for p in rows.position()] for curve in curves]
+    grid = np.linspace(start, stop, 80 * (KNOTS - 1) + 1)
+    units = np.eye(KNOTS + MIDDLES)[:number]
+    curves = [
+        np.array([_both(p, start, stop, unit[:KNOTS], unit[KNOTS:]) for p in grid])
+        for unit in units
+    ]
+    signals = [[-np.interp(p, grid, own) for p in rows.position()] for own in curves]
+
+    def parameters(theta: Theta, c: Array) -> dict[str, float]:
+        return {'start': start, 'stop': stop} | dict(zip(NAMES, c.tolist(), strict=False))
+
     return Term(
         constant(rows.columns(*signals)),
-        lambda theta, c: (
-            {'start': start, 'stop': stop} | {f'c{k}': float(value) for k, value in enumerate(c)}
+        parameters,
+        admissible=lambda theta, c: (
+            5.0 * float(np.ptp(c[:KNOTS])) > float(np.max(np.abs(c[:KNOTS]))) < 500.0
         ),
-        admissible=lambda theta, c: 5.0 * float(np.ptp(c)) > float(np.max(np.abs(c))) < 500.0,
+        richer=partial(_term, rows, KNOTS + MIDDLES) if number == KNOTS else None,
     )
+
+
+_both = njit(cache=True)(force)
+NAMES = [f'c{k}' for k in range(KNOTS)] + [f'm{k}' for k in range(MIDDLES)]
