@@ -131,7 +131,7 @@ def term(rows: ForceRows) -> Term | None:
     return Term(
         columns,
         parameters,
-        grid=(*((0.5 * k, middle) for k in range(5)), *hot),
+        grid=(*((k, middle) for k in (0.0, 0.5, 1.0, 1.5, 1.95)), *hot),
         lower=(0.0, math.log(LEAST_TIME)),
         upper=(float(HEAT), math.log(MOST_TIME)),
         admissible=admissible,
@@ -141,13 +141,14 @@ def term(rows: ForceRows) -> Term | None:
 def _weights(way: float) -> Array:
     """Shares (4,) of the ways to sag: of the two around a number, of the heat alone beyond them.
 
-    Beside another way the heat would follow any slow error of the other models.
+    Beside another way the heat would follow any slow error of the other models. A small step of
+    the number never leads to it.
     """
     out = np.zeros(4)
-    if way > HEAT - 1:
-        out[HEAT] = 1.0
+    if way >= HEAT - 1:
+        out[HEAT if way > HEAT - 0.5 else HEAT - 1] = 1.0
         return out
-    first = min(int(way), HEAT - 2)
+    first = int(way)
     angle = 0.5 * math.pi * (way - first)
     out[first], out[first + 1] = math.cos(angle), math.sin(angle)
     return out
