@@ -142,9 +142,10 @@ def _weights(way: float) -> Array:
     """Shares (4,) of the ways to sag: of the two around a number, of the heat alone beyond them.
 
     Beside another way the heat would follow any slow error of the other models. A small step of
-    the number never leads to it.
+    the number never leads to it. Beyond the ends the number is that of the end: its deviation may
+    be larger than its range.
     """
-    out = np.zeros(4)
+    out, way = np.zeros(4), max(way, 0.0)
     if way >= HEAT - 1:
         out[HEAT if way > HEAT - 0.5 else HEAT - 1] = 1.0
         return out
