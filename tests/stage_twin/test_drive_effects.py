@@ -43,14 +43,15 @@ def test_the_force_constant_sags():
 
 def test_the_force_constant_sags_with_squared_force_and_with_heat():
     def rates(state, force):
-        left = max(0.2, 1.0 - 1e-4 * force**2 - 4e-4 * state[2])
+        left = max(0.2, 1.0 - 1e-4 * force**2 - state[2])
         return [
             state[1],
             (force * left - VISCOUS * state[1]) / MASS,
-            (force**2 - state[2]) / 1.5,
+            (4e-4 * force**2 + 0.1 - state[2]) / 1.5,
         ]
 
-    values = {'sag_force': 0.0, 'sag_square': 1e-4, 'sag_heat': 4e-4, 'heat_time': 1.5}
+    values = {'sag_force': 0.0, 'sag_square': 1e-4, 'sag_heat': 4e-4}
+    values |= {'sag_time': 0.1, 'heat_time': 1.5}
     kernel = open_loop(one_axis({'torque_sag.x': values}), swing())
     assert_close(kernel, integrate(rates, swing(), 3), 2e-3)
 
@@ -58,13 +59,9 @@ def test_the_force_constant_sags_with_squared_force_and_with_heat():
 def test_the_force_to_command_undoes_a_sag():
     force = np.linspace(-40.0, 40.0, 401)
     given = {'sag_force': 3e-3, 'sag_square': 3e-5, 'sag_speed': 0.5}
-    commanded = torque_sag.command(
-        force, np.full(401, 0.2), 1e-3, **given, sag_heat=0.0, heat_time=9.0
-    )
-    acting = [
-        torque_sag.drive(f, 0.2, 1e-3, np.zeros(1), **given, sag_heat=0.0, heat_time=9.0)
-        for f in commanded
-    ]
+    given |= {'sag_heat': 0.0, 'sag_time': 0.0, 'heat_time': 9.0}
+    commanded = torque_sag.command(force, np.full(401, 0.2), 1e-3, **given)
+    acting = [torque_sag.drive(f, 0.2, 1e-3, np.zeros(1), **given) for f in commanded]
     np.testing.assert_allclose(acting, force, atol=1e-6)
 
 

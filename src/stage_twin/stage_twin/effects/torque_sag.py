@@ -1,4 +1,4 @@
-"""The force constant falls with force, with speed and with heat."""
+"""The force constant falls with force, with speed and as the machine warms."""
 
 from __future__ import annotations
 
@@ -24,14 +24,16 @@ EFFECT = Effect(
         Parameter('sag_square', '1/N^2', 0.0, 0.1, 0.0, 'share lost per squared force'),
         Parameter('sag_speed', 's/m', 0.0, 10.0, 0.0, 'share of the force lost per speed'),
         Parameter('sag_heat', '1/N^2', 0.0, 1.0, 0.0, 'share lost per mean squared force'),
-        Parameter('heat_time', 's', 1.0, 300.0, 15.0, 'over which that mean goes', neutral=None),
+        Parameter('sag_time', '', 0.0, 0.75, 0.0, 'share lost once what runs by itself is warm'),
+        Parameter('heat_time', 's', 1.0, 300.0, 15.0, 'in which both warm', neutral=None),
     ),
-    model='Acting force F * (1 - sag_force |F| - sag_square F^2 - sag_speed |v| - sag_heat h), at '
-    'least 0.2 F, h the mean of F^2 over heat_time, zero at the start: iron that saturates, a '
-    'voltage that the counter-voltage takes up, magnets and copper that warm. Krishnan, "Electric '
-    'motor drives" (2001).',
+    model='Acting force F * (1 - sag_force |F| - sag_square F^2 - sag_speed |v| - h), at least '
+    '0.2 F; h follows sag_heat F^2 + sag_time within heat_time, zero at the start: iron that '
+    'saturates, a voltage that the counter-voltage takes up, magnets and copper that warm by the '
+    'force and by what runs beside it. Krishnan, "Electric motor drives" (2001).',
     sentence='the drive gives less force than it is asked for: by {sag_force} and {sag_square} of '
-    'the force, by {sag_speed} of the speed, by {sag_heat} of the heat',
+    'the force, by {sag_speed} of the speed, by {sag_heat} of the squared force and by '
+    '{sag_time} once warm',
     excited_by='strokes at several accelerations and speeds',
     order=1,
     states=('heat',),
@@ -47,13 +49,15 @@ def drive(
     sag_square: float,
     sag_speed: float,
     sag_heat: float,
+    sag_time: float,
     heat_time: float,
 ) -> float:
     """Force that the motor gives [N]."""
     size = abs(force)
     lost = (sag_force + sag_square * size) * size
-    lost += sag_speed * abs(velocity) + sag_heat * state[0]
-    state[0] += (size * size - state[0]) * (1.0 - math.exp(-step / heat_time))
+    lost += sag_speed * abs(velocity) + state[0]
+    warm = sag_heat * size * size + sag_time
+    state[0] += (warm - state[0]) * (1.0 - math.exp(-step / heat_time))
     return force * max(LEAST, 1.0 - lost)
 
 
@@ -65,14 +69,14 @@ def command(
     sag_square: float,
     sag_speed: float,
     sag_heat: float,
+    sag_time: float,
     heat_time: float,
 ) -> Array:
     """Force to command for a force that acts, (n,) [N]; none beyond the least share."""
     wanted, given = np.abs(force), np.abs(force)
     for _ in range(HEATINGS if sag_heat > 0.0 else 1):
-        whole = 1.0 - sag_speed * np.abs(velocity)
-        if sag_heat > 0.0:
-            whole -= sag_heat * _heat(given, step, heat_time)
+        warm = _warmed(sag_heat * given**2 + sag_time, step, heat_time)
+        whole = 1.0 - sag_speed * np.abs(velocity) - warm
         given = wanted.copy()
         for _ in range(NEWTON):
             acting = given * (whole - (sag_force + sag_square * given) * given)
@@ -82,21 +86,21 @@ def command(
     return np.sign(force) * given
 
 
-def _heat(force: Array, step: float, heat_time: float) -> Array:
-    """Mean of the squared force (n,) over the time before each tick, zero at the start [N²]."""
+def _warmed(heating: Array, step: float, heat_time: float) -> Array:
+    """What a heating (n,) has warmed before each tick, from cold."""
     keep = math.exp(-step / heat_time)
-    return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], force**2))
+    return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], heating))
 
 
-#: Ways to sag: of those before the heat two neighbours may be mixed.
-NAMES = ('sag_square', 'sag_force', 'sag_speed', 'sag_heat')
-HEAT = NAMES.index('sag_heat')
-TIMES = (4.0, 12.0, 36.0)  # s, starts for that of the heat
+#: Ways to sag: of those without a memory two neighbours may be mixed.
+NAMES = ('sag_square', 'sag_force', 'sag_speed', 'sag_heat', 'sag_time')
+COLD = 3
+TIMES = (4.0, 12.0, 36.0)  # s, starts for that of the warming
 LEAST_TIME, MOST_TIME = 1.5, 250.0  # s
 
 
 def term(rows: ForceRows) -> Term | None:
-    """The force times what it loses; θ says which two ways are mixed, and the heat's log time."""
+    """The force times what it loses; θ says by which ways, and the log time of the warming."""
     speed = [np.abs(v) for v in rows.smooth_velocity()]
     strongest = max(float(np.abs(f).max()) for f in rows.applied())
     fastest = max(float(v.max()) for v in speed)
@@ -107,15 +111,18 @@ def term(rows: ForceRows) -> Term | None:
     cold = rows.columns(
         *([f * s for f, s in zip(rows.applied(), own, strict=True)] for own in shares)
     )
-    scale = np.array([strongest**2, strongest, fastest, strongest**2])
+    scale = np.array([strongest**2, strongest, fastest, strongest**2, 1.0])
 
     def columns(theta: Theta) -> Array:
         weights = _weights(theta[0])
-        column = cold @ weights[:HEAT]
-        if weights[HEAT] > 0.0:
+        column = cold @ weights[:COLD]
+        if weights[COLD:].any():
+            by_force, by_time = weights[COLD:] / scale[COLD:]
             forces = zip(rows.commanded(), rows.applied(), rows.periods, strict=True)
-            heated = [a * _heat(c, t, math.exp(theta[1])) / scale[HEAT] for c, a, t in forces]
-            column = column + weights[HEAT] * rows.columns(heated)[:, 0]
+            warm = [
+                a * _warmed(by_force * c**2 + by_time, t, math.exp(theta[1])) for c, a, t in forces
+            ]
+            column = column + rows.columns(warm)[:, 0]
         return np.asarray(column)[:, None]
 
     def parameters(theta: Theta, c: Array) -> dict[str, float]:
@@ -127,27 +134,27 @@ def term(rows: ForceRows) -> Term | None:
         return bool(c[0] > 0.0) and lost < (1.0 - LEAST) * strongest
 
     middle = math.log(TIMES[1])
-    hot = tuple((float(HEAT), math.log(time)) for time in TIMES)
+    hot = tuple((float(way), math.log(time)) for way in (COLD, COLD + 1) for time in TIMES)
     return Term(
         columns,
         parameters,
         grid=(*((k, middle) for k in (0.0, 0.5, 1.0, 1.5, 1.95)), *hot),
         lower=(0.0, math.log(LEAST_TIME)),
-        upper=(float(HEAT), math.log(MOST_TIME)),
+        upper=(COLD + 1.0, math.log(MOST_TIME)),
         admissible=admissible,
     )
 
 
 def _weights(way: float) -> Array:
-    """Shares (4,) of the ways to sag: of the two around a number, of the heat alone beyond them.
+    """Shares (5,) of the ways to sag: of the two around a number, or of one that warms.
 
     Beside another way the heat would follow any slow error of the other models. A small step of
-    the number never leads to it. Beyond the ends the number is that of the end: its deviation may
-    be larger than its range.
+    the number never leads to another one that warms. Beyond the ends the number is that of the
+    end: its deviation may be larger than its range.
     """
-    out, way = np.zeros(4), max(way, 0.0)
-    if way >= HEAT - 1:
-        out[HEAT if way > HEAT - 0.5 else HEAT - 1] = 1.0
+    out, way = np.zeros(len(NAMES)), min(max(way, 0.0), COLD + 1.0)
+    if way >= COLD - 1:
+        out[round(way)] = 1.0
         return out
     first = int(way)
     angle = 0.5 * math.pi * (way - first)
