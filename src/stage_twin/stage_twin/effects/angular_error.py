@@ -18,7 +18,7 @@ _HIGHER = tuple(
     Parameter(f'p{k}', 'rad', -5e-3, 5e-3, 0.0, f'factor of P{k}(s) in the yaw')
     for k in range(3, ORDERS + 1)
 )
-NAMES = ('linear', 'quadratic', *(parameter.name for parameter in _HIGHER))
+NAMES = ('constant', 'linear', 'quadratic', *(parameter.name for parameter in _HIGHER))
 
 EFFECT = Effect(
     name='angular_error',
@@ -38,9 +38,10 @@ EFFECT = Effect(
         ),
         CENTRE,
         HALF_RANGE,
+        Parameter('constant', 'rad', -5e-3, 5e-3, 0.0, 'yaw at every place'),
     ),
-    model='Yaw of the carriage, linear * s + quadratic * P2(s) + p3 * P3(s) and so on, s = '
-    '(p - centre) / half_range, moves the point along its axis by yaw times the arm plus the '
+    model='Yaw of the carriage, constant + linear * s + quadratic * P2(s) + p3 * P3(s) and so on, '
+    's = (p - centre) / half_range, moves the point along its axis by yaw times the arm plus the '
     'other coordinate: for x -yaw * (y + arm), for y +yaw * (x + arm). Bryan, "The Abbe '
     'principle revisited", Precision Engineering 1 (1979); paper 1, section 2.',
     sentence='the carriage yaws by {linear} from the middle of the travel to its end',
@@ -59,11 +60,12 @@ def turn(
     arm: float,
     centre: float,
     half_range: float,
+    constant: float,
 ) -> float:
     """Displacement of the point along the axis [m]; beyond the range as at its end."""
     s = min(max((position - centre) / half_range, -1.0), 1.0)
     before, last = s, 0.5 * (3.0 * s * s - 1.0)
-    yaw = linear * s + quadratic * last
+    yaw = constant + linear * s + quadratic * last
     for k in range(p.shape[0]):
         # Bonnet's recursion from the orders before.
         before, last = last, ((2.0 * k + 5.0) * s * last - (k + 2.0) * before) / (k + 3.0)
@@ -77,16 +79,19 @@ def term(rows: TrackerRows) -> Term | None:
         return None
     return Term(
         constant(
-            rows.along([np.column_stack([y * s[:, 0], s[:, 0]]) for s, y in _shapes(rows, 1)])
+            rows.along([np.column_stack([y * s[:, 1], s[:, 1]]) for s, y in _shapes(rows, 1)])
         ),
-        lambda theta, c: _parameters(rows, c[:1], float(c[1] / c[0])),
+        lambda theta, c: _parameters(rows, np.array([0.0, c[0]]), float(c[1] / c[0])),
         admissible=lambda theta, c: abs(c[0]) < 5e-3 and abs(c[1]) < abs(c[0]),
         richer=None if rows.rests else partial(_curved, rows, 2),
     )
 
 
 def _curved(rows: TrackerRows, highest: int) -> Term:
-    """Orders of the yaw up to `highest`; θ is the arm."""
+    """Orders of the yaw up to `highest`, the constant too; θ is the arm.
+
+    The constant alone would be `nonorthogonality` and an offset.
+    """
     shapes = _shapes(rows, highest)
     return Term(
         lambda theta: rows.along([(y + theta[0])[:, None] * s for s, y in shapes]),
@@ -103,7 +108,7 @@ def _shapes(rows: TrackerRows, highest: int) -> list[tuple[Array, Array]]:
     """Per session the orders of the yaw (m, k), signed as the axis has it; the other place."""
     centre, half = rows.travel
     sign = -1.0 if rows.axis == rows.axes[0] else 1.0
-    orders = np.eye(highest + 1)[1:].T
+    orders = np.eye(highest + 1)
     return [
         (sign * legval((position - centre) / half, orders).T, across)
         for position, across in zip(rows.position(), rows.position_across(), strict=True)
