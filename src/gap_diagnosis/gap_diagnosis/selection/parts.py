@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.closed_loop.polish import Parameters, polish
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.describe import describe
+from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.evidence.judgement import Structure
 from gap_diagnosis.input.data import Record, scored_ticks
 from gap_diagnosis.residuals.force_rows import ForceRows
@@ -222,7 +223,7 @@ def fit_servo(
     problem: Problem,
     records: list[Record],
     twin: TwinFile,
-    quantisation: dict[str, dict[str, tuple[float, float]]],
+    direct: Parameters,
     seed: int,
     without: Sequence[str],
 ) -> Part:
@@ -239,9 +240,12 @@ def fit_servo(
         if not accepted or twin.kind != 'servo':
             return replace(part, unconfirmed=unconfirmed)
         found = describe(part.selection, part.selector.regression)
-        found.update(quantisation)
-        effects = {n: {k: v for k, (v, _) in p.items()} for n, p in found.items()}
-        contradicted = _contradicted(axis, accepted, effects, records, twin)
+        contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
+        if contradicted:
+            # Where few rows tell an effect, the loop judges it with the parameters that suit it.
+            own = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
+            found = polish(records, twin, axis, found, own)
+            contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
         if not contradicted:
             selection = told_by_innovations(part.selector, part.selection, rows)
             residual = selection.fit.residual
@@ -257,7 +261,7 @@ def fit_servo(
 def _contradicted(
     axis: str,
     accepted: list[str],
-    effects: dict[str, dict[str, float]],
+    found: Parameters,
     records: list[Record],
     twin: TwinFile,
 ) -> list[str]:
@@ -266,7 +270,7 @@ def _contradicted(
     Where the encoder's gap is large and all of them together close almost nothing of it, the
     force balance was imitated and all go. Below the encoder's step nothing is contradicted.
     """
-    channel = f'encoder.{axis}'
+    channel, effects = f'encoder.{axis}', plain_values(found)
 
     def gap(some: dict[str, dict[str, float]]) -> float:
         squares = []

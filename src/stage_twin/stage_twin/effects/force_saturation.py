@@ -8,8 +8,6 @@ from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.term import Array, Term, Theta
 
-#: By how much the missing share of the force beyond the limit may differ from all of it.
-WHOLE = 0.1
 #: Least correlation of the clipped force with the acceleration where it clips most of the time:
 #: 0.92 and more with an amplifier that clips 97 % of the ticks, 0.63 at most on seven development
 #: sessions without one.
@@ -84,7 +82,7 @@ def term(rows: ForceRows) -> Term | None:
         grid=tuple((s,) for s in (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)),
         lower=(0.002,),
         upper=(1.0,),
-        # All of the force beyond the limit is missing, whatever a free coefficient says; with no
-        # force at all the equation of motion has the trivial solution 0 = 0.
-        admissible=lambda theta, c: bool(abs(c[0] - 1.0) < WHOLE) and real(theta),
+        # With no force at all the equation of motion has the trivial solution 0 = 0.
+        admissible=lambda theta, c: real(theta),
+        fixed=True,
     )
