@@ -21,6 +21,7 @@ import numpy as np
 
 from benchmarks.blind.cases import draw_single
 from benchmarks.blind.machine import NOMINAL, Recording, moves, record
+from benchmarks.blind.run import commit
 from benchmarks.blind.session import as_session, run_machine
 from benchmarks.blind.suites import SAME
 from benchmarks.laws import planted, written
@@ -240,12 +241,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for function, words in jobs[part]:
             path = options.out / f'{part}_{"_".join(map(str, words))}.json'
             if not path.exists():
-                row = function(*words)
+                row = {**function(*words), 'code': commit()}
                 path.write_text(json.dumps(row, default=float), encoding='utf-8')
                 print(json.dumps(row, default=float), flush=True)
     if options.page is not None:
-        command = 'python -m benchmarks.laws.run --page docs/results/law.md'
-        text = written.page(options.out, NO_FUNCTION, command)
+        command = (
+            f'python -m benchmarks.laws.run --first {options.first} --seeds {options.seeds} '
+            f'--sessions {options.sessions} --page {options.page}'
+        )
+        wanted = {part: len(rows) for part, rows in jobs.items()}
+        text = written.page(options.out, wanted, NO_FUNCTION, command)
         options.page.write_text(text, encoding='utf-8')
     return 0
 

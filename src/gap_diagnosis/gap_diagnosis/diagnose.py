@@ -34,7 +34,7 @@ from gap_diagnosis.law.learn import learn
 from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
 from gap_diagnosis.residuals.recording import jitter_findings
 from gap_diagnosis.residuals.tracker_jitter import tracker_jitter, tracker_speeds
-from gap_diagnosis.residuals.unrecorded import widened
+from gap_diagnosis.residuals.without_forces import widened
 from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.parts import Part

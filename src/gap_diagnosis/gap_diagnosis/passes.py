@@ -16,6 +16,7 @@ from gap_diagnosis.input.checks import check_duration
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.input.stepper import load_stepper_record
 from gap_diagnosis.residuals.controller import controller_findings, with_read_gains
+from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.measured_noise import (
     rest_scatter,
@@ -26,7 +27,8 @@ from gap_diagnosis.residuals.measured_noise import (
 from gap_diagnosis.residuals.nominal import sensor_frame, with_counted_steps
 from gap_diagnosis.residuals.recording import in_newtons
 from gap_diagnosis.residuals.servo import Servo
-from gap_diagnosis.residuals.unrecorded import NOT_TOLD, DriveLaw, with_laws
+from gap_diagnosis.residuals.unrecorded import with_laws
+from gap_diagnosis.residuals.without_forces import NOT_TOLD, lost_drive
 from gap_diagnosis.selection.parts import (
     KINEMATIC_RULES,
     LEAST_RESTS,
@@ -36,6 +38,7 @@ from gap_diagnosis.selection.parts import (
     fit_part,
     fit_servo,
 )
+from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.session import Session
@@ -98,7 +101,8 @@ class Prepared:
             'no effort is recorded: the controller was fitted to the motion, and newtons are '
             "those for the twin's mass",
             *(
-                f'no controller explains axis {axis}: its servo link is not judged'
+                f'axis {axis}: {lost_drive(self.records)}; its servo link is not judged and has '
+                f'no figures. Record the effort of {topics.COMMAND}'
                 for axis in lost
             ),
         ]
@@ -148,6 +152,7 @@ def prepare(
         _check_without_forces(records, simulated)
         without = (*without, *NOT_TOLD)
         records, twin, laws = with_laws(records, twin)
+        _check_told(records, laws)
         counted_twin = with_counted_steps(twin)
     elif twin.kind == 'servo' and not twin.gains_stated:
         without = (*without, 'controller_mismatch', 'effort_convention')
@@ -176,6 +181,16 @@ def _check_without_forces(records: list[Record], simulated: Sequence[Session]) -
             f'{records[0].name} holds no effort, which a comparison with a simulator needs: give '
             'a bag with it'
         )
+
+
+def _check_told(records: list[Record], laws: dict[str, DriveLaw]) -> None:
+    """Refuse sessions of which neither a force balance nor a tracker is left."""
+    if any(law.known for law in laws.values()) or all(r.tracker is not None for r in records):
+        return
+    raise StageError(
+        f'{records[0].name} holds no effort, and {lost_drive(records)}: record the effort of '
+        f'{topics.COMMAND}'
+    )
 
 
 def servo_part(

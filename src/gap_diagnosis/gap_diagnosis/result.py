@@ -10,8 +10,8 @@ from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.evidence.localise import Condition
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.law.learn import Law
+from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.nominal import merged
-from gap_diagnosis.residuals.unrecorded import DriveLaw
 from gap_diagnosis.selection.parts import Part
 from stage_core.twin_file import TwinFile
 

@@ -9,6 +9,7 @@ from typing import Any, ParamSpec
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
@@ -37,6 +38,22 @@ def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
 def canvas(width: float, height: float) -> Figure:
     """An empty figure of this size in inches, on a page of about 11 inches."""
     return Figure(figsize=(width, height), layout='constrained')
+
+
+def paired(count: int, height: float) -> tuple[Figure, list[Axes]]:
+    """A figure and its panels, two in a row, each so many inches high; a spare one stays empty."""
+    rows = (count + 1) // 2
+    figure = canvas(10.5, height * rows + 0.3)
+    panels = figure.subplots(rows, 2, squeeze=False).ravel().tolist()
+    for spare in panels[count:]:
+        spare.set_axis_off()
+    return figure, panels[:count]
+
+
+def legend_above(figure: Figure, panel: Axes, columns: int, **how: float) -> None:
+    """One legend for all panels: that of one of them, above the figure."""
+    handles = panel.get_legend_handles_labels()
+    figure.legend(*handles, loc='outside upper center', ncols=columns, **how)
 
 
 def colours(count: int) -> Iterator[str]:

@@ -196,6 +196,10 @@ class TwinFile:
             'control_period': self.control_period,
             'axes': {name: asdict(axis) for name, axis in self.axes.items()},
         }
+        if not self.gains_stated:
+            for axis in content['axes'].values():
+                for gain in GAINS:
+                    del axis[gain]
         if self.tracker is not None:
             content['tracker'] = asdict(self.tracker)
         content['temperature_reference'] = self.temperature_reference

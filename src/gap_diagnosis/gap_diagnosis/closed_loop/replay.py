@@ -46,10 +46,14 @@ def replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]
     A servo twin follows the recorded reference with its own controller (closed loop). A
     measured-force twin runs in windows of 100 ms from the recorded state. A stepper twin has no
     encoder that could show a gap. Beside a simulator's run the gap is (real - simulated) less what
-    the effects add to the twin.
+    the effects add to the twin. An axis whose force nothing tells has no gap: no gains run it.
     """
     gaps = _replay(record, twin, effects)
-    return {name: gap + record.offset.get(name, 0.0) for name, gap in gaps.items()}
+    return {
+        name: gap + record.offset.get(name, 0.0)
+        for name, gap in gaps.items()
+        if split_effect(name)[1] not in record.untold
+    }
 
 
 def _replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]:

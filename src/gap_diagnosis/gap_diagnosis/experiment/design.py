@@ -67,13 +67,6 @@ class Experiment:
         return len(self.position) * self.period
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    """Parameters of one side of a pair as drawn: the found ones first."""
-
-    sets: tuple[Effects, ...]
-
-
 class _Question:
     """A pair with the parameters that are simulated."""
 
@@ -85,8 +78,8 @@ class _Question:
     def run(self, shown: Callable[[Effects], Array], draws: bool) -> Runs:
         """Predictions of both sides and of what both have, from those of any effects."""
 
-        def side(candidate: _Candidate) -> Predicted:
-            first, *others = candidate.sets
+        def side(candidate: list[Effects]) -> Predicted:
+            first, *others = candidate
             mean = shown(first)
             drawn = [shown(values) for values in others] if draws else []
             return Predicted(mean, np.array(drawn).reshape(-1, *mean.shape))
@@ -229,7 +222,7 @@ def _values(parameters: Parameters) -> Effects:
     return {n: {k: v for k, (v, _) in of.items()} for n, of in parameters.items()}
 
 
-def _drawn(parameters: Parameters, generator: np.random.Generator) -> _Candidate:
+def _drawn(parameters: Parameters, generator: np.random.Generator) -> list[Effects]:
     """The parameters as they are, then drawn from their intervals within their bounds."""
     sets = [_values(parameters)]
     for _ in range(DRAWS):
@@ -243,7 +236,7 @@ def _drawn(parameters: Parameters, generator: np.random.Generator) -> _Candidate
                 for k, (v, s) in of.items()
             }
         sets.append(drawn)
-    return _Candidate(tuple(sets))
+    return sets
 
 
 def _words(motion: Motion, limits: Limits, axes: tuple[str, ...]) -> str:

@@ -83,6 +83,8 @@ class Record:
     offset: Mapping[str, Array] = field(default_factory=dict)
     #: Whether the force is recorded; else `force` is what the drive's own law gives.
     effort_recorded: bool = True
+    #: Axes whose force nothing tells: no law of the drive was found in place of the record.
+    untold: tuple[str, ...] = ()
 
     @property
     def duration(self) -> float:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.report.words import condition_words
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array, canvas, envelope, plain, styled
+from stage_core.drawing import Array, canvas, envelope, paired, plain, styled
 from stage_core.theme import BLUE, MUTED, ORANGE, RULE
 
 #: The pale wide line below and the thin one above: where both agree, both are seen.
@@ -62,10 +62,8 @@ def time_series(diagnosis: Diagnosis) -> Figure:
 def spectra(diagnosis: Diagnosis) -> Figure:
     """Amplitude spectra of the gap before and after, one panel per channel."""
     channels = list(diagnosis.channels.values())
-    count = (len(channels) + 1) // 2
-    figure = canvas(10.5, 2.5 * count + 0.4)
-    panels = figure.subplots(count, 2, squeeze=False).ravel()
-    for plot, channel in zip(panels, channels, strict=False):
+    figure, panels = paired(len(channels), 2.5)
+    for plot, channel in zip(panels, channels, strict=True):
         factor, unit = scale(channel)
         period = float(np.median(np.diff(channel.time[0])))
         for values, style in ((channel.before, BEFORE), (channel.after, AFTER)):
@@ -82,8 +80,6 @@ def spectra(diagnosis: Diagnosis) -> Figure:
         plain(plot.xaxis)
         plot.set(xlabel='frequency (Hz)', ylabel=f'{channel.name} ({unit})')
     panels[0].legend()
-    for plot in panels[len(channels) :]:
-        plot.set_axis_off()
     return figure
 
 

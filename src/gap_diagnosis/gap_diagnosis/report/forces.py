@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from gap_diagnosis.residuals.unrecorded import NOT_TOLD
+from gap_diagnosis.residuals.without_forces import NOT_TOLD, lost_drive
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import split_effect
 from stage_core.wording import effect_words, measure
 from stage_twin.effects import effect_of, link_of
 
-UNKNOWN_DRIVE = 'no gains of a controller and no single effect explain how the axis moves'
 #: Units whose quantities are measured over the mass, and what is measured.
 _OVER_MASS = {'N': 'm/s²', 'N·s/m': '1/s', 'N/m': '1/s²', 'N/m³': '1/(m·s)²'}
 
@@ -30,8 +29,11 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
     drives: dict[str, Any] = {}
     for axis, law in diagnosis.drives.items():
         gains, mass = law.gains, diagnosis.twin.servo(axis).mass
+        if not law.known:
+            drives[axis] = {'known': False}
+            continue
         drives[axis] = {
-            'known': law.known,
+            'known': True,
             'position_gain': {'value': gains.position_gain, 'unit': '1/s'},
             'velocity_feedforward': {'value': gains.velocity_feedforward, 'unit': ''},
             'velocity_gain_over_mass': {'value': gains.velocity_gain / mass, 'unit': '1/s'},
@@ -95,7 +97,11 @@ def section(page: Page, diagnosis: Diagnosis) -> None:
         page.table(['effect', 'parameter', 'over the mass', '1 σ'], over, 'what is measured')
     lost = [axis for axis, law in diagnosis.drives.items() if not law.known]
     page.items(
-        [f'Axis {axis}: {UNKNOWN_DRIVE}. Its servo link is not judged.' for axis in lost]
+        [
+            f'Axis {axis}: {lost_drive(diagnosis.records)}. Its servo link is not judged, and its '
+            'encoder has no figures.'
+            for axis in lost
+        ]
         + [
             f'Cannot be told without forces: {", ".join(effect_words(e) for e in NOT_TOLD)}. '
             'Record the effort to tell them.'

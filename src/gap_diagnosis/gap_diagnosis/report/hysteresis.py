@@ -13,7 +13,7 @@ from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.report.figures import AFTER, BEFORE, scale
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array, canvas, plain, styled
+from stage_core.drawing import Array, legend_above, paired, plain, styled
 from stage_core.theme import INK
 
 #: An axis has reversed when it has come back by this (m), a few counts of an encoder: less is
@@ -109,10 +109,8 @@ def _means(place: Array, gap: Array, chosen: NDArray[np.bool_], edges: Array) ->
 @styled
 def hysteresis_plot(found: list[Hysteresis]) -> Figure:
     """Mean gap in both directions, one panel a channel: filled forwards, open backwards."""
-    rows = (len(found) + 1) // 2
-    figure = canvas(10.5, 2.7 * rows + 0.3)
-    panels = figure.subplots(rows, 2, squeeze=False).ravel()
-    for plot, item in zip(panels, found, strict=False):
+    figure, panels = paired(len(found), 2.7)
+    for plot, item in zip(panels, found, strict=True):
         factor, unit = scale(item.channel)
         force = unit == 'N'
         plot.axhline(0.0, color=INK, lw=0.7)
@@ -133,8 +131,5 @@ def hysteresis_plot(found: list[Hysteresis]) -> Figure:
         axis = item.channel.name[-1]
         plot.set_xlabel('travel since the reversal (µm)' if force else f'{axis} (mm)')
         plot.set_ylabel(f'{item.channel.name} ({unit})')
-    handles = panels[0].get_legend_handles_labels()
-    figure.legend(*handles, loc='outside upper center', ncols=4)
-    for plot in panels[len(found) :]:
-        plot.set_axis_off()
+    legend_above(figure, panels[0], 4)
     return figure

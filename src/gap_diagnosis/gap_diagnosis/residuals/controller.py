@@ -94,7 +94,7 @@ def with_read_gains(records: list[Record], twin: TwinFile) -> TwinFile:
         peak = max(float(np.abs(r.force[:, i]).max()) for r in records)
         own = replace(twin.servo(name), force_limit=max(twin.servo(name).force_limit, 2.0 * peak))
         axes[name] = fit_law(fitted, i, own).gains if any(r.moving[i] for r in fitted) else own
-    return replace(twin, axes=axes)
+    return replace(twin, axes=axes, gains_stated=True)
 
 
 def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:

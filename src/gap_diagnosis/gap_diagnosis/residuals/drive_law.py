@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,27 @@ Array = NDArray[np.float64]
 SLOW = 5.0  # Hz, below which the following error tells the position gain
 
 
+@dataclass(frozen=True)
+class DriveLaw:
+    """Gains of an axis' controller, as a session without forces shows them.
+
+    Attributes
+    ----------
+    gains : newtons are those for the twin's mass
+    beside : the effect that the gains were fitted beside, if there was one
+    left, share : RMS [N] of what the law and that effect leave, and its share of the whole
+    deviation : relative standard deviation of the velocity gain, which every force has, too
+    known : whether that is no more than noise; else the servo link of the axis is not judged
+    """
+
+    gains: ServoAxis
+    beside: str | None
+    left: float
+    share: float
+    deviation: float
+    known: bool
+
+
 def errors_of(record: Record, i: int, gains: ServoAxis) -> Array:
     """Error of the velocity [m/s] and its integral [m], both at every tick, shape (n, 2)."""
     command = record.velocity_command[:, i]
@@ -25,6 +46,14 @@ def errors_of(record: Record, i: int, gains: ServoAxis) -> Array:
     error = command - filtered(record, i, gains.velocity_filter)
     integral = np.concatenate([[0.0], np.cumsum(error)[:-1]]) * record.period
     return np.column_stack([error, integral])
+
+
+def apart(record: Record, i: int, corner: float) -> Array:
+    """Following error [m], less the speed [m/s], and the integrals of both, shape (n, 4)."""
+    error = record.reference[:, i] - record.encoder[:, i]
+    both = np.column_stack([error, -filtered(record, i, corner)])
+    integral = np.cumsum(both, axis=0) - both
+    return np.hstack([both, integral * record.period])
 
 
 def force_of(record: Record, i: int, gains: ServoAxis) -> Array:

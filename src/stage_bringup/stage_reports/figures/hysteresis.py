@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from stage_core.drawing import MICRO, MILLI, Array, canvas, envelope, styled
+from stage_core.drawing import MICRO, MILLI, Array, envelope, legend_above, paired, styled
 from stage_core.theme import BLUE, ORANGE
 
 
@@ -29,10 +29,8 @@ class Loop:
 @styled
 def hysteresis_loops(loops: Sequence[Loop]) -> Figure:
     """One panel a loop, two in a row; forwards and backwards in two colours."""
-    rows = (len(loops) + 1) // 2
-    figure = canvas(10.5, 3.0 * rows + 0.3)
-    panels = figure.subplots(rows, 2, squeeze=False).ravel()
-    for plot, loop in zip(panels, loops, strict=False):
+    figure, panels = paired(len(loops), 3.0)
+    for plot, loop in zip(panels, loops, strict=True):
         scale = 1.0 if loop.force else MICRO
         for sign, name, colour in ((1.0, 'forwards', BLUE), (-1.0, 'backwards', ORANGE)):
             chosen = loop.direction == sign
@@ -43,10 +41,7 @@ def hysteresis_loops(loops: Sequence[Loop]) -> Figure:
             )
         what = f'force of {loop.axis} (N)' if loop.force else f'table − motor of {loop.axis} (µm)'
         plot.set(xlabel=f'{loop.axis} (mm)', ylabel=what)
-    handles = panels[0].get_legend_handles_labels()
-    figure.legend(*handles, loc='outside upper center', ncols=2, markerscale=3)
-    for plot in panels[len(loops) :]:
-        plot.set_axis_off()
+    legend_above(figure, panels[0], 2, markerscale=3)
     return figure
 
 
