@@ -38,7 +38,8 @@ OF_FORCE = (*NOT_TOLD, 'actuation_delay', 'force_saturation')
 #: times the noise, the others 6.2 times and more.
 AT_NOISE = 2.5
 #: The same for rows that slide, which leave a wrong law more room: 0.7 to 1.02 with the right
-#: gains in six fits of four axes of that seed, 1.3 (a fit from a poor start) and more with wrong ones.
+#: gains in six fits of four axes of that seed, 1.3 (a fit from a poor start) and more with wrong
+#: ones.
 WHILE_SLIDING = 1.2
 #: Hz, above which the fit of a law does not look: noise in what it regresses on bends the gains.
 #: Case 12 of that seed: velocity gain 0.5 % too large at 20, 45 and 90 Hz, 1.6 % at 180 Hz.
