@@ -42,6 +42,25 @@ def test_an_encoder_that_errs_within_each_period_of_its_scale(planted: Maker) ->
         assert deviation < 0.15 * value
 
 
+@pytest.mark.parametrize('effect', ['cyclic_pitch_error.x', 'encoder_interpolation.x'])
+def test_a_wave_of_two_millimetres_is_the_tables_or_the_encoders(
+    planted: Maker, effect: str
+) -> None:
+    truth = {'amplitude': 5e-6, 'period': 2e-3, 'phase': 0.4}
+    found = diagnose([planted({effect: truth})], [], ALONE)
+    assert found.verdict == [effect]
+    assert found.parameters[effect]['amplitude'][0] == pytest.approx(5e-6, rel=0.02)
+
+
+def test_a_yaw_that_is_not_zero_in_the_middle(planted: Maker) -> None:
+    yaw = {'constant': 2e-5, 'linear': 4e-5, 'quadratic': -3e-5, 'arm': 0.2}
+    place = {'centre': -0.0032, 'half_range': 0.0267}
+    session = planted({'angular_error.y': {**yaw, **place}}, axes=('x', 'y'), duration=20.0)
+    found = diagnose([session], [], TWIN)
+    assert found.verdict == ['angular_error.y']
+    assert found.after < 1.1 * found.noise_floor
+
+
 def test_a_guide_bent_like_no_polynomial_of_third_order(planted: Maker) -> None:
     # Over the travel of the session: the reference line is the one over it.
     place = {'centre': -0.0032, 'half_range': 0.0267}

@@ -17,6 +17,7 @@ from gap_diagnosis.closed_loop.channels import (
     position_rms,
     without_cause,
 )
+from gap_diagnosis.closed_loop.misread import misread
 from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import Sides, far_from_explained, refuted, shows, shrink_of
@@ -94,7 +95,7 @@ def diagnose(
     while True:
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
         failed = [c for c in result.causes if c.refuted]
-        beside = _excluded_by_tracker(result)
+        beside = _excluded_by_tracker(result) or _misread(result, prepared)
         if not failed and not beside:
             if result.structured:
                 progress('a law of what remains')
@@ -122,6 +123,12 @@ def _excluded_by_tracker(result: Diagnosis) -> str | None:
         if name not in shown and rivals & shown:
             return name
     return None
+
+
+def _misread(result: Diagnosis, prepared: Prepared) -> str | None:
+    """A wave of the table that is what the encoder reads."""
+    floors = {n: judge.channel_floor(prepared.seen, n) for n in result.channels}
+    return misread(result.records, result.twin, result.effects, result.channels, floors)
 
 
 def _diagnose(

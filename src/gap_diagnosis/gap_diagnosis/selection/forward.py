@@ -19,6 +19,7 @@ from gap_diagnosis.selection.gains import block_gains, block_rms_gains, bootstra
 from gap_diagnosis.selection.grow import grow
 from gap_diagnosis.selection.model import Evidence, Rules, Selection
 from stage_twin.effects import EFFECTS, effect_of
+from stage_twin.effects.term import Term
 
 Array = NDArray[np.float64]
 
@@ -134,23 +135,35 @@ class Selector:
         return out
 
     def _trial(self, base: Fit, name: str, without: tuple[str, ...]) -> tuple[Evidence, Fit]:
-        """An effect in its plain shape or, where that shows nothing, a curve in its richest one.
+        """An effect in its plain shape or, where that shows nothing, a curve in a richer one.
 
-        The shape that has a period shows where the periodogram finds it.
+        It is the one that predicts best, if the richest of all counts. The shape that has a period
+        shows where the periodogram finds it.
         """
         fit = self.with_effect(base, name, without)
         evidence = self._evidence(name, base, fit)
         plain = self.problem.terms[name]
         if plain.propose is not None or plain.richer is None or self._counts(evidence, base):
             return evidence, fit
-        while (richer := self.problem.terms[name].richer) is not None:
-            self.problem.terms[name] = richer()
-        rich = self.with_effect(base, name, without)
-        found = self._evidence(name, base, rich)
-        if self._counts(found, base):
-            return found, rich
+        shapes = [plain]
+        while (richer := shapes[-1].richer) is not None:
+            shapes.append(richer())
+        found = self._shaped(base, name, shapes[-1], without)
+        if self._counts(found[0], base):
+            others = [self._shaped(base, name, shape, without) for shape in shapes[1:-1]]
+            best, shape = max(zip([*others, found], shapes[1:], strict=True), key=_gain)
+            self.problem.terms[name] = shape
+            return best
         self.problem.terms[name] = plain
         return evidence, fit
+
+    def _shaped(
+        self, base: Fit, name: str, shape: Term, without: tuple[str, ...]
+    ) -> tuple[Evidence, Fit]:
+        """An effect in one shape, which it has from now on."""
+        self.problem.terms[name] = shape
+        fit = self.with_effect(base, name, without)
+        return self._evidence(name, base, fit), fit
 
     def _simplest(
         self, good: list[tuple[float, str]], trials: dict[str, tuple[Evidence, Fit]]
@@ -327,3 +340,7 @@ class Selector:
                 low, _ = bootstrap_interval(loss, self.seed, level=self.rules.level)
                 if gained > 0.5 * rest and not holder and (close or low <= 0.0):
                     evidence[name].alternatives.append(rival)
+
+
+def _gain(tried: tuple[tuple[Evidence, Fit], Term]) -> float:
+    return tried[0][0].gain

@@ -8,7 +8,7 @@ import numpy as np
 
 from stage_twin.effects import periodic
 from stage_twin.effects.definition import Effect, Parameter
-from stage_twin.effects.encoder_interpolation import LONGEST
+from stage_twin.effects.encoder_interpolation import USUAL
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import PERIOD, PHASE, screw_angle
 from stage_twin.effects.term import Array, Term, Theta
@@ -57,7 +57,7 @@ def term(rows: TrackerRows) -> Term:
     """Sine and cosine; θ is the spatial frequency [1/m], that of the screw where rests are few."""
     path = np.concatenate(rows.position())
     low, high = periodic.bounds(path)
-    high = min(high, 1.0 / LONGEST)
+    high = min(high, 1.0 / USUAL)
     if rows.rests or low > 2.0 / rows.lead:
         return Term(
             lambda theta: _columns(rows, 1, (1.0 / rows.lead,)),

@@ -15,8 +15,9 @@ from stage_twin.effects.shared import PHASE
 from stage_twin.effects.term import Array, Term, Theta
 
 #: Signal periods of encoders [m]: of interferential scales, and of photoelectric ones seen through
-#: a mask (0.2 to 0.5 mm where they are coarse). Screws and couplings have longer periods.
-SHORTEST, LONGEST = 2e-6, 0.6e-3
+#: a mask (0.2 to 0.5 mm where they are coarse). Longer ones are rather those of screws and
+#: couplings, and of magnetic scales, whose poles are 1 and 2 mm wide.
+SHORTEST, USUAL, LONGEST = 2e-6, 0.6e-3, 3e-3
 #: Periods in the travel, below which a wave is no property of the scale.
 TRAVELLED = 10.0
 #: Noise of the encoder, as a step, that a period must hold: its phase is lost in more.
@@ -101,6 +102,7 @@ def term(rows: TrackerRows) -> Term | None:
         upper=(high,),
         admissible=lambda theta, c: bool(np.max(np.abs(c)) < 0.25 / theta[0]),
         steps=(0.02 / travel,),
+        usual=lambda theta: theta[0] > 1.0 / USUAL,
     )
     return periodic.with_harmonics(plain, columns)
 

@@ -1,0 +1,60 @@
+"""A wave over the position that the tracker shows: the table's, or what the encoder reads?
+
+Both make the same difference between tracker and encoder. But the loop follows the encoder: what
+it reads falsely moves the table where the loop is fast enough, and shows in the encoder where it
+is not. The wave of the table shows in the tracker alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.input.data import Record, scored_ticks
+from stage_core.quantities import split_effect
+from stage_core.twin_file import TwinFile
+from stage_twin.effects.encoder_interpolation import LONGEST
+
+Effects = Mapping[str, Mapping[str, float]]
+
+TABLE, ENCODER = 'cyclic_pitch_error', 'encoder_interpolation'
+
+
+def misread(
+    records: Sequence[Record],
+    twin: TwinFile,
+    effects: Effects,
+    channels: Mapping[str, Channel],
+    floors: Mapping[str, float],
+) -> str | None:
+    """A named wave of the table that the encoder's gap shows to be the encoder's, if there is one.
+
+    It is, if the same wave read by the encoder closes more than half of the squared gap above the
+    floor that the encoder is left with. Nothing is fitted: a wrong wave adds to the gap.
+    """
+    scored = [r for r in records if r.held_out_session] or list(records)
+    for name, values in effects.items():
+        effect, axis = split_effect(name)
+        encoder = channels.get(f'encoder.{axis}')
+        if effect != TABLE or encoder is None or axis is None or twin.kind != 'servo':
+            continue
+        wave = _read(values, twin.servo(axis).lead)
+        if wave['period'] >= LONGEST:
+            continue
+        other = {**{n: v for n, v in effects.items() if n != name}, f'{ENCODER}.{axis}': wave}
+        gaps = [replay(r, twin, other)[encoder.name][scored_ticks(r)] for r in scored]
+        floor = floors[encoder.name] ** 2
+        left = float(np.mean(np.concatenate(gaps) ** 2)) - floor
+        if left < 0.5 * (encoder.rms('after') ** 2 - floor):
+            return name
+    return None
+
+
+def _read(values: Mapping[str, float], lead: float) -> dict[str, float]:
+    """The wave with which the encoder reads what the table would have moved: half a turn away."""
+    turned = {k: v + math.pi for k, v in values.items() if k.startswith('phase')}
+    return {**values, **turned, 'period': values['period'] or lead}
