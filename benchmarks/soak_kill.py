@@ -82,6 +82,11 @@ def one_round(nodes: Nodes, watch: Watch, victim: str, motion: str) -> None:
     moved = spread(list(watch.encoder)) if watch.encoder else 0.0
     assert moved < STANDS, f'{victim} moved the stage by {1e3 * moved:.3f} mm when it came back'
     arrive(watch, 0.01, 0.01)
+    if victim == 'stage_twin':
+        # Its clock has begun anew: the bridge drops the points until somebody has seen to it.
+        watch.client.trigger('/tracker_bridge/reset', PATIENCE)
+        watch.tracker.clear()
+        arrive(watch, 0.0, 0.0)
 
 
 def main() -> int:
