@@ -7,9 +7,10 @@ import math
 import numpy as np
 
 from gap_diagnosis.evidence.calibrated import SPREAD
-from gap_diagnosis.residuals.regression import Regression, Theta
+from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.selection.model import Selection
 from stage_twin.effects import effect_of, link_of
+from stage_twin.effects.term import Array, Term, Theta
 
 
 def describe(
@@ -29,11 +30,10 @@ def describe(
         theta_std, c_std = deviations[name]
         values = terms[name].parameters(theta, c)
         variance = dict.fromkeys(values, 0.0)
-        for i, std in enumerate(theta_std):
-            for key, slope in _change(terms[name].parameters, theta, c, i, float(std), True):
-                variance[key] += slope**2
-        for i, std in enumerate(c_std):
-            for key, slope in _change(terms[name].parameters, theta, c, i, float(std), False):
+        changes = [_by_theta(terms[name], theta, c, i, float(s)) for i, s in enumerate(theta_std)]
+        changes += [_by_factor(terms[name], theta, c, i, float(s)) for i, s in enumerate(c_std)]
+        for change in changes:
+            for key, slope in change.items():
                 variance[key] += slope**2
         out[name] = {k: (v, float(np.sqrt(variance[k]))) for k, v in values.items()}
     return out | selection.told
@@ -88,16 +88,20 @@ def plain_values(
     return {n: {k: v for k, (v, _) in p.items()} for n, p in parameters.items()}
 
 
-def _change(
-    parameters: object, theta: Theta, c: np.ndarray, i: int, step: float, nonlinear: bool
-) -> list[tuple[str, float]]:
-    assert callable(parameters)
+def _by_theta(term: Term, theta: Theta, c: Array, i: int, std: float) -> dict[str, float]:
+    """Change of each parameter with a deviation of one θ, seen between the bounds that it has."""
     ends = []
     for sign in (0.5, -0.5):
-        moved_theta, moved_c = list(theta), c.copy()
-        if nonlinear:
-            moved_theta[i] += sign * step
-        else:
-            moved_c[i] += sign * step
-        ends.append(parameters(tuple(moved_theta), moved_c))
-    return [(key, ends[0][key] - ends[1][key]) for key in ends[0]]
+        moved = list(theta)
+        moved[i] = min(max(theta[i] + sign * std, term.lower[i]), term.upper[i])
+        ends.append((moved[i], term.parameters(tuple(moved), c)))
+    (high, above), (low, below) = ends
+    scale = std / (high - low) if high > low else 0.0
+    return {key: scale * (above[key] - below[key]) for key in above}
+
+
+def _by_factor(term: Term, theta: Theta, c: Array, i: int, std: float) -> dict[str, float]:
+    """Change of each parameter with a deviation of one coefficient."""
+    step = 0.5 * std * np.eye(len(c))[i]
+    above, below = term.parameters(theta, c + step), term.parameters(theta, c - step)
+    return {key: above[key] - below[key] for key in above}

@@ -276,7 +276,8 @@ class Regression:
         if not jacobian:
             return {}
         matrix = np.column_stack(jacobian)
-        scale = np.linalg.norm(matrix, axis=0) + 1e-300
+        scale = np.linalg.norm(matrix, axis=0)
+        scale[scale == 0.0] = np.inf  # what changes nothing here has no deviation
         matrix = matrix / scale
         inverse = np.linalg.pinv(matrix.T @ matrix, rcond=1e-10)
         scores = matrix * fit.residual[rows][:, None]

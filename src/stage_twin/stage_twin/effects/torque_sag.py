@@ -149,10 +149,9 @@ def _weights(way: float) -> Array:
     """Shares (5,) of the ways to sag: of the two around a number, or of one that warms.
 
     Beside another way the heat would follow any slow error of the other models. A small step of
-    the number never leads to another one that warms. Beyond the ends the number is that of the
-    end: its deviation may be larger than its range.
+    the number never leads to another one that warms.
     """
-    out, way = np.zeros(len(NAMES)), min(max(way, 0.0), COLD + 1.0)
+    out = np.zeros(len(NAMES))
     if way >= COLD - 1:
         out[round(way)] = 1.0
         return out
