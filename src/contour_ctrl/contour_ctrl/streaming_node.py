@@ -211,7 +211,9 @@ class StreamingNode(StageNode):
         if course is None:
             return
         silence = time.monotonic() - self._arrived
-        limit = self.silence_limit() if self._first_seen else FIRST_MESSAGE_TIMEOUT
+        limit = self.silence_limit()
+        if not self._first_seen:
+            limit = max(limit, FIRST_MESSAGE_TIMEOUT)
         # A run that goes on is left alone: whoever answers its ticks must not find it locked.
         if not self._begun or course.waits_for_quiet or silence > limit:
             with self._lock:
