@@ -65,7 +65,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def _stamp(facts: Row) -> str:
     counts = ', '.join(f'{count} of `{name}`' for name, count in facts['sessions'].items())
-    return f'Sessions: {counts}; seeds {facts["seeds"]}; code {facts["code"]}; {facts["date"]}.'
+    return f'Sessions: {counts}.\nSeeds {facts["seeds"]}; code {facts["code"]}; {facts["date"]}.'
 
 
 def _verdicts(rows: Sequence[Row], weights: Weights) -> str:
