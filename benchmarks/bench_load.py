@@ -1,6 +1,6 @@
 """Everything at once: all nodes at 1 kHz, recorder, retraining and diagnosis; beside the limits.
 
-    .venv/bin/python benchmarks/bench_load.py --seconds 60
+    .venv/bin/python benchmarks/bench_load.py --seconds 60 [--composed]
 
 Starts the graph of a session in real time, records a bag of moves, then follows a circle while
 the calibrator is retrained and the gap diagnosed from that bag again and again. Prints missed
@@ -24,8 +24,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from std_srvs.srv import Trigger
 
-from stage_bringup.graph import Options, commands
+from stage_bringup.graph import NodeCommand, Options, commands
 from stage_core.errors import StageError
+from benchmarks.processor_gaps import ProcessorGaps
 from tests.domains import reserve_domain
 from tests.reliability.rig import Nodes, Watch
 
@@ -125,27 +126,31 @@ def report(watch: Watch, cpu: dict[str, Cpu], stops: np.ndarray, seconds: float)
     print(f'CPU of all             {100 * total / seconds:5.0f} % of {os.cpu_count()} cores')
 
 
+def circles(command: NodeCommand) -> NodeCommand:
+    """The command with a circle of 3 s where it runs the contour controller."""
+    prefix = {'contour_ctrl': '', 'control': 'contour_ctrl:'}.get(command.name)
+    if prefix is None:
+        return command
+    circle = {'radius': 0.01, 'feed': 0.02, 'iterations': 3, 'approach_timeout': 3.0}
+    given = {f'{prefix}{name}': value for name, value in circle.items()}
+    return replace(command, parameters={**command.parameters, **given})
+
+
 def main() -> int:
     """Run the load."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seconds', type=float, default=60.0)
-    seconds = parser.parse_args().seconds
+    parser.add_argument(
+        '--composed', action='store_true', help='driver and contour controller in one process'
+    )
+    given = parser.parse_args()
+    seconds = given.seconds
     reserve_domain()
     counts = {'/calibrator/retrain': [0, 0], '/gap_diagnosis/diagnose': [0, 0]}
     counts['/contour_ctrl/run'] = [0, 0]
     with tempfile.TemporaryDirectory() as folder:
-        extra: dict[str, dict[str, object]] = {
-            'contour_ctrl': {
-                'radius': 0.01,
-                'feed': 0.02,
-                'iterations': 3,
-                'approach_timeout': 3.0,
-            },
-        }
-        chosen = [
-            replace(c, parameters={**c.parameters, **extra.get(c.name, {})})
-            for c in commands(Options(clock='realtime', out=Path(folder) / 'out'))
-        ]
+        options = Options(clock='realtime', composed=given.composed, out=Path(folder) / 'out')
+        chosen = [circles(command) for command in commands(options)]
         nodes = Nodes(chosen, Path(folder) / 'log')
         nodes.start()
         watch = Watch(lockstep=False, lean=True)
@@ -170,8 +175,10 @@ def main() -> int:
             ]
             for thread in threads:
                 thread.start()
-            time.sleep(seconds)
+            with ProcessorGaps() as gaps:
+                time.sleep(seconds)
             stops = stop_times(watch)
+            print(gaps.text)
             report(watch, cpu, stops, time.monotonic() - begin)
             ended.set()
             for name, (done, failed) in counts.items():

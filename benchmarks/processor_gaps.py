@@ -19,6 +19,12 @@ SHORTEST = 1e-3
 REFUSED = 'refused'
 
 
+def processor_time() -> tuple[int, int]:
+    """Processor time that the host of a virtual machine kept, and all of it, since the start."""
+    fields = [int(text) for text in Path('/proc/stat').read_text().split('\n', 1)[0].split()[1:9]]
+    return fields[7], sum(fields)
+
+
 def watch(processor: int) -> None:
     """Print the length [s] of each gap until the parent has gone."""
     parent = os.getppid()
@@ -49,12 +55,13 @@ class ProcessorGaps:
             )
             for processor in sorted(os.sched_getaffinity(0))
         ]
-        self._begin = time.monotonic()
+        self._begin, self._spent = time.monotonic(), processor_time()
         return self
 
     def __exit__(self, *_: object) -> None:
         """End the watchers."""
         duration = time.monotonic() - self._begin
+        kept, spent = (b - a for a, b in zip(self._spent, processor_time(), strict=True))
         parts, refused = [], ''
         for watcher in self._watchers:
             watcher.terminate()
@@ -65,7 +72,7 @@ class ProcessorGaps:
             lengths = [float(line) for line in lines]
             longest, share = 1e3 * max(lengths, default=0.0), 100.0 * sum(lengths) / duration
             parts.append(f'{len(lengths)}, longest {longest:.1f} ms, together {share:.1f} %')
-        self.text = f'gaps of each processor above 1 ms: {"; ".join(parts)}{refused}'
+        self.text = f'the host kept {100 * kept / spent:.1f} %, gaps of each processor above 1 ms: {"; ".join(parts)}{refused}'
 
 
 if __name__ == '__main__':

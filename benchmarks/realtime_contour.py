@@ -45,12 +45,6 @@ COUNTED = {
 }
 
 
-def processor() -> tuple[int, int]:
-    """Processor time since the start that the host of a virtual machine kept, and all of it."""
-    fields = [int(text) for text in Path('/proc/stat').read_text().split('\n', 1)[0].split()[1:9]]
-    return fields[7], sum(fields)
-
-
 def nodes(lockstep: bool, priority: bool, together: bool) -> list[NodeCommand]:
     """Twin, driver and controller; the last two in one process where they are `together`."""
     port, sim = free_port(socket.SOCK_DGRAM), {'use_sim_time': lockstep}
@@ -94,12 +88,11 @@ class Told:
                 shown = ', '.join(f'{key} {values.get(key, "-")}' for key in counted)
                 self.waits[status.name] = shown
 
-    def show(self, begun: tuple[int, int], gaps: str) -> None:
-        """Print it beside what the machine left out since `begun`, see `processor`."""
+    def show(self, gaps: str) -> None:
+        """Print it beside what the machine left out."""
         print(', '.join(f'{key} {value}' for key, value in self.timing.items()))
         print('; '.join(f'{name} {text}' for name, text in self.waits.items()))
-        stolen, all_time = (now - then for now, then in zip(processor(), begun, strict=True))
-        print(f'stolen {100 * stolen / all_time:.1f} %, {gaps}')
+        print(gaps)
 
 
 def run(lockstep: bool, priority: bool = False, together: bool = False) -> str:
@@ -117,7 +110,6 @@ def run(lockstep: bool, priority: bool = False, together: bool = False) -> str:
         for service in ('/stage_driver/home', '/contour_ctrl/run'):
             client.wait_for_service(service, PATIENCE, processes.check)
         client.trigger('/stage_driver/home', PATIENCE)
-        begun = processor()
         with ProcessorGaps() as gaps:
             try:
                 message = client.trigger('/contour_ctrl/run', PATIENCE)
@@ -128,7 +120,7 @@ def run(lockstep: bool, priority: bool = False, together: bool = False) -> str:
         told.timing.clear()
         client.wait_for(lambda: 'status' in told.timing, PATIENCE, 'the timing on /diagnostics')
         if not lockstep:
-            told.show(begun, gaps.text)
+            told.show(gaps.text)
     if failure is not None:
         raise failure
     return message
