@@ -72,7 +72,8 @@ class ProcessorGaps:
             lengths = [float(line) for line in lines]
             longest, share = 1e3 * max(lengths, default=0.0), 100.0 * sum(lengths) / duration
             parts.append(f'{len(lengths)}, longest {longest:.1f} ms, together {share:.1f} %')
-        self.text = f'the host kept {100 * kept / spent:.1f} %, gaps of each processor above 1 ms: {"; ".join(parts)}{refused}'
+        host = f'the host kept {100 * kept / spent:.1f} %'
+        self.text = f'{host}, gaps of each processor above 1 ms: {"; ".join(parts)}{refused}'
 
 
 if __name__ == '__main__':
