@@ -24,9 +24,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from std_srvs.srv import Trigger
 
+from benchmarks.processor_gaps import ProcessorGaps
 from stage_bringup.graph import NodeCommand, Options, commands
 from stage_core.errors import StageError
-from benchmarks.processor_gaps import ProcessorGaps
 from tests.domains import reserve_domain
 from tests.reliability.rig import Nodes, Watch
 
