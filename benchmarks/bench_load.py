@@ -152,7 +152,7 @@ def main() -> int:
         options = Options(clock='realtime', composed=given.composed, out=Path(folder) / 'out')
         chosen = [circles(command) for command in commands(options)]
         nodes = Nodes(chosen, Path(folder) / 'log')
-        nodes.start()
+        nodes.run()
         watch = Watch(lockstep=False, lean=True)
         ended = threading.Event()
         try:
@@ -164,7 +164,7 @@ def main() -> int:
             client.set_parameters('/calibrator', bag=bag)
             client.set_parameters('/gap_diagnosis', bag=bag)
             client.trigger('/session_recorder/start')
-            cpu = {name: Cpu.of(p.pid) for name, p in nodes.processes.items()}
+            cpu = {name: Cpu.of(p.pid) for name, p in nodes.running.items()}
             cpu['(this benchmark)'] = Cpu.of(os.getpid())
             watch.encoder.clear()
             begin = time.monotonic()

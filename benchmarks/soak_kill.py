@@ -105,7 +105,7 @@ def main() -> int:
             for c in commands(Options(out=Path(folder) / 'out'))
         ]
         nodes = Nodes(chosen, Path(folder) / 'log')
-        nodes.start()
+        nodes.run()
         watch = Watch(lockstep=True)
         try:
             watch.wait(

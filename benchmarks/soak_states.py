@@ -42,7 +42,7 @@ def main() -> int:
     reserve_domain()
     with tempfile.TemporaryDirectory() as folder:
         nodes = Nodes(commands(Options(out=Path(folder) / 'out')), Path(folder) / 'log')
-        nodes.start()
+        nodes.run()
         watch = Watch(lockstep=True)
         try:
             world = World(nodes, watch)

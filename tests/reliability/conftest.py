@@ -35,7 +35,7 @@ def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., An
         nodes = Nodes(chosen, Path(folder) / 'log')
         watch = None
         try:
-            nodes.start()
+            nodes.run()
             watch = Watch(clock == 'lockstep')
             yield nodes, watch
         finally:

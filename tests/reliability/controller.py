@@ -5,7 +5,9 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from .rig import PATIENCE, Watch, die_with_parent
+from stage_bringup.processes import die_with_parent
+
+from .rig import PATIENCE, Watch
 
 SPEED = 0.1
 

@@ -63,7 +63,7 @@ class World:
 
     def memory(self, node: str) -> int:
         """Resident memory of a node [bytes]."""
-        pages = Path(f'/proc/{self.nodes.processes[node].pid}/statm').read_text().split()[1]
+        pages = Path(f'/proc/{self.nodes.running[node].pid}/statm').read_text().split()[1]
         return int(pages) * os.sysconf('SC_PAGE_SIZE')
 
     def ask(self, what: Any, *arguments: Any, **named: Any) -> None:

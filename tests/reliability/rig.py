@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
 import signal
-import subprocess
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -19,7 +15,7 @@ from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from stage_bringup.processes import NodeCommand
+from stage_bringup.processes import NodeCommand, Processes
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ros.client_node import GraphClient
@@ -31,39 +27,23 @@ from ..patience import PATIENCE
 STANDS = 2e-5
 
 
-def die_with_parent() -> None:
-    """In a child: end when the tests end, even where they are killed (Linux only)."""
-    set_death_signal = 1
-    ctypes.CDLL(None).prctl(set_death_signal, signal.SIGKILL)
-
-
-class Nodes:
-    """The processes of a graph by name; each is ended by its pid."""
+class Nodes(Processes):
+    """The processes of a graph, which tests kill, suspend and start again by name."""
 
     def __init__(self, commands: Sequence[NodeCommand], folder: Path) -> None:
+        super().__init__(folder)
         self.commands = {command.name: command for command in commands}
-        self.folder = folder
-        folder.mkdir(parents=True, exist_ok=True)
-        self.processes: dict[str, subprocess.Popen[bytes]] = {}
         #: Cleared where the graph no longer answers, so that the next test need not wait.
         self.usable = True
 
-    def start(self, *names: str) -> None:
+    def run(self, *names: str) -> None:
         """Start nodes, all of them if none is named."""
         for name in names or tuple(self.commands):
-            with open(self.folder / f'{name}.log', 'ab') as log:
-                self.processes[name] = subprocess.Popen(
-                    self.commands[name].arguments(),
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    env=os.environ.copy(),
-                    preexec_fn=die_with_parent if sys.platform == 'linux' else None,
-                )
+            self.start(self.commands[name])
 
     def signal(self, name: str, number: int) -> None:
         """Send a signal; SIGKILL waits until the process is gone."""
-        process = self.processes[name]
+        process = self.running[name]
         process.send_signal(number)
         if number == signal.SIGKILL:
             process.wait()
@@ -74,25 +54,11 @@ class Nodes:
 
     def log(self, name: str) -> str:
         """Everything a node has printed."""
-        return (self.folder / f'{name}.log').read_text(errors='replace')
+        return (self.log_folder / f'{name}.log').read_text(errors='replace')
 
     def dead(self) -> list[str]:
         """Names of the processes that have ended."""
-        return [name for name, process in self.processes.items() if process.poll() is not None]
-
-    def end(self) -> dict[str, int]:
-        """End what runs, the plant last; the exit status of each."""
-        running = [p for p in reversed(self.processes.values()) if p.poll() is None]
-        for process in running:
-            process.send_signal(signal.SIGCONT)
-            process.terminate()
-        for process in running:
-            try:
-                process.wait(timeout=20.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-        return {name: process.returncode for name, process in self.processes.items()}
+        return [name for name, process in self.running.items() if process.poll() is not None]
 
 
 class Watch:
@@ -266,7 +232,7 @@ def restart(nodes: Nodes, watch: Watch, *names: str) -> None:
     """
     watch.forget(*names)
     for name in names:
-        nodes.start(name)
+        nodes.run(name)
     for name in names:
         watch.wait(lambda name=name: watch.heard(name), f'{name} joins again')  # type: ignore[misc]
 

@@ -82,12 +82,12 @@ def test_emulators_listen_on_loopback_only(emulators: tuple[Nodes, Watch]) -> No
     nodes, _ = emulators
     parameters = nodes.commands['stage_twin'].parameters
     ports = {int(str(parameters['drive_port'])), int(str(parameters['tracker_port']))}
-    rows = bound(nodes.processes['stage_twin'].pid)
+    rows = bound(nodes.running['stage_twin'].pid)
     mine = [row for row in rows if row[2] in ports]
     assert {row[2] for row in mine} == ports
     assert all(ipaddress.ip_address(row[1]).is_loopback for row in mine), mine
     # No node offers a TCP port to anybody else.
-    for process in nodes.processes.values():
+    for process in nodes.running.values():
         for protocol, address, _port in bound(process.pid):
             if protocol.startswith('tcp'):
                 assert ipaddress.ip_address(address).is_loopback, (protocol, address)
@@ -124,7 +124,7 @@ def test_the_graph_stays_on_this_machine(emulators: tuple[Nodes, Watch]) -> None
     assert chosen(FASTRTPS_DEFAULT_PROFILES_FILE=own) == ['LOCALHOST', own]
     assert chosen(ROS_AUTOMATIC_DISCOVERY_RANGE='SUBNET') == ['SUBNET', 'none']
     # Discovery announces itself to the multicast group on the loopback interface only.
-    for name, process in nodes.processes.items():
+    for name, process in nodes.running.items():
         joined = _multicast_interfaces(process.pid)
         assert joined <= {'lo'}, f'{name} announces itself on {joined}'
     assert watch.client.node.count_subscribers(topics.SETPOINT) > 0

@@ -122,7 +122,7 @@ def test_nothing_overwrites_a_bag(graph: Callable[..., Any], tmp_path: Path) -> 
                 # Killed while it records: the next one must not touch what it left.
                 time.sleep(1.2)
                 nodes.kill('session_recorder')
-                nodes.start('session_recorder')
+                nodes.run('session_recorder')
                 client.wait_for(lambda: _answers(client), PATIENCE, 'the recorder')
             else:
                 client.trigger('/session_recorder/stop')

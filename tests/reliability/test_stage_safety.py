@@ -285,7 +285,7 @@ def test_driver_suspended_and_killed_in_motion(stage: tuple[Nodes, Watch], ready
     watch.wait(lambda: len(watch.tracker) > count + 200, 'points without a driver')
     assert abs(watch.tracker[-1][1] - here) < 1e-3
     watch.wait(watch.missed('stage_driver'), 'the driver missed')
-    nodes.start('stage_driver')
+    nodes.run('stage_driver')
     watch.wait(watch.says('stage_driver: state', 'not homed'), 'the new driver')
     here = watch.tracker[-1][1]
     watch.move(0.0, 0.0)

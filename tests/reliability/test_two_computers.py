@@ -58,7 +58,7 @@ def test_a_cut_cable_brings_the_stage_to_rest_and_the_graph_heals(tmp_path: Path
                 )
         nodes = Nodes(chosen, tmp_path / 'log')
         try:
-            nodes.start()
+            nodes.run()
             lines = visit(nodes, cable)
         finally:
             nodes.end()

@@ -22,7 +22,8 @@ sys.exit(main())
 _PR_SET_PDEATHSIG = 1
 
 
-def _die_with_parent() -> None:
+def die_with_parent() -> None:
+    """In a child: end with the process that started it, even where that one is killed."""
     # A session that is killed must leave no node behind; Linux only, elsewhere nodes end by hand.
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
@@ -53,23 +54,23 @@ class Processes:
     def __init__(self, log_folder: Path) -> None:
         self.log_folder = log_folder
         log_folder.mkdir(parents=True, exist_ok=True)
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, command: NodeCommand) -> None:
         """Start one node; its output goes to ``<name>.log``."""
         with open(self.log_folder / f'{command.name}.log', 'ab') as log:
-            self._running[command.name] = subprocess.Popen(
+            self.running[command.name] = subprocess.Popen(
                 command.arguments(),
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
                 env=os.environ.copy(),
-                preexec_fn=_die_with_parent if sys.platform == 'linux' else None,
+                preexec_fn=die_with_parent if sys.platform == 'linux' else None,
             )
 
     def pid(self, name: str) -> int:
         """Process id of a node."""
-        return self._running[name].pid
+        return self.running[name].pid
 
     def check(self) -> None:
         """Check that every node still runs.
@@ -79,7 +80,7 @@ class Processes:
         StageError
             With the last line that the ended node wrote.
         """
-        for name, process in self._running.items():
+        for name, process in self.running.items():
             status = process.poll()
             if status is not None:
                 raise StageError(
@@ -98,11 +99,11 @@ class Processes:
 
         Returns the names of those that had to be killed.
         """
-        names = list(reversed(self._running))
+        names = list(reversed(self.running))
         killed = []
         # One after the other: the plant was started first and must outlive its driver.
         for name in names:
-            process = self._running[name]
+            process = self.running[name]
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
             deadline = time.monotonic() + patience
@@ -112,5 +113,5 @@ class Processes:
                 process.kill()
                 process.wait()
                 killed.append(name)
-        self._running.clear()
+        self.running.clear()
         return killed
