@@ -216,26 +216,24 @@ def test_swarm_finds_the_minimum_and_repeats_with_its_seed():
     options = pso.SwarmOptions(particles=30, iterations=150, seed=4)
     first = pso.minimise(sphere, low, high, options)
     np.testing.assert_allclose(first.position, 0.3, atol=1e-4)
-    assert (np.diff(first.history) <= 0).all() and first.reason == 'iterations'
+    assert (np.diff(first.history) <= 0).all() and len(first.history) == 151
     again = pso.minimise(sphere, low, high, options)
     np.testing.assert_array_equal(first.position, again.position)
     edge = pso.minimise(lambda x: x.sum(axis=1), low, high, options)
     np.testing.assert_allclose(edge.position, -1.0, atol=1e-6)
 
 
-def test_swarm_aborts_stops_early_and_reports_progress():
+def test_swarm_stops_early_and_reports_progress():
     seen = []
     low, high = np.zeros(2), np.ones(2)
 
     def fitness(x):
         return np.where(x[:, 0] > 0.99, np.nan, 1.0 + x[:, 1] * 1e-9)
 
-    result = pso.minimise(
+    pso.minimise(
         fitness, low, high, pso.SwarmOptions(patience=5), progress=lambda i, v: seen.append(i)
     )
-    assert result.reason == 'no improvement' and seen == [1, 2, 3, 4, 5]
-    result = pso.minimise(fitness, low, high, abort=lambda: True)
-    assert result.reason == 'aborted' and len(result.history) == 1
+    assert seen == [1, 2, 3, 4, 5]
     with pytest.raises(StageError, match='finite'):
         pso.minimise(lambda x: np.full(len(x), np.nan), low, high)
 
@@ -253,7 +251,7 @@ def test_condition_of_equation_27():
         )
 
 
-def test_training_reports_progress_and_can_be_aborted():
+def test_training_reports_progress():
     generator = np.random.default_rng(9)
     command = generator.uniform(0, 0.05, (200, 2))
     measured = command + 1e-5 * np.sin(200 * command)
@@ -263,11 +261,6 @@ def test_training_reports_progress_and_can_be_aborted():
     model.fit(command, measured)
     # The fits with places left out, for the deviation, and the model itself: ten steps each.
     assert len(steps) > 10 and len(steps) % 10 == 0 and steps[-1] <= steps[-10]
-    model = make_model('it2fls', rules=3, particles=10, iterations=10)
-    model.abort = lambda: True
-    with pytest.raises(StageError, match='aborted'):
-        model.fit(command, measured)
-    assert not model.fitted
 
 
 def test_karnik_mendel_training_evaluates_the_exact_reduction():

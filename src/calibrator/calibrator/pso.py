@@ -45,12 +45,11 @@ class SwarmOptions:
 
 @dataclass(frozen=True)
 class SwarmResult:
-    """Best position (d,), its value, best value after each iteration, and why the run ended."""
+    """Best position (d,), its value, and the best value after each iteration."""
 
     position: Array
     value: float
     history: Array
-    reason: str
 
 
 def stability_margin(options: SwarmOptions) -> float:
@@ -76,7 +75,6 @@ def minimise(
     high: Array,
     options: SwarmOptions | None = None,
     progress: Callable[[int, float], None] | None = None,
-    abort: Callable[[], bool] | None = None,
 ) -> SwarmResult:
     """Minimise a function over a box.
 
@@ -88,8 +86,6 @@ def minimise(
         The box, (d,) each. A particle that would leave it is put on its edge at rest.
     progress
         Called after each iteration with its number from 1 and the best value so far.
-    abort
-        Asked after each iteration; True ends the run with the best position so far.
 
     Raises
     ------
@@ -97,14 +93,7 @@ def minimise(
         If no particle ever has a finite value, or a setting makes no sense.
     """
     options = options or SwarmOptions()
-    if options.particles < 2 or options.iterations < 1:
-        raise StageError('a swarm needs at least 2 particles and 1 iteration')
-    if stability_margin(options) <= 0.0 and not is_constriction(options):
-        warnings.warn(
-            f'inertia {options.inertia} with attraction {options.cognitive + options.social} '
-            'meets neither eq. 27 nor the order-2 stability condition: the swarm may diverge',
-            stacklevel=2,
-        )
+    _check(options)
     generator = np.random.default_rng(options.seed)
     shape = (options.particles, len(low))
     position = generator.uniform(low, high, shape)
@@ -113,35 +102,45 @@ def minimise(
     own_value = _values(fitness, position)
     leader = int(np.argmin(own_value))
     history = [float(own_value[leader])]
-    reason = 'iterations'
-    rested = 0
     for iteration in range(1, options.iterations + 1):
-        if abort is not None and abort():
-            reason = 'aborted'
-            break
         # Independent draws per dimension; one draw per particle explores lines only.
         to_own = options.cognitive * generator.random(shape) * (own_position - position)
         to_best = options.social * generator.random(shape) * (own_position[leader] - position)
         velocity = options.inertia * velocity + to_own + to_best
         position = position + velocity
-        outside = (position < low) | (position > high)
-        velocity[outside] = 0.0
+        velocity[(position < low) | (position > high)] = 0.0
         position = np.clip(position, low, high)
         value = _values(fitness, position)
         better = value < own_value
         own_value[better], own_position[better] = value[better], position[better]
         leader = int(np.argmin(own_value))
-        best = float(own_value[leader])
-        rested = 0 if best < history[-1] * (1.0 - 1e-4) else rested + 1
-        history.append(best)
+        history.append(float(own_value[leader]))
         if progress is not None:
-            progress(iteration, best)
-        if options.patience and rested >= options.patience:
-            reason = 'no improvement'
+            progress(iteration, history[-1])
+        if _rests(history, options.patience):
             break
     if not np.isfinite(history[-1]):
         raise StageError('no particle of the swarm has a finite error: check the training data')
-    return SwarmResult(own_position[leader].copy(), history[-1], np.array(history), reason)
+    return SwarmResult(own_position[leader].copy(), history[-1], np.array(history))
+
+
+def _rests(history: list[float], patience: int) -> bool:
+    """Whether none of the last iterations was better than the one before it; 0 never rests."""
+    newest = history[-patience - 1 :]
+    return 0 < patience < len(history) and all(
+        after >= before * (1.0 - 1e-4) for before, after in zip(newest, newest[1:], strict=False)
+    )
+
+
+def _check(options: SwarmOptions) -> None:
+    if options.particles < 2 or options.iterations < 1:
+        raise StageError('a swarm needs at least 2 particles and 1 iteration')
+    if stability_margin(options) <= 0.0 and not is_constriction(options):
+        warnings.warn(
+            f'inertia {options.inertia} with attraction {options.cognitive + options.social} '
+            'meets neither eq. 27 nor the order-2 stability condition: the swarm may diverge',
+            stacklevel=3,
+        )
 
 
 def _values(fitness: Callable[[Array], Array], position: Array) -> Array:

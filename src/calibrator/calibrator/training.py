@@ -112,7 +112,6 @@ def train(
     seed: int = 0,
     by: str = 'position',
     progress: Callable[[int, float], None] | None = None,
-    abort: Callable[[], bool] | None = None,
 ) -> Training:
     """Fit a method on a part of the samples and judge it on the rest.
 
@@ -126,8 +125,8 @@ def train(
         Of the split, and of the method where it has a seed and `options` name none.
     by
         How samples are held out, see `prepare.splits`.
-    progress, abort
-        For methods that iterate.
+    progress
+        Called with each iteration and the best error so far, by methods that iterate.
 
     The thermal method gets the derivatives of the temperatures where the session is long enough
     for them, unless `options` say otherwise.
@@ -135,12 +134,9 @@ def train(
     Raises
     ------
     StageError
-        If the data do not suffice, or the training was aborted.
+        If the data do not suffice.
     """
-    strange = np.zeros(len(samples), dtype=bool)
-    if samples.at_rest:  # a moving stage sticks and slips: its peaks are no outliers
-        strange = wild(samples.command, samples.measured - samples.command)
-    samples = with_useful_sensors(samples.take(~strange))
+    samples, left_out = _usable(samples)
     pairs = splits(samples, seed=seed, by=by)
     settings = _with_seed(method, options or {}, seed)
     if 'derivatives' in METHODS[method].defaults and samples.heat is not None:
@@ -148,7 +144,7 @@ def train(
 
     def fit(part: Samples) -> CalibrationModel:
         model = make_model(method, **settings)
-        model.progress, model.abort = progress, abort
+        model.progress = progress
         heat = part.heat_for(model)
         return model.fit(part.command, part.measured, part.direction, heat, part.session)
 
@@ -169,10 +165,18 @@ def train(
         seconds,
         len(samples),
         len(before),
-        int(strange.sum()),
+        left_out,
         samples.sensors if model.sensors else (),
         speeds(samples),
     )
+
+
+def _usable(samples: Samples) -> tuple[Samples, int]:
+    """Samples without the wild ones and the sensors that say nothing; how many were wild."""
+    strange = np.zeros(len(samples), dtype=bool)
+    if samples.at_rest:  # a moving stage sticks and slips: its peaks are no outliers
+        strange = wild(samples.command, samples.measured - samples.command)
+    return with_useful_sensors(samples.take(~strange)), int(strange.sum())
 
 
 def _judged(

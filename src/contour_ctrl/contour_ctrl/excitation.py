@@ -24,6 +24,13 @@ FREQUENCIES = (0.31, 0.67, 1.13, 1.93, 3.17, 5.3, 8.9, 13.7)
 #: so that the rounding to counts averages out.
 MICRO_FREQUENCIES = (0.71, 0.71 / 1.618)
 MICRO_SHARES = (0.75, 0.25)
+#: Where each speed leads, in half ranges: along x, along y, along both diagonals.
+CORNERS = (
+    *((0, 0), (1, 0), (-1, 0)),
+    *((0, 0), (0, 1), (0, -1)),
+    *((0, 0), (1, 1), (-1, -1)),
+    *((0, 0), (1, -1), (-1, 1), (0, 0)),
+)
 
 
 def excitation(
@@ -60,23 +67,7 @@ def excitation(
     pieces = []
     for speed in speeds:
         way = np.minimum(reach, max(2.0 * speed, 1e-3))
-        corners = way * np.array(
-            [
-                (0, 0),
-                (1, 0),
-                (-1, 0),
-                (0, 0),
-                (0, 1),
-                (0, -1),
-                (0, 0),
-                (1, 1),
-                (-1, -1),
-                (0, 0),
-                (1, -1),
-                (-1, 1),
-                (0, 0),
-            ]
-        )
+        corners = way * np.array(CORNERS)
         for start, stop in zip(corners[:-1], corners[1:], strict=True):
             pieces.append(_straight(start, stop, speed, path_acceleration, path_jerk, period))
     if micro_time > 2.0 * FADE and micro_range > 0.0:

@@ -10,7 +10,7 @@ Inverse Problems 19, 2003). The presliding distance comes from slow reversals, s
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,24 +127,15 @@ def identify(
         rest = target[inside] - balance.design(shape, np.exp(log_presliding), inside) @ solution
         return float(np.sqrt(np.mean(rest**2)))
 
-    excess, stribeck = np.exp(shape)
-    static = coulomb * (1.0 + float(excess))
+    excess, stribeck = np.exp(shape).tolist()
+    static = coulomb * (1.0 + excess)
     friction = target - balance.base @ solution[:-1]
-    slow = SLOW_SPEED * float(stribeck) * period
-    ways = _presliding(balance.place, friction, static, slow, balance.width)
-    if len(ways) >= SLOW_COUNT and np.mean(ways) > 0.0:
-        stiffness = static / float(np.mean(ways))
-        share = float(np.std(ways, ddof=1) / np.mean(ways)) / np.sqrt(len(ways))
-    else:
-        found = minimize_scalar(
-            left_over, bounds=np.log(PRESLIDING), method='bounded', options={'xatol': 0.02}
-        )
-        stiffness, share = coulomb / float(np.exp(found.x)), float('inf')
-    base = balance.base
-    without = target[inside] - base[inside] @ _solve(base[sliding], target[sliding])
-    viscous = max(float(solution[1]), 0.0)
+    ways = _presliding(balance, friction, static, SLOW_SPEED * stribeck * period)
+    stiffness, share = _stiffness(ways, static, coulomb, left_over)
+    plain = _solve(balance.base[sliding], target[sliding])
+    without = target[inside] - balance.base[inside] @ plain
     return FrictionEstimate(
-        LuGre(coulomb, static, float(stribeck), stiffness, 0.0, viscous),
+        LuGre(coulomb, static, stribeck, stiffness, 0.0, max(float(solution[1]), 0.0)),
         float(solution[0]),
         float(solution[2]),
         tuple(solution[3:-1].tolist()),
@@ -152,6 +143,23 @@ def identify(
         left_over(np.log(coulomb / stiffness)),
         float(np.sqrt(np.mean(without**2))),
     )
+
+
+def _stiffness(
+    ways: FloatArray, static: float, coulomb: float, left_over: Callable[[float], float]
+) -> tuple[float, float]:
+    """Stiffness of the bristle, and its standard deviation as a share of it.
+
+    From the presliding distances `ways` (k,), or, where they are few, from the distance that
+    leaves the least force of the record.
+    """
+    if len(ways) >= SLOW_COUNT and np.mean(ways) > 0.0:
+        share = float(np.std(ways, ddof=1) / np.mean(ways)) / np.sqrt(len(ways))
+        return static / float(np.mean(ways)), share
+    found = minimize_scalar(
+        left_over, bounds=np.log(PRESLIDING), method='bounded', options={'xatol': 0.02}
+    )
+    return coulomb / float(np.exp(found.x)), float('inf')
 
 
 @dataclass(frozen=True)
@@ -253,22 +261,22 @@ def _spreads(matrix: FloatArray, left: FloatArray, width: float) -> dict[str, fl
 
 
 def _presliding(
-    place: FloatArray, friction: FloatArray, static: float, speed: float, width: float
+    balance: _Balance, friction: FloatArray, static: float, speed: float
 ) -> FloatArray:
     """Presliding distances F_s / sigma_0 (k,) [m] of the slow reversals of a record.
 
     While the friction goes from -a F_s to a F_s, eq. 6 with v << v_s gives the way
     (F_s / sigma_0) ln((1 + a) / (1 - a)). Only the encoder's difference enters, never its
     rate: a presliding distance of a few counts shows as long as the reversals differ.
-    `speed` [m per tick] bounds the mean speed, `width` [ticks] is the smoothing.
+    `speed` [m per tick] bounds the mean speed.
     """
     zone = np.sign(friction) * (np.abs(friction) > REVERSAL * static)
     outside = np.flatnonzero(zone)
     turn = np.flatnonzero(np.diff(zone[outside]))
     start, stop = outside[turn], outside[turn + 1]
-    way = (place[stop] - place[start]) * zone[stop]
+    way = (balance.place[stop] - balance.place[start]) * zone[stop]
     time = stop - start
-    slow = (time >= SLOW_LENGTHS * width) & (np.abs(way) < speed * time)
+    slow = (time >= SLOW_LENGTHS * balance.width) & (np.abs(way) < speed * time)
     return np.asarray(way[slow] / np.log((1.0 + REVERSAL) / (1.0 - REVERSAL)))
 
 

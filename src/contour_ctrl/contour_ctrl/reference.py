@@ -166,11 +166,7 @@ def plan(
         A cusp or zero-length segment; a feed the axes cannot follow, with the limit that
         binds and the highest possible feed.
     """
-    if not (np.isfinite(period) and period > 0.0):
-        raise StageError(f'the control period must be positive, not {period} s')
-    if laps < 1 or (laps > 1 and not curve.closed):
-        raise StageError(f'{laps} laps: an open contour has one lap, a closed one at least one')
-    check_regular(curve)
+    _check(curve, period, laps)
     bounds = AxisLimits() if limits is None else limits
     arc = ArcLength(curve)
     path = PathTable.from_curve(arc)
@@ -192,28 +188,48 @@ def plan(
     excess, name, tick = _excess(reference, bounds)
     if excess <= 1.0:
         return reference
-    low, high = 0.0, feed
-    for _ in range(14):
-        middle = 0.5 * (low + high)
-        # Nothing falls faster than the jerk, with the third power of the feed.
-        if ticks(min(middle, feed * excess ** (-1.0 / 3.0))) > SLOWEST:
-            break
-        if _excess(attempt(middle), bounds)[0] <= 1.0:
-            low = middle
-        else:
-            high = middle
+    # Nothing falls faster than the jerk, with the third power of the feed.
+    least = feed * excess ** (-1.0 / 3.0)
+    low, high = _highest_feed(
+        feed,
+        lambda wanted: ticks(min(wanted, least)) > SLOWEST,
+        lambda wanted: _excess(attempt(wanted), bounds)[0] <= 1.0,
+    )
+    where = f'{name} at arc {np.mod(reference.arc[tick], arc.length):.4g} m'
     if low == 0.0:
         raise StageError(
-            f'no feed of {high:.2g} m/s or more keeps the {name} at arc '
-            f'{np.mod(reference.arc[tick], arc.length):.4g} m: smooth the curve there, or lower '
-            'path_acceleration and path_jerk'
+            f'no feed of {high:.2g} m/s or more keeps the {where}: smooth the curve there, or '
+            'lower path_acceleration and path_jerk'
         )
     if reduce_feed:
         return attempt(low)
     raise StageError(
-        f'the feed of {feed:g} m/s exceeds the {name} at arc '
-        f'{np.mod(reference.arc[tick], arc.length):.4g} m: the highest feed is {low:.4g} m/s'
+        f'the feed of {feed:g} m/s exceeds the {where}: the highest feed is {low:.4g} m/s'
     )
+
+
+def _check(curve: Curve, period: float, laps: int) -> None:
+    if not (np.isfinite(period) and period > 0.0):
+        raise StageError(f'the control period must be positive, not {period} s')
+    if laps < 1 or (laps > 1 and not curve.closed):
+        raise StageError(f'{laps} laps: an open contour has one lap, a closed one at least one')
+    check_regular(curve)
+
+
+def _highest_feed(
+    feed: float, too_slow: Callable[[float], bool], possible: Callable[[float], bool]
+) -> tuple[float, float]:
+    """Highest possible and lowest impossible feed [m/s] below `feed`; 0 where none is possible."""
+    low, high = 0.0, feed
+    for _ in range(14):
+        middle = 0.5 * (low + high)
+        if too_slow(middle):
+            break
+        if possible(middle):
+            low = middle
+        else:
+            high = middle
+    return low, high
 
 
 def _excess(reference: Reference, limits: AxisLimits) -> tuple[float, str, int]:

@@ -20,6 +20,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # `ros2 run gap_diagnosis diagnose --bag …` names the command by the executable.
     if words[:1] == ['diagnose']:
         words = words[1:]
+    options = _parser().parse_args(words)
+    folders = [path for path in options.bag if Path(path).is_dir() and not is_bag(path)]
+    if folders:
+        if len(options.bag) > 1 or options.holdout or options.controller or options.sim_bag:
+            raise StageError(
+                f'{folders[0]} is a folder of bags, each diagnosed by itself: give it alone, '
+                'without another --bag, --holdout, --controller or --sim-bag'
+            )
+        how = {'seed': options.seed, 'without': options.without, 'with_page': not options.no_page}
+        where = where_from(options, progress=not options.quiet)
+        print(diagnose_archive(folders[0], options.twin, Path(options.out), how, where))
+        return 0
+    verdict = run(
+        options.bag,
+        options.holdout,
+        options.twin,
+        Path(options.out),
+        seed=options.seed,
+        quiet=options.quiet,
+        without=options.without,
+        with_page=not options.no_page,
+        controller=options.controller,
+        sim_bags=options.sim_bag,
+        travel=_travel(options.travel),
+    )
+    print(verdict)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='gap_diagnosis diagnose',
         description='Where the gap between sessions and their twin lies, which effect causes it, '
@@ -69,33 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         'travel of the session',
     )
     add_arguments(parser)
-    options = parser.parse_args(words)
-    folders = [path for path in options.bag if Path(path).is_dir() and not is_bag(path)]
-    if folders:
-        if len(options.bag) > 1 or options.holdout or options.controller or options.sim_bag:
-            raise StageError(
-                f'{folders[0]} is a folder of bags, each diagnosed by itself: give it alone, '
-                'without another --bag, --holdout, --controller or --sim-bag'
-            )
-        how = {'seed': options.seed, 'without': options.without, 'with_page': not options.no_page}
-        where = where_from(options, progress=not options.quiet)
-        print(diagnose_archive(folders[0], options.twin, Path(options.out), how, where))
-        return 0
-    verdict = run(
-        options.bag,
-        options.holdout,
-        options.twin,
-        Path(options.out),
-        seed=options.seed,
-        quiet=options.quiet,
-        without=options.without,
-        with_page=not options.no_page,
-        controller=options.controller,
-        sim_bags=options.sim_bag,
-        travel=_travel(options.travel),
-    )
-    print(verdict)
-    return 0
+    return parser
 
 
 def _travel(given: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -7,12 +7,15 @@ from pathlib import Path
 
 from gap_diagnosis.diagnose import diagnose, silent, to_stderr
 from gap_diagnosis.experiment.propose import Travel, propose
+from gap_diagnosis.passes import Progress
 from gap_diagnosis.report import document as report
 from gap_diagnosis.report import experiment as motion
 from gap_diagnosis.report import model as own_model
+from gap_diagnosis.result import Diagnosis
 from session_bags.reader import read_session
 from stage_core import topics
 from stage_core.errors import StageError
+from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.models import is_model, read_model
 from stage_twin.models.plant import as_twin
@@ -57,27 +60,11 @@ def run(
     for name in ('report.json', 'report.html', 'corrected_twin.yaml', motion.FILE,
                  own_model.MODEL, own_model.PATCH):  # fmt: skip
         (out / name).unlink(missing_ok=True)
-    if is_model(twin_path) != bool(controller):
-        raise StageError(
-            f'--twin {twin_path} is a model, which has no controller: name its twin file with '
-            '--controller'
-            if is_model(twin_path)
-            else '--controller goes with a model: give --twin MODEL.xml'
-        )
-    if sim_bags and (controller or len(sim_bags) != len(bags) + len(holdout)):
-        raise StageError(
-            'give one --sim-bag for each --bag and --holdout, in their order, beside a twin '
-            'file as --twin'
-        )
+    _refuse_mismatch(twin_path, controller, len(bags) + len(holdout), len(sim_bags))
     rig = TwinFile.load(controller or twin_path)
     model = read_model(twin_path) if controller else None
     twin = rig if model is None else as_twin(model.plants, rig)
-    sessions = []
-    for path in (*bags, *holdout, *sim_bags):
-        if not Path(path).exists():
-            raise StageError(f'there is no bag {path}: give the directory of a recorded session')
-        progress(f'reading {path}')
-        sessions.append(read_session(path, topics=TOPICS))
+    sessions = [_read(path, progress) for path in (*bags, *holdout, *sim_bags)]
     found = diagnose(
         sessions[: len(bags)],
         sessions[len(bags) : len(bags) + len(holdout)],
@@ -98,6 +85,11 @@ def run(
     if not sim_bags and model is None:
         found.experiment = propose(found, travel, seed=seed, progress=progress)
     progress('writing the report')
+    _write(found, out, with_page)
+    return report.sentence(found)
+
+
+def _write(found: Diagnosis, out: Path, with_page: bool) -> None:
     report.write(found, out)
     if found.experiment is not None:
         motion.write(found.experiment, out)
@@ -106,4 +98,26 @@ def run(
         from gap_diagnosis.report import page
 
         page.write(found, out)
-    return report.sentence(found)
+
+
+def _refuse_mismatch(twin_path: str, controller: str | None, bags: int, sim_bags: int) -> None:
+    """A model file has no controller, and a twin file has its own; a run goes with each bag."""
+    if is_model(twin_path) and not controller:
+        raise StageError(
+            f'--twin {twin_path} is a model, which has no controller: name its twin file with '
+            '--controller'
+        )
+    if controller and not is_model(twin_path):
+        raise StageError('--controller goes with a model: give --twin MODEL.xml')
+    if sim_bags and (controller or sim_bags != bags):
+        raise StageError(
+            'give one --sim-bag for each --bag and --holdout, in their order, beside a twin '
+            'file as --twin'
+        )
+
+
+def _read(path: str, progress: Progress) -> Session:
+    if not Path(path).exists():
+        raise StageError(f'there is no bag {path}: give the directory of a recorded session')
+    progress(f'reading {path}')
+    return read_session(path, topics=TOPICS)

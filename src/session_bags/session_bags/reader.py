@@ -61,21 +61,7 @@ def read_session(
     """
     bag = open_bag(path)
     types = bag.topic_types()
-    for topic, type_name in types.items():
-        expected = names.TOPIC_TYPES.get(topic)
-        if expected in NUMERIC_TYPES and type_name != expected:
-            raise StageError(
-                f'{path}: {topic} is of type {type_name} where a session has {expected}: '
-                'record it with the right type'
-            )
-    wanted = [
-        topic
-        for topic, type_name in types.items()
-        if type_name in NUMERIC_TYPES and (topics is None or topic in topics)
-    ]
-    if names.ALIGNMENT in types and topics is not None and names.TRACKER_POINT in topics:
-        wanted.append(names.ALIGNMENT)
-    wanted = list(dict.fromkeys(wanted))
+    wanted = _wanted(types, topics, path)
     decoders = {topic: TopicDecoder(topic, types[topic], str(path)) for topic in wanted}
     window = None
     if start is not None or stop is not None:
@@ -104,6 +90,27 @@ def read_session(
     if not any(decoder.count for decoder in decoders.values()) and topics is None:
         raise StageError(f'{path} holds no message of a session: record it again')
     return Session(str(path), series, _twin(bag, warnings), alignment, tuple(warnings))
+
+
+def _wanted(
+    types: Mapping[str, str], topics: Collection[str] | None, path: str | Path
+) -> list[str]:
+    """Topics to read; with the tracker's points the alignment that belongs to them."""
+    for topic, type_name in types.items():
+        expected = names.TOPIC_TYPES.get(topic)
+        if expected in NUMERIC_TYPES and type_name != expected:
+            raise StageError(
+                f'{path}: {topic} is of type {type_name} where a session has {expected}: '
+                'record it with the right type'
+            )
+    chosen = [
+        topic
+        for topic, type_name in types.items()
+        if type_name in NUMERIC_TYPES and (topics is None or topic in topics)
+    ]
+    if names.ALIGNMENT in types and topics is not None and names.TRACKER_POINT in topics:
+        chosen.append(names.ALIGNMENT)
+    return list(dict.fromkeys(chosen))
 
 
 def decode(bag: Bag, decoders: Decoders) -> None:

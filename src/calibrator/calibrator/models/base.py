@@ -62,8 +62,6 @@ class CalibrationModel(ABC):
         self.spread: Array = np.empty(0)
         #: For methods that iterate: called with each iteration and the best error so far.
         self.progress: Callable[[int, float], None] | None = None
-        #: For methods that iterate: asked after each iteration; True ends the training.
-        self.abort: Callable[[], bool] | None = None
 
     @property
     def fitted(self) -> bool:
@@ -176,7 +174,7 @@ class CalibrationModel(ABC):
     def _learner(self, chosen: dict[str, Any]) -> Learner:
         def learn(rest: Conditions) -> Callable[[Conditions], Array]:
             other = type(self)(**self.options)
-            other.chosen, other.progress, other.abort = chosen, self.progress, self.abort
+            other.chosen, other.progress = chosen, self.progress
             other.learn(rest)
             return lambda held: other.error(
                 held.command, held.direction, held.temperatures[:, : other.sensors]

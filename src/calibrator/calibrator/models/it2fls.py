@@ -30,7 +30,7 @@ class FuzzySystem(Adaptable):
     `particles` and `iterations` of the swarm (the paper's: 1000 and 200),
     `reduction` of `type_reduction.REDUCTIONS`, `patience`, `threads`, `seed`, and `device`:
     `auto` (a graphics processor where the extra `gpu` finds one) or `cpu`. The attributes
-    `progress` and `abort` are passed on to the swarm; an aborted training raises.
+    `progress` is passed on to the swarm.
     """
 
     method = 'it2fls'
@@ -95,9 +95,7 @@ class FuzzySystem(Adaptable):
             int(self.options['threads']),
             str(self.options['device']),
         )
-        self.swarm = minimise(fitness, low, high, options, self.progress, self.abort)
-        if self.swarm.reason == 'aborted':
-            raise StageError('the training was aborted: the model in use before stays')
+        self.swarm = minimise(fitness, low, high, options, self.progress)
         sets = AntecedentSets.from_vector(self.swarm.position, rules, self.axes)
         lower, upper = sets.firing(inputs)
         theta = [
@@ -190,7 +188,7 @@ class Hybrid(CalibrationModel):
         data = Conditions(command, rest, direction, temperatures[:, :0], session)
         self.state['structured'] = self.structured.to_dict()
         self.state['fuzzy'] = {}
-        self.fuzzy.progress, self.fuzzy.abort = self.progress, self.abort
+        self.fuzzy.progress = self.progress
         if self._fuzzy_helps(data):
             self.state['fuzzy'] = self.fuzzy.learn(data).to_dict()
 
@@ -200,8 +198,6 @@ class Hybrid(CalibrationModel):
         try:
             self.fuzzy.learn(used)
         except StageError:
-            if self.abort is not None and self.abort():
-                raise
             return False
         left = rest.error - self.fuzzy.error(rest.command, rest.direction, rest.temperatures)
         return bool(np.sum(left**2) < 0.97**2 * np.sum(rest.error**2))

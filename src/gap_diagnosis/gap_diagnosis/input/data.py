@@ -169,6 +169,23 @@ def scored_ticks(record: Record) -> Mask:
     return inside(record.time, held_out_windows(record)) & record.whole(record.time)
 
 
+def known_axes(session: Session, twin: TwinFile) -> tuple[str, ...]:
+    """Axes of a session.
+
+    Raises
+    ------
+    StageError
+        If the twin lacks one of them.
+    """
+    absent = [axis for axis in session.axes if axis not in twin.axes]
+    if absent:
+        raise StageError(
+            f'the twin has no axis {absent[0]} but {session.path} has: give the twin file of '
+            'this machine'
+        )
+    return session.axes
+
+
 def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Record:
     """Arrays of a session, checked against the twin that is to explain it.
 
@@ -178,13 +195,7 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         If a topic is missing, holds NaNs or does not overlap the others in time, if the twin
         belongs to another machine, or if the session lacks excitation.
     """
-    axes = session.axes
-    absent = [axis for axis in axes if axis not in twin.axes]
-    if absent:
-        raise StageError(
-            f'the twin has no axis {absent[0]} but {session.path} has: give the twin file of '
-            'this machine'
-        )
+    axes = known_axes(session, twin)
     reference, states = (
         finite(session.require(topic, why), session.path)
         for topic, why in (

@@ -21,6 +21,7 @@ from gap_diagnosis.input.checks import (
 )
 from gap_diagnosis.input.data import (
     Record,
+    known_axes,
     screw_temperatures,
     with_tracker,
     with_tracker_noise,
@@ -30,6 +31,7 @@ from gap_diagnosis.input.noise import Noise, axis_noise
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
+from stage_core.quantities import AXES
 from stage_core.rests import find_rests
 from stage_core.session import Series, Session
 from stage_core.twin_file import StepperAxis, TwinFile
@@ -72,13 +74,7 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
         If a topic is missing or wrong, the twin belongs to another machine, or there are too
         few rests.
     """
-    axes = session.axes
-    absent = [axis for axis in axes if axis not in twin.axes]
-    if absent:
-        raise StageError(
-            f'the twin has no axis {absent[0]} but {session.path} has: give the twin file of '
-            'this machine'
-        )
+    axes = known_axes(session, twin)
     _refuse_forces(session)
     topic = topics.JOINT_STATES if session.has(topics.JOINT_STATES) else topics.REFERENCE
     series = finite(session.require(topic, 'holds the counted motion'), session.path)
@@ -88,13 +84,12 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
             'diagnosed against the tracker; record the session again with it'
         )
     points = finite(session.series[topics.TRACKER_POINT], session.path)
-    counted = to_seconds(series.stamps, session.start_ns)
-    counted, first = np.unique(counted, return_index=True)
+    stamps = to_seconds(series.stamps, session.start_ns)
+    counted, first = np.unique(stamps, return_index=True)
     motion = _metres(series, axes, twin)[first]
     if len(counted) < 3:
         raise StageError(f'{session.path} is too short: it holds {len(counted)} counts; {HINT}')
-    columns = [('x', 'y').index(axis) for axis in axes]
-    rests = _rests(session, twin, counted, motion, columns)
+    rests = _rests(session, twin, counted, motion, [AXES.index(axis) for axis in axes])
     time = np.arange(counted[0], counted[-1], twin.control_period)
     encoder = np.column_stack([np.interp(time, counted, column) for column in motion.T])
     nothing = np.full_like(encoder, np.nan)
