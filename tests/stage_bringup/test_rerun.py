@@ -137,6 +137,13 @@ def test_a_bag_becomes_a_recording_on_two_timelines(bag: Path) -> None:
     errors = [v for b in tables['/error_um/x'] for v in b.column('Scalars:scalars').to_pylist()]
     assert len(errors) == TICKS
     np.testing.assert_allclose(np.ravel(errors), 2.0, atol=1e-9)
+    states = [
+        state
+        for batch in tables['/diagnostics/stage_driver_state']
+        if 'StateChange:state' in batch.schema.names
+        for state in np.ravel(batch.column('StateChange:state').to_pylist())
+    ]
+    assert states == ['at rest', 'moving', 'at rest']
     times = tables['/stage/tracker/point'][0]
     session = times.column('session_time').cast('int64').to_pylist()
     wall = times.column('wall_time').cast('int64').to_pylist()

@@ -80,18 +80,23 @@ class RerunWriter:
         if session.has(topics.TRACKER_POINT):
             series = session.require(topics.TRACKER_POINT)
             points = np.column_stack([series.values[axis] for axis in 'xyz'])
-            self._points('stage/tracker/point', series.stamps, points, (0, 114, 178))
+            self._points('stage/tracker/point', series.stamps, points, 3.0, (0, 114, 178))
         if session.has(topics.JOINT_STATES):
             series = session.require(topics.JOINT_STATES)
             points = np.zeros((len(series), 3))
             points[:, : len(session.axes)] = series.columns('position', session.axes)
-            self._points('stage/table', series.stamps, points, (213, 94, 0))
+            self._points('stage/table', series.stamps, points, 1.0, (213, 94, 0))
 
     def _points(
-        self, entity: str, stamps: Stamps, points: NDArray[np.float64], colour: tuple[int, ...]
+        self,
+        entity: str,
+        stamps: Stamps,
+        points: NDArray[np.float64],
+        radius: float,
+        colour: tuple[int, ...],
     ) -> None:
         sdk = self._sdk
-        look = sdk.Points3D.from_fields(radii=sdk.Radius.ui_points(5.0), colors=[colour])
+        look = sdk.Points3D.from_fields(radii=sdk.Radius.ui_points(radius), colors=[colour])
         self._stream.log(entity, look, static=True)
         self._send(entity, stamps, sdk.Points3D.columns(positions=points))
 
@@ -107,7 +112,7 @@ class RerunWriter:
         self._servo_error()
         if session.has(topics.CONTOUR_ERROR):
             series = session.series[topics.CONTOUR_ERROR]
-            self._curve('error_um/contour', series.stamps, 1e6 * series.values['z'])
+            self._curve('contour_error_um', series.stamps, 1e6 * series.values['z'])
         for sensor, series in session.temperatures().items():
             self._curve(f'temperature_degC/{sensor}', series.stamps, series.values['temperature'])
 
@@ -142,37 +147,55 @@ class RerunWriter:
 
     def _notes(self) -> None:
         """What the nodes said of themselves: a lane of states and a line of a log for each."""
-        by_name: dict[str, list[Note]] = {}
-        for note in self._recorded.notes:
-            by_name.setdefault(note.name, []).append(note)
-        for name, notes in by_name.items():
-            entity = 'diagnostics/' + re.sub(r'\W+', '_', name).strip('_')
+        for entity, notes in notes_by_entity(self._recorded).items():
             stamps = np.array([note.stamp for note in notes])
             texts, levels = [note.text for note in notes], [note.level for note in notes]
             self._send(entity, stamps, self._sdk.TextLog.columns(text=texts, level=levels))
-            self._send(entity, stamps, self._sdk.StateChange.columns(state=levels))
+            self._send(entity, stamps, self._sdk.StateChange.columns(state=texts))
+
+
+def notes_by_entity(recorded: Recorded) -> dict[str, list[Note]]:
+    """The notes of each node under its entity."""
+    found: dict[str, list[Note]] = {}
+    for note in recorded.notes:
+        entity = 'diagnostics/' + re.sub(r'\W+', '_', note.name).strip('_')
+        found.setdefault(entity, []).append(note)
+    return found
 
 
 def layout(sdk: Any, recorded: Recorded) -> Any:
     """The viewer's panels for what the session holds."""
     views = importlib.import_module('rerun.blueprint')
+    legend = views.PlotLegend(views.Corner2D.RightTop)
     curves = [
-        views.TimeSeriesView(origin=origin, name=name)
+        views.TimeSeriesView(origin=origin, name=name, plot_legend=legend)
         for origin, name, topic in (
-            ('error_um', 'Error: reference minus encoder, and contour (µm)', topics.REFERENCE),
+            ('contour_error_um', 'Contour error (µm)', topics.CONTOUR_ERROR),
+            ('error_um', 'Error: reference minus encoder (µm)', topics.REFERENCE),
             ('position_mm', 'Position (mm)', topics.JOINT_STATES),
             ('force_N', 'Force (N)', topics.COMMAND),
         )
         if recorded.session.has(topic)
     ]
+    # The way that table and tracker have gone until the cursor, not one point alone.
+    way = sdk.VisibleTimeRange(
+        'session_time',
+        start=sdk.TimeRangeBoundary.infinite(),
+        end=sdk.TimeRangeBoundary.cursor_relative(),
+    )
     left = views.Vertical(
-        views.Spatial3DView(origin='stage', name='Table and tracker'),
+        views.Spatial3DView(origin='stage', name='Table and tracker', time_ranges=way),
         views.TextLogView(origin='diagnostics', name='What the nodes said'),
         row_shares=[2, 1],
     )
-    states = views.StateTimelineView(origin='diagnostics', name='States of the nodes')
-    panel = views.TimePanel(timeline='session_time', expanded=True)
-    return views.Blueprint(views.Horizontal(left, views.Vertical(*curves, states)), panel)
+    changed = [name for name, notes in notes_by_entity(recorded).items() if len(notes) > 1]
+    states = views.StateTimelineView(contents=changed, name='States of the nodes that changed')
+    panels = (
+        views.TimePanel(timeline='session_time', state='collapsed'),
+        views.SelectionPanel(state='collapsed'),
+        views.BlueprintPanel(state='collapsed'),
+    )
+    return views.Blueprint(views.Horizontal(left, views.Vertical(*curves, states)), *panels)
 
 
 def parser() -> argparse.ArgumentParser:
