@@ -1,0 +1,112 @@
+"""A part of a session: the chunks of a bag that hold it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from session_bags.bag import Bag
+from session_bags.cdr import NUMERIC_TYPES
+from session_bags.columns import TopicDecoder
+from session_bags.decoding import Decoders, read_file, read_foreign, read_places
+from stage_core import topics as names
+from stage_core.clocks import NANOSECONDS
+from stage_core.errors import StageError
+
+
+def window_stamps(
+    bag: Bag, types: Mapping[str, str], start: float | None, stop: float | None
+) -> tuple[int, int]:
+    """Part of the session as stamps [ns]."""
+    if start is not None and stop is not None and not start < stop:
+        raise StageError(f'the part from {start} s to {stop} s is empty: name a later end')
+    origin = names.REFERENCE if names.REFERENCE in types else None
+    numeric = [topic for topic, kind in types.items() if kind in NUMERIC_TYPES]
+    if origin is None and not numeric:
+        raise StageError(f'{bag.path} holds no message of a session: record it again')
+    first = _first_stamp(bag, types, [origin] if origin else numeric)
+    begin = first + round((start or 0.0) * NANOSECONDS) if start is not None else -(1 << 62)
+    end = first + round(stop * NANOSECONDS) if stop is not None else 1 << 62
+    return begin, end
+
+
+def _first_stamp(bag: Bag, types: Mapping[str, str], wanted: Sequence[str]) -> int:
+    """First stamp of the session, from the first chunk with messages of the wanted topics."""
+    if bag.foreign:
+        decoders = {t: TopicDecoder(t, types[t], str(bag.path)) for t in wanted}
+        read_foreign(bag, decoders)
+        return _earliest(bag, decoders)
+    for index in bag.files:
+        numbers = {n for n, channel in index.channels.items() if channel.topic in wanted}
+        for place in sorted(index.chunks, key=lambda p: p.start):
+            if place.index and numbers.isdisjoint(place.index):
+                continue
+            decoders = {t: TopicDecoder(t, types[t], str(bag.path)) for t in wanted}
+            channels = {n: decoders[index.channels[n].topic] for n in numbers}
+            read_file(index, [place], channels)
+            if any(decoder.count for decoder in decoders.values()):
+                return _earliest(bag, decoders)
+    return _earliest(bag, {})
+
+
+def _earliest(bag: Bag, decoders: Decoders) -> int:
+    series = [part for decoder in decoders.values() for part in decoder.series().values()]
+    if not series:
+        raise StageError(f'{bag.path} holds no message of a session: record it again')
+    return min(int(part.stamps[0]) for part in series)
+
+
+def read_window(bag: Bag, decoders: dict[str, TopicDecoder], begin: int, end: int) -> None:
+    """Read the chunks that hold the stamps begin <= stamp < end, and every alignment.
+
+    Chunks are indexed by time of arrival, which differs from the stamps by an unknown lag and,
+    for a session recorded faster than real time, in rate. Both are bounded by reading on until
+    the chunks on either side hold only earlier or later stamps.
+    """
+    places = [(i, p) for i in bag.files for p in i.chunks]
+    places.sort(key=lambda item: item[1].start)
+    spans: dict[int, tuple[int, int] | None] = {}
+
+    def span(number: int) -> tuple[int, int] | None:
+        """Earliest and latest stamp in a chunk; None where it holds none of the topics."""
+        if number not in spans:
+            index, place = places[number]
+            trial = {t: TopicDecoder(t, d.type_name, str(bag.path)) for t, d in decoders.items()}
+            chosen = {
+                n: trial[c.topic]
+                for n, c in index.channels.items()
+                if c.topic in trial and c.topic != names.ALIGNMENT
+            }
+            if chosen and (not place.index or not chosen.keys().isdisjoint(place.index)):
+                read_file(index, [place], chosen)
+            found = [s for d in trial.values() for s in d.series().values()]
+            spans[number] = (
+                (min(int(s.stamps[0]) for s in found), max(int(s.stamps[-1]) for s in found))
+                if found
+                else None
+            )
+        return spans[number]
+
+    def first_not_before(stamp: int) -> int:
+        """First chunk whose latest stamp is not before `stamp`, by bisection."""
+        low, high = 0, len(places)
+        while low < high:
+            middle = probe = (low + high) // 2
+            while probe < high and span(probe) is None:
+                probe += 1
+            if probe == high:
+                high = middle
+            elif span(probe)[1] < stamp:  # type: ignore[index]
+                low = probe + 1
+            else:
+                high = middle
+        return low
+
+    # Neighbouring chunks overlap where messages of one moment arrive across a boundary.
+    lower = max(first_not_before(begin) - 1, 0)
+    upper = min(first_not_before(end) + 2, len(places))
+    inside = {(id(i), p.offset) for i, p in places[lower:upper]}
+    main = {t: d for t, d in decoders.items() if t != names.ALIGNMENT}
+    read_places(bag, main, lambda index, place: (id(index), place.offset) in inside)
+    if names.ALIGNMENT in decoders:
+        latched = {names.ALIGNMENT: decoders[names.ALIGNMENT]}
+        read_places(bag, latched, lambda index, place: True)
