@@ -18,16 +18,10 @@ def one_axis(effects=None, **changes):
     return TwinFile('servo', {'x': axis}, PERIOD, effects=effects or {})
 
 
-def open_loop(twin, force, external=None):
+def open_loop(twin, force):
     """Motor position (n,) [m] for force commands (n,) [N] from rest at 0."""
     zeros = np.zeros((len(force), 1))
-    result = simulate(
-        twin,
-        zeros,
-        zeros,
-        measured_force=force[:, None],
-        external_force=None if external is None else external[:, None],
-    )
+    result = simulate(twin, zeros, zeros, measured_force=force[:, None])
     return result.encoder[:, 0]
 
 

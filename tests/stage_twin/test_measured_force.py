@@ -81,13 +81,6 @@ def test_effort_unit_turns_volts_into_newtons():
     np.testing.assert_allclose(volts.force, force, rtol=1e-12)
 
 
-def test_external_force_is_not_the_drive_s():
-    position, force = record({'force_offset.x': {'offset': -4.0}})
-    contact = np.full_like(force, -4.0)
-    needed = required_force(rig({}), position, external_force=contact)
-    assert rms((needed - force)[60:-60]) < 0.03 * rms(force)
-
-
 def test_smoothing_keeps_a_cubic_and_its_derivatives():
     t = np.arange(100)[:, None] * PERIOD
     motion = smooth_motion(t**3 - 0.1 * t, PERIOD)

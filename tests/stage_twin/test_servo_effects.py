@@ -194,10 +194,9 @@ def test_delay_effect_adds_to_the_nominal_delay():
     )
 
 
-def test_force_offset_is_an_external_force():
+def test_force_offset_acts_beside_the_drive():
     offset = open_loop(one_axis({'force_offset.x': {'offset': -3.0}}), swing())
-    external = open_loop(one_axis(), swing(), np.full(TICKS, -3.0))
-    np.testing.assert_allclose(offset, external, atol=1e-12)
+    np.testing.assert_allclose(offset, open_loop(one_axis(), swing() - 3.0), atol=1e-12)
 
 
 def test_drive_gain_scales_the_force():

@@ -67,11 +67,9 @@ def end_weights(
     return left, right
 
 
-def interval(
-    lower: Array, upper: Array, outputs: Array, exact: bool = True
-) -> tuple[Array, Array]:
+def interval(lower: Array, upper: Array, outputs: Array) -> tuple[Array, Array]:
     """Left and right end of the type-reduced set, (N,) each."""
-    left, right = end_weights(lower, upper, outputs, exact)
+    left, right = end_weights(lower, upper, outputs, exact=True)
     return np.sum(left * outputs, axis=1), np.sum(right * outputs, axis=1)
 
 

@@ -47,12 +47,6 @@ class LuGre:
             ]
         )
 
-    def steady_force(self, velocity: FloatArray) -> FloatArray:
-        """Friction force (n,) at constant velocities (n,): eqs. 7 and 8 with dz/dt = 0."""
-        stribeck = np.exp(-((velocity / self.stribeck_velocity) ** 2))
-        level = self.coulomb + (self.static - self.coulomb) * stribeck
-        return level * np.sign(velocity) + self.viscous * velocity
-
 
 @njit(cache=True)
 def lugre_step(

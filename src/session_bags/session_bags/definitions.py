@@ -38,11 +38,11 @@ def definition(type_name: str) -> tuple[str, str]:
         ) from error
 
 
-def quality_of_service(latched: bool = False, depth: int | None = None) -> dict[str, Any]:
+def quality_of_service(latched: bool = False) -> dict[str, Any]:
     """Offered quality of service in the words of rosbag2's metadata version 9."""
     return {
         'history': 'keep_last',
-        'depth': depth if depth is not None else (1 if latched else 1000),
+        'depth': 1 if latched else 1000,
         'reliability': 'reliable',
         'durability': 'transient_local' if latched else 'volatile',
         'deadline': dict(_INFINITE),

@@ -16,7 +16,7 @@ HELLO_PERIOD = 1.0
 
 
 class DriveSocket:
-    """Sends HELLO and FORCE, receives ENCODER; garbage is counted and dropped.
+    """Sends HELLO and FORCE, receives ENCODER; garbage is dropped.
 
     Raises
     ------
@@ -41,7 +41,6 @@ class DriveSocket:
         self._timeout = -1.0
         self.connected = False
         self.lockstep = False
-        self.garbage = 0
         self._heard = self._hello_sent = 0.0
         self._pending: drive_link.Datagram | None = None
 
@@ -108,10 +107,8 @@ class DriveSocket:
         try:
             datagram = drive_link.decode(data)
         except StageError:
-            self.garbage += 1
             return None
         if datagram.kind != drive_link.ENCODER or not all(map(math.isfinite, datagram.values)):
-            self.garbage += 1
             return None
         self._heard = time.monotonic()
         self.lockstep = bool(datagram.flags & drive_link.LOCKSTEP)

@@ -120,7 +120,6 @@ def needed_force(
     schedule: np.ndarray,
     motion: np.ndarray,
     states: np.ndarray,
-    external: np.ndarray,
     out: np.ndarray,
 ) -> None:
     """Force of the drive that the recorded motion needs, (n, n_axes) [N], written to `out`.
@@ -144,7 +143,7 @@ def needed_force(
             force -= spring * own[at.DEFLECTION] + damper * own[at.DEFLECTION_RATE]
             force += stiffness * own[at.BRISTLE]
             force -= _step_own(axes, axis, period, k, motion[:, k], force, own)
-            out[k, axis] = force - external[k, axis]
+            out[k, axis] = force
 
 
 @compiled

@@ -88,20 +88,13 @@ def _window(period: float) -> int:
     return max(_ORDER + 2, 2 * round(0.5 * SMOOTHING / period) + 1)
 
 
-def required_force(
-    twin: TwinFile,
-    position: np.ndarray,
-    *,
-    external_force: np.ndarray | None = None,
-) -> np.ndarray:
+def required_force(twin: TwinFile, position: np.ndarray) -> np.ndarray:
     """Force command that the twin needs for a recorded motion, at the tick it must be given.
 
     Parameters
     ----------
     position : (n, n_axes)
         Recorded encoder [m] at the twin's control period.
-    external_force : (n, n_axes), optional
-        Force on the moving masses from outside [N].
 
     Returns
     -------
@@ -115,9 +108,8 @@ def required_force(
     arrays = pack(twin)
     position = columns('position', position, None, arrays)
     motion = smooth_motion(position, arrays.period)
-    external = _external(external_force, position, arrays)
     states = _hidden_states(arrays, motion, np.zeros_like(position))
-    return _required(arrays, motion, external, states)
+    return _required(arrays, motion, states)
 
 
 def simulate_measured_force(
@@ -145,7 +137,6 @@ def simulate_measured_force(
     units = [a.effort_unit if isinstance(a, ForceAxis) else 1.0 for a in twin.axes.values()]
     force = effort * np.array(units)
     motion = smooth_motion(position, arrays.period)
-    external = np.zeros_like(position)
     states = _hidden_states(arrays, motion, force)
     ticks = max(1, round(WINDOW / arrays.period))
     simulated = np.zeros_like(position)
@@ -156,7 +147,7 @@ def simulate_measured_force(
         arrays.schedule,
         states,
         np.ascontiguousarray(force.T),
-        external,
+        np.zeros_like(position),
         ticks,
         simulated,
         velocity,
@@ -166,7 +157,7 @@ def simulate_measured_force(
         encoder=simulated,
         velocity=velocity,
         force=force,
-        required=_required(arrays, motion, external, states),
+        required=_required(arrays, motion, states),
     )
 
 
@@ -176,11 +167,9 @@ def _hidden_states(arrays: KernelArrays, motion: Motion, force: np.ndarray) -> n
     return states
 
 
-def _required(
-    arrays: KernelArrays, motion: Motion, external: np.ndarray, states: np.ndarray
-) -> np.ndarray:
+def _required(arrays: KernelArrays, motion: Motion, states: np.ndarray) -> np.ndarray:
     out = np.zeros_like(motion.position)
-    needed_force(arrays.axes, arrays.schedule, motion.stacked, states, external, out)
+    needed_force(arrays.axes, arrays.schedule, motion.stacked, states, out)
     ticks = np.arange(out.shape[0], dtype=float)
     for axis, row in enumerate(arrays.axes):
         wanted = hooks.command(row, out[:, axis], motion.velocity[:, axis], arrays.period)
@@ -188,9 +177,3 @@ def _required(
         delay = row[layout.DELAY] / arrays.period
         out[:, axis] = np.interp(ticks + delay + 0.5, ticks, wanted)
     return out
-
-
-def _external(given: np.ndarray | None, position: np.ndarray, arrays: KernelArrays) -> np.ndarray:
-    if given is None:
-        return np.zeros_like(position)
-    return columns('external_force', given, position.shape[0], arrays)

@@ -78,7 +78,6 @@ class MujocoPlant(ServoPlant):
             at = self._tick - ticks
             after.append(self._forces[axis, at % depth] if at >= 0 else 0.0)
             before.append(self._forces[axis, (at - 1) % depth] if at >= 1 else 0.0)
-            data.qfrc_applied[self._places[axis].dof] = self._external[axis]
         for step in range(self._steps):
             for axis, place in enumerate(self._places):
                 data.ctrl[place.actuator] = before[axis] if step < cuts[axis] else after[axis]

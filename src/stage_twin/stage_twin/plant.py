@@ -40,6 +40,7 @@ class ServoPlant:
         self._random = np.random.default_rng(seed)
         self._state = np.zeros((width, layout.STATE_WIDTH))
         self._forces = np.zeros((width, self._arrays.delay_ticks + 2))
+        # Nothing pushes from outside.
         self._external = np.zeros(width)
         self._encoder = np.zeros(width)
         self._table = np.zeros(width)
@@ -79,12 +80,7 @@ class ServoPlant:
         self._state[:], self._forces[:], self._history[:] = state, forces, history
         self._tick, self._time = tick, time
 
-    def step(
-        self,
-        force: Sequence[float] | np.ndarray,
-        dt: float | None = None,
-        external: Sequence[float] | np.ndarray | None = None,
-    ) -> None:
+    def step(self, force: Sequence[float] | np.ndarray, dt: float | None = None) -> None:
         """Hold `force` (n_axes,) [N] for one tick.
 
         Parameters
@@ -92,14 +88,11 @@ class ServoPlant:
         dt : float, optional
             Length of the tick [s]; the file's control period by default. The force acts
             after the twin's delay, which counts in ticks of this length.
-        external : (n_axes,), optional
-            Force on the moving masses from outside [N].
         """
         if dt is not None and dt != self._period:
             self._change_period(dt)
         for axis in range(len(force)):
             self._forces[axis, self._tick % self._forces.shape[1]] = force[axis]
-            self._external[axis] = 0.0 if external is None else external[axis]
         self._advance()
         self._tick += 1
         self._time += self._period

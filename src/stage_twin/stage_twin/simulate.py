@@ -51,7 +51,6 @@ def simulate(
     *,
     compensation: np.ndarray | None = None,
     measured_force: np.ndarray | None = None,
-    external_force: np.ndarray | None = None,
     temperatures: np.ndarray | None = None,
     seed: int = 0,
     tracker_times: np.ndarray | None = None,
@@ -67,8 +66,6 @@ def simulate(
         Added to the velocity command vc_k [m/s].
     measured_force : (n, n_axes), optional
         Force commands [N] that take the place of the controller's (open loop).
-    external_force : (n, n_axes), optional
-        Force on the moving masses from outside, such as contact [N].
     temperatures : (n, n_axes), optional
         Screw temperatures [degC]; without them the thermal effect's own model gives them.
     seed : int
@@ -106,9 +103,7 @@ def simulate(
         zeros if compensation is None else columns('compensation', compensation, count, arrays),
         force,
         measured_force is not None,
-        zeros
-        if external_force is None
-        else columns('external_force', external_force, count, arrays),
+        zeros,
         channels,
     )
     rise = channels[5]
