@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-import yaml
 from scipy.integrate import solve_ivp
 from scipy.signal import butter, filtfilt
 
@@ -19,6 +16,8 @@ from contour_ctrl.reinforcement import LearningRate, defuzzified
 from contour_ctrl.tick import Controller, Gains
 from stage_core.errors import StageError
 from stage_core.twin_file import ServoAxis
+
+from ..config_files import section
 
 MODEL = LuGre(20.0, 30.0, 1e-3, 1e5, 100.0, 5.0)
 
@@ -240,8 +239,7 @@ def wire_impulse(gain: float, delay: int, period: float) -> np.ndarray:
 
 
 def test_settings_of_the_zaber_stage_follow_from_its_delay_of_one_to_two_ticks() -> None:
-    config = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config' / 'contour_ctrl_zaber.yaml'
-    values = yaml.safe_load(config.read_text())['contour_ctrl']['ros__parameters']
+    _, values = section('contour_ctrl_zaber')
     period = 1.0 / values['control_rate']
     gain = values['x.position_gain']
     assert {values[f'{a}.{n}_gain'] for a in 'xy' for n in ('position', 'ilc')} == {gain}

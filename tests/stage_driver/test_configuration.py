@@ -1,47 +1,21 @@
-"""The shipped parameter files, and the configurations made from parameters."""
-
-from pathlib import Path
+"""The configurations made from parameters."""
 
 import pytest
-import yaml
 
 from stage_core.errors import StageError
-from stage_core.parameters import check
 from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config, zaber_config
 
-CONFIG = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config'
+from ..config_files import section
+
 DEFAULTS = {parameter.name: parameter.default for parameter in PARAMETERS}
 
 
-def flat(content, prefix=''):
-    for name, value in content.items():
-        if isinstance(value, dict):
-            yield from flat(value, f'{prefix}{name}.')
-        else:
-            yield prefix + name, value
-
-
-def read(name):
-    content = yaml.safe_load((CONFIG / name).read_text(encoding='utf-8'))
-    return dict(flat(content['stage_driver']['ros__parameters']))
-
-
-@pytest.mark.parametrize('name', ['stage_driver_servo.yaml', 'stage_driver_zaber.yaml'])
-def test_shipped_files_hold_every_parameter_with_a_good_value(name):
-    values = read(name)
-    assert set(values) == set(DEFAULTS)
-    for parameter in PARAMETERS:
-        assert check(parameter, values[parameter.name]) is None
-        assert parameter.description
-
-
-def test_servo_file_holds_the_defaults():
-    assert read('stage_driver_servo.yaml') == DEFAULTS
+def test_servo_configuration():
     assert servo_config(DEFAULTS.__getitem__).axes == ('x', 'y')
 
 
 def test_zaber_configuration():
-    config = zaber_config(read('stage_driver_zaber.yaml').__getitem__)
+    config = zaber_config(section('stage_driver_zaber')[1].__getitem__)
     assert config.devices == (1, 2) and config.microsteps == (4.7625e-8, 4.7625e-8)
 
 
@@ -54,7 +28,7 @@ def test_zaber_configuration():
     ],
 )
 def test_impossible_zaber_configurations_are_refused(changes, words):
-    values = {**read('stage_driver_zaber.yaml'), **changes}
+    values = {**section('stage_driver_zaber')[1], **changes}
     with pytest.raises(StageError, match=words):
         zaber_config(values.__getitem__)
 

@@ -94,7 +94,7 @@ def parameter_table(parameters: Sequence[Parameter]) -> list[str]:
     return rows
 
 
-def _parameters(module: ModuleType) -> Sequence[Parameter]:
+def parameters_of(module: ModuleType) -> Sequence[Parameter]:
     """Parameters of a node module: its own or those of the module that it takes them from."""
     for candidate in (module, *(v for v in vars(module).values() if isinstance(v, ModuleType))):
         found = getattr(candidate, 'PARAMETERS', None)
@@ -128,7 +128,7 @@ def render() -> str:
                 own = {n.replace(f'/{executable}/', '~/') for n in named}
                 listed = f'{what}: ' + ', '.join(f'`{n}`' for n in sorted(own))
                 lines += ['', *textwrap.wrap(listed, 100, break_on_hyphens=False)]
-        lines += ['', *parameter_table(_parameters(modules[0]))]
+        lines += ['', *parameter_table(parameters_of(modules[0]))]
     return '\n'.join(lines) + '\n'
 
 
