@@ -11,6 +11,7 @@ from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.report.experiment import section
 from gap_diagnosis.report.hysteresis import hysteresis, hysteresis_plot, since_reversal
 from gap_diagnosis.report.leftovers import leftovers
+from gap_diagnosis.report.page import _lacks
 from gap_diagnosis.report.response import response_plot, responses
 from stage_core.pages import Page
 from stage_core.twin_file import TwinFile
@@ -106,8 +107,23 @@ def test_a_motion_that_decides_nothing_is_not_proposed() -> None:
     )  # fmt: skip
     page = Page('next')
     section(page, found)  # type: ignore[arg-type]
-    assert 'cyclic pitch error of y: amplitude 2 small or large' in page.render()
+    assert 'the amplitude 2 of cyclic pitch error of y' in page.render()
     assert 'experiment.csv' not in page.render()
     found.experiment.expected = 0.6
     section(page, found)  # type: ignore[arg-type]
     assert 'experiment.csv' in page.render()
+
+
+def test_an_effect_that_is_rather_not_there_is_named_apart() -> None:
+    found = SimpleNamespace(
+        simulators=[],
+        verdict=['backlash.x', 'tracker_misalignment'],
+        causes=[
+            SimpleNamespace(effect='backlash.x', probability=0.96),
+            SimpleNamespace(effect='tracker_misalignment', probability=0.494),
+        ],
+    )
+    assert _lacks(found) == (  # type: ignore[arg-type]
+        'The twin lacks: backlash of x. '
+        'Kept, though its probability is below a half: tracker misalignment (0.49).'
+    )

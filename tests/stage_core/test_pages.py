@@ -17,7 +17,7 @@ import pytest
 from stage_core import theme
 from stage_core.errors import StageError
 from stage_core.pages import Page
-from stage_core.wording import effect_words, measure, span, with_interval, with_std
+from stage_core.wording import effect_words, measure, rounded, span, with_interval, with_std
 from stage_reports import figures
 
 CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'google-chrome', 'chrome'))), None)
@@ -127,6 +127,35 @@ def test_neighbouring_pictures_share_a_row() -> None:
     assert len(images) == 3
 
 
+def viewed(html: str) -> list[tuple[float, float]]:
+    """Left edge and width of each picture of a page, in its figure."""
+    images = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', html)
+    texts = [base64.b64decode(image).decode() for image in images]
+    boxes = [re.search(r'viewBox="(\S+) 0 (\S+) ', text) for text in texts]
+    return [(float(box[1]), float(box[2])) for box in boxes if box is not None]
+
+
+def test_maps_side_by_side_can_be_stacked_on_a_phone() -> None:
+    places, errors = [[0.0, 0.0], [0.02, 0.01]], [[1e-6, 0.0], [0.0, 2e-6]]
+    both = figures.error_map(places, errors, errors)
+    html = Page('maps').figure(both, 'two maps').render()
+    (left, first), (cut, second) = viewed(html)
+    assert left == 0.0 and cut == first
+    assert abs(first + second - 72.0 * both.get_figwidth()) < 0.1 and abs(first / second - 1) < 0.1
+    assert 'class="plot columns"' in html
+    # Curves that a reader can point at stay one picture.
+    assert len(viewed(Page('curves').figure(both, 'two maps', curves=True).render())) == 1
+
+
+def test_a_row_of_sentences_becomes_a_list_on_a_phone() -> None:
+    page = Page('tables').table(['a', 'b'], [['1', '2.3 ± 0.1 µm']])
+    assert 'class="prose"' not in page.render()
+    page.table(['effect', 'what it does'], [['play', 'the table follows the motor late']])
+    html = page.render()
+    assert html.count('class="prose"') == 1
+    assert '<td data-of="what it does">the table follows the motor late</td>' in html
+
+
 def test_the_page_refuses_what_does_not_fit(tmp_path: Path) -> None:
     page = Page('r')
     with pytest.raises(StageError, match='cells'):
@@ -155,3 +184,9 @@ def test_the_page_refuses_what_does_not_fit(tmp_path: Path) -> None:
 )
 def test_numbers_and_names(said: str, expected: str) -> None:
     assert said == expected
+
+
+def test_a_value_has_the_digits_that_its_deviation_allows() -> None:
+    assert rounded(-6.58e-6, 8e-6) == -7e-6
+    assert rounded(5.9449, 0.0212) == 5.94
+    assert rounded(1.234, 0.0) == 1.234

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from calibrator import model_file
+from gap_diagnosis.report.causes import CLOSES, effect_sentence, parameter_words
 from session_bags.reader import read_session
 from stage_bringup.graph import Options, nominal_twin, reality_twin
 from stage_bringup.steps import SessionResult
 from stage_core.pages import Page, add_navigation
 from stage_core.quantities import MICROMETRE, split_effect
 from stage_core.session import Session
-from stage_core.wording import effect_words, measure, span, with_interval, with_std
+from stage_core.wording import effect_words, measure, span, with_interval
 from stage_reports import figures
 from stage_reports.command import session_page
 from stage_reports.intervals import distance_rms, rms_interval
@@ -138,18 +139,14 @@ def _diagnosis(page: Page, report: dict[str, Any]) -> None:
     for cause in report['causes']:
         if cause['effect'] not in report['verdict']:
             continue
-        effect = EFFECTS.get(split_effect(cause['effect'])[0])
-        values = {n: p['value'] for n, p in cause['parameters'].items()}
-        parameters = ', '.join(
-            f'{n.replace("_", " ")} {with_std(p["value"], p["std"], p["unit"])}'
-            for n, p in cause['parameters'].items()
-        )
+        known = split_effect(cause['effect'])[0] in EFFECTS
+        values = {n: (p['value'], p['std']) for n, p in cause['parameters'].items()}
         low, high = cause['shrink_ci95']
         rows.append(
             [
                 effect_words(cause['effect']),
-                '' if effect is None else effect.says(values),
-                parameters,
+                effect_sentence(cause['effect'], values) if known else '',
+                parameter_words(cause['effect'], values),
                 f'{100 * cause["shrink"]:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)',
             ]
         )
@@ -160,7 +157,7 @@ def _diagnosis(page: Page, report: dict[str, Any]) -> None:
         f'noise and resolution alone make {measure(gap["noise_floor"])}.'
     )
     if rows:
-        page.table(['effect', 'what it does', 'parameters ± 1 σ', 'closes (95 %)'], rows)
+        page.table(['effect', 'what it does', 'parameters ± 1 σ', 'closes (95 %)'], rows, CLOSES)
 
 
 def _steps(page: Page, result: SessionResult) -> None:

@@ -21,8 +21,8 @@ from stage_core.whole_file import replacing, write_whole
 
 #: A picture wider than this (inches) gets a row of its own.
 _WIDE = 7.0
-#: A cell of so many letters or less is a number or a symbol.
-_SHORT = 12
+#: A cell of more letters than this is a sentence: the longest numbers with an interval have less.
+_SENTENCE = 24
 
 _CSS = """
 *{box-sizing:border-box}
@@ -46,26 +46,37 @@ gap:.7rem 1.6rem;margin:1.2rem 0}dt{color:var(--muted);font-size:.85rem}dd{margi
 caption{text-align:left;color:var(--muted);padding-bottom:.3rem;font-size:.92rem}
 th,td{border-bottom:1px solid var(--rule);padding:.35rem 1.3rem .35rem 0;text-align:left;
 vertical-align:top}td{font-variant-numeric:tabular-nums}
-.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,19rem),1fr));gap:1rem;
+.cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,15rem),1fr));gap:1rem;
 margin:1rem 0}.cards a{display:block;border:1px solid var(--rule);border-radius:6px;
 padding:.8rem 1rem;color:inherit;text-decoration:none}.cards a:hover{border-color:var(--blue)}
 .cards b{color:var(--blue)}.cards span{display:block;color:var(--muted);font-size:.94rem}
 .figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,27rem),1fr));
 gap:1.4rem 2rem;margin:1.2rem 0}figure{margin:0;min-width:0}figure.wide{grid-column:1/-1}
 figure:only-child:not(.wide){max-width:34rem}
-figure div{overflow-x:auto}figure img{display:block;width:100%;height:auto}
-figure.wide .plot{min-width:36rem}.plot{display:block;position:relative}
+figure div{overflow-x:auto}figure img{display:block;width:100%;min-width:0;height:auto}
+figure.wide .plot{min-width:36rem}.plot{display:flex;position:relative}
+.scroll,figure div{background:
+linear-gradient(90deg,var(--page) 1rem,transparent) 0 0/3rem 100% local,
+linear-gradient(270deg,var(--page) 1rem,transparent) 100% 0/3rem 100% local,
+linear-gradient(90deg,var(--rule),transparent) 0 0/.8rem 100%,
+linear-gradient(270deg,var(--rule),transparent) 100% 0/.8rem 100%;background-repeat:no-repeat}
 .plot canvas{position:absolute;inset:0;width:100%;height:100%;cursor:crosshair}
 output{display:block;font-size:.85rem;color:var(--muted);min-height:1.5em}
 figcaption{color:var(--muted);font-size:.92rem;max-width:44rem;
 margin-top:.3rem}figcaption b{color:var(--ink)}
 details{margin:1rem 0}
-@media (max-width:40rem){td:not(.short){min-width:6rem}th,td{padding-right:.8rem}
-caption{max-width:calc(100vw - 2rem)}}
+@media (max-width:40rem){th,td{padding-right:.8rem}caption{max-width:calc(100vw - 2rem)}
+figure.wide .plot.columns{min-width:0;display:block}
+.prose thead{display:none}.prose caption{display:block}
+.prose,.prose tbody,.prose tr,.prose td{display:block;border:0;padding:0}
+.prose td:empty{display:none}.prose tr{border-bottom:1px solid var(--rule);padding:.5rem 0}
+.prose td:first-child{font-weight:650}
+.prose td:not(:first-child)::before{content:attr(data-of)': ';color:var(--muted)}}
 summary{cursor:pointer;color:var(--blue)}
 footer{margin-top:3rem;color:var(--muted);font-size:.88rem}
 @media print{body{font-size:10.5pt;max-width:none;padding:0}h2,h3{break-after:avoid}
 figure,table,.headline{break-inside:avoid}nav,canvas,output{display:none}
+.scroll,figure div{background:none}
 figure.wide .plot{min-width:0}}
 """
 
@@ -164,9 +175,13 @@ class Page:
                     f'a table row of {len(row)} cells under {len(header)} headings: '
                     'give one cell for each'
                 )
-            lines.append(f'<tr>{"".join(_data(_cell(v)) for v in row)}</tr>')
+            cells = zip(header, map(_cell, row), strict=True)
+            lines.append(f'<tr>{"".join(_data(name, text) for name, text in cells)}</tr>')
+        # Sentences are not read through a slit: on a narrow screen each row is a list.
+        prose = any(isinstance(v, str) and len(v) > _SENTENCE for row in rows for v in row)
+        start = '<table class="prose">' if prose else '<table>'
         body = ''.join(lines)
-        return self._add(f'<div class="scroll"><table>{body}</tbody></table></div>')
+        return self._add(f'<div class="scroll">{start}{body}</tbody></table></div>')
 
     def figure(self, figure: Any, title: str, look_for: str = '', curves: bool = False) -> Page:
         """Embed a matplotlib figure; pictures that follow each other stand side by side.
@@ -177,11 +192,13 @@ class Page:
         look_for : what the reader should look for in it.
         curves : whether a reader can read values off its curves and zoom into them.
         """
-        data = base64.b64encode(theme.svg(figure).encode()).decode('ascii')
-        kind = ' class="wide"' if figure.get_figwidth() > _WIDE else ''
+        wide = figure.get_figwidth() > _WIDE
+        parts = theme.columns(figure) if wide and not curves else [(1.0, theme.svg(figure))]
+        kind = ' class="wide"' if wide else ''
+        columns = ' columns' if len(parts) > 1 else ''
+        images = ''.join(_image(title, share, text) for share, text in parts)
         self._row.append(
-            f'<figure{kind}><div><span class="plot"><img alt="{html.escape(title)}" '
-            f'src="data:image/svg+xml;base64,{data}"></span></div>'
+            f'<figure{kind}><div><span class="plot{columns}">{images}</span></div>'
             f'<figcaption><b>{_text(title)}.</b> {_text(look_for)}</figcaption>'
             f'{self._curves(figure) if curves else ""}</figure>'
         )
@@ -265,9 +282,18 @@ def _text(text: str) -> str:
     return re.sub(r'`([^`]+)`', r'<code>\1</code>', html.escape(text, quote=False))
 
 
-def _data(text: str) -> str:
-    """A cell; a short one needs no width of its own on a narrow screen."""
-    return f'<td{" class=short" if len(text) <= _SHORT else ""}>{_text(text)}</td>'
+def _image(title: str, share: float, svg: str) -> str:
+    """A picture, or one column of it that takes this share of the width."""
+    data = base64.b64encode(svg.encode()).decode('ascii')
+    return (
+        f'<img alt="{html.escape(title)}" style="flex:{share:.4f} 1 0" '
+        f'src="data:image/svg+xml;base64,{data}">'
+    )
+
+
+def _data(name: str, text: str) -> str:
+    """A cell with the heading that it stands under."""
+    return f'<td data-of="{html.escape(name)}">{_text(text)}</td>'
 
 
 def _cell(value: object) -> str:

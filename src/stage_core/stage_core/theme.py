@@ -7,6 +7,7 @@ the page in either theme.
 from __future__ import annotations
 
 import io
+import re
 from typing import Any
 
 #: Name -> (light, dark). The six series stay apart for the colour-blind (Okabe and Ito 2008).
@@ -74,3 +75,34 @@ def svg(figure: Any) -> str:
     )
     head = text.index('>') + 1
     return text[:head] + style + text[head:]
+
+
+def columns(figure: Any) -> list[tuple[float, str]]:
+    """Width (share) and SVG of the left and the right half of panels that stand side by side.
+
+    A narrow screen can then stack them. A picture of one column, or with a legend for both, stays
+    one.
+    """
+    text = svg(figure)
+    # Where no panel with its labels is, nearest to the middle.
+    spans = sorted((b.x0, b.x1) for a in figure.axes if (b := a.get_tightbbox()) is not None)
+    cuts, right = [], spans[0][1]
+    for low, high in spans:
+        if low > right:
+            cuts.append((low + right) / 2.0 / figure.bbox.width)
+        right = max(right, high)
+    if not cuts or figure.legends:
+        return [(1.0, text)]
+    cut = min(cuts, key=lambda share: abs(share - 0.5))
+    return [(cut, _part(text, 0.0, cut)), (1.0 - cut, _part(text, cut, 1.0 - cut))]
+
+
+def _part(text: str, left: float, share: float) -> str:
+    """The SVG `text` from `left` on, so wide; both are shares of its width."""
+    found = re.search(r'width="([\d.]+)pt" height="([\d.]+)pt" viewBox="0 0 \S+ \S+"', text)
+    if found is None:
+        raise ValueError('an SVG that matplotlib did not write')
+    width, height = float(found[1]), float(found[2])
+    box = f'{left * width:.2f} 0 {share * width:.2f} {height}'
+    head = f'width="{share * width:.2f}pt" height="{height}pt" viewBox="{box}"'
+    return text[: found.start()] + head + text[found.end() :]

@@ -49,10 +49,20 @@ def with_std(value: float, std: float, unit: str = 'm') -> str:
         return measure(value, unit)
     factor, symbol = scaled(max(abs(value), std), unit)
     value, std = factor * value, factor * std
+    places = _known_places(std)
+    return f'{_plain(value, places)} ± {_plain(std, places)} {symbol}'.strip()
+
+
+def rounded(value: float, std: float) -> float:
+    """A value to the digits that its standard deviation allows: -6.58 ± 8 is -7."""
+    return round(value, _known_places(std)) if std > 0.0 and math.isfinite(std) else value
+
+
+def _known_places(std: float) -> int:
+    """Decimal places of a deviation above zero, and so of its value."""
     # Two digits where the first one is a 1: one digit would be off by up to half of it.
     digits = 2 if std / 10.0 ** math.floor(math.log10(std)) < 1.95 else 1
-    places = _places(std, digits)
-    return f'{_plain(value, places)} ± {_plain(std, places)} {symbol}'.strip()
+    return _places(std, digits)
 
 
 def with_interval(value: float, low: float, high: float, unit: str = 'm') -> str:

@@ -7,10 +7,15 @@ from gap_diagnosis.report.words import status_words
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import split_effect
-from stage_core.wording import effect_words, with_std
+from stage_core.wording import effect_words, rounded, with_std
 from stage_twin.effects import EFFECTS, effect_of
 
 MOST_CANDIDATES = 25
+#: Caption of a table with what each effect closes.
+CLOSES = (
+    'closes: by how much the gap is smaller than without this effect, beside all others; the '
+    'shares do not add up to 100 %'
+)
 Parameters = dict[str, tuple[float, float]]
 
 
@@ -22,6 +27,12 @@ def parameter_words(effect: str, parameters: Parameters) -> str:
         f'{name.replace("_", " ")} {with_std(value, std, units.get(name, ""))}'
         for name, (value, std) in parameters.items()
     )
+
+
+def effect_sentence(effect: str, parameters: Parameters) -> str:
+    """What a machine with this effect does, its values to the digits that are known."""
+    known = {name: rounded(value, std) for name, (value, std) in parameters.items()}
+    return effect_of(effect).says(known)
 
 
 def _interval(shrink: float, interval: tuple[float, float]) -> str:
@@ -39,18 +50,17 @@ def found_section(page: Page, diagnosis: Diagnosis) -> None:
     for cause in diagnosis.causes:
         if not _accepted(cause):
             continue
-        values = {name: value for name, (value, _) in cause.parameters.items()}
         rows.append(
             [
                 effect_words(cause.effect),
-                effect_of(cause.effect).says(values),
+                effect_sentence(cause.effect, cause.parameters),
                 parameter_words(cause.effect, cause.parameters),
                 _interval(cause.shrink, cause.interval),
             ]
         )
     if rows:
         page.heading('What was found')
-        page.table(['effect', 'what it does', 'parameters ± 1 σ', 'closes (95 %)'], rows)
+        page.table(['effect', 'what it does', 'parameters ± 1 σ', 'closes (95 %)'], rows, CLOSES)
 
 
 def causes_section(page: Page, diagnosis: Diagnosis) -> None:

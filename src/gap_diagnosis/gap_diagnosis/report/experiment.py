@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.experiment.design import Experiment
+from gap_diagnosis.experiment.questions import LARGE
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN
@@ -56,11 +57,11 @@ def table(position: NDArray[np.float64], period: float, axes: tuple[str, ...]) -
 
 
 def _words(pair: tuple[str, ...]) -> str:
-    """*cyclic pitch error of y: amplitude 3 small or large*."""
-    parts = (candidate.partition(': ') for candidate in pair)
-    return ' or '.join(
-        f'{effect_words(name)}{colon}{rest.replace("_", " ")}' for name, colon, rest in parts
-    )
+    """*nonorthogonality or angular error of x*, *the amplitude 3 of cyclic pitch error of y*."""
+    name, _, size = pair[0].partition(': ')
+    if pair[1:] == (LARGE,):
+        return f'the {size.removesuffix(" small").replace("_", " ")} of {effect_words(name)}'
+    return ' or '.join(map(effect_words, pair))
 
 
 def section(page: Page, found: Diagnosis) -> None:

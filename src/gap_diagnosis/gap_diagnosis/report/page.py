@@ -62,13 +62,24 @@ def _headline(page: Page, diagnosis: Diagnosis) -> None:
             f'better. {floor}',
         )
         return
-    names = ', '.join(effect_words(name) for name in diagnosis.verdict)
     page.headline(
         f'gap {measure(before)} → {measure(after)} RMS, {_less(diagnosis)}',
-        f'The {_name(diagnosis)} lacks: {names}. The gap before and after these effects is that '
+        f'{_lacks(diagnosis)} The gap before and after these effects is that '
         f'of stretches of the session that no fit has seen. {floor}',
         warn=UNKNOWN in diagnosis.verdict,
     )
+
+
+def _lacks(diagnosis: Diagnosis) -> str:
+    """The accepted effects; apart, those that are rather not there by their probability."""
+    sure = {cause.effect: cause.probability for cause in diagnosis.causes}
+    likely = [name for name in diagnosis.verdict if sure.get(name, 1.0) >= 0.5]
+    others = [name for name in diagnosis.verdict if name not in likely]
+    said = [f'The {_name(diagnosis)} lacks: {", ".join(map(effect_words, likely))}.']
+    if others:
+        named = ', '.join(f'{effect_words(name)} ({sure[name]:.2f})' for name in others)
+        said.append(f'Kept, though its probability is below a half: {named}.')
+    return ' '.join(said if likely else said[1:])
 
 
 def _less(diagnosis: Diagnosis) -> str:

@@ -12,6 +12,7 @@ from scipy import signal
 
 from stage_core.drawing import MICRO, canvas, colours, envelope, plain, styled
 from stage_core.errors import StageError
+from stage_core.wording import measure
 
 
 @styled
@@ -116,7 +117,7 @@ def histogram(values: Mapping[str, ArrayLike], rare: bool = False) -> Figure:
     for colour, (name, errors) in zip(colours(len(data)), data.items(), strict=True):
         share = np.full(errors.size, 100.0 / errors.size)
         rms = float(np.sqrt(np.mean(errors**2)))
-        label = f'{name}: RMS {rms:.3g} µm'
+        label = f'{name}: RMS {measure(rms / MICRO)}'
         axes.hist(errors, edges, weights=share, color=colour, alpha=0.22)
         axes.hist(errors, edges, weights=share, color=colour, histtype='step', label=label)
     axes.set(xlabel='error (µm)', ylabel='share (%)', yscale='log' if rare else 'linear')

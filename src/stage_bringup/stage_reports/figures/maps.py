@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from stage_core.drawing import MICRO, MILLI, Array, canvas, colours, styled, thin
 from stage_core.errors import StageError
 from stage_core.theme import BLUE, MUTED, ORANGE
+from stage_core.wording import measure
 from stage_reports.figures.checks import pairs
 
 #: The longest arrow spans this share of the workspace.
@@ -46,8 +47,8 @@ def error_map(
     for axes, (name, values, colour) in zip(panels, maps, strict=True):
         index = thin(len(places), arrows)
         _arrows(axes, places[index], values[index], scale, colour, _round(longest * MICRO))
-        rms = float(np.sqrt((values**2).sum(axis=1).mean())) * MICRO
-        axes.set_title(f'{name}: RMS {rms:.3g} µm')
+        rms = float(np.sqrt((values**2).sum(axis=1).mean()))
+        axes.set_title(f'{name}: RMS {measure(rms)}')
     return figure
 
 
