@@ -109,6 +109,129 @@ def end(process: subprocess.Popen[str]) -> str:
         return process.communicate()[0]
 
 
+def asked_to_run(client: GraphClient, failures: list[str]) -> threading.Thread:
+    """Ask for a run that is to fail; its reason is put into `failures`."""
+
+    def run() -> None:
+        try:
+            client.trigger('/contour_ctrl/run', PATIENCE)
+        except StageError as error:
+            failures.append(str(error))
+
+    waiting = threading.Thread(target=run)
+    waiting.start()
+    return waiting
+
+
+def refuses_what_it_cannot_run(client: GraphClient) -> None:
+    with pytest.raises(StageError, match='curve_file'):
+        client.wait_for_service('/contour_ctrl/run', PATIENCE)
+        client.set_parameters('/contour_ctrl', contour='nurbs')
+        client.trigger('/contour_ctrl/run', PATIENCE)
+    with pytest.raises(StageError, match='cannot read the curve'):
+        client.set_parameters('/contour_ctrl', curve_file='/none')
+    client.set_parameters('/contour_ctrl', contour='circle')
+    with pytest.raises(StageError, match='nothing to abort'):
+        client.trigger('/contour_ctrl/abort', PATIENCE)
+
+
+def learns_and_repeats_itself(client: GraphClient, plant: LockstepDriver, saved: Path) -> None:
+    message = client.trigger('/contour_ctrl/run', PATIENCE)
+    assert '2 iterations; first: tracking RMS' in message and 'best, iteration' in message
+    first = list(plant.streamed)
+    assert plant.moves[0] == pytest.approx((RADIUS, 0.0))
+    assert plant.moves[-1] == pytest.approx((RADIUS, 0.0))
+    assert len(first) % 2 == 0 and len(first) > 900
+    radius = np.hypot(*np.array(first)[:, :2].T)
+    assert radius == pytest.approx(RADIUS, rel=1e-9)
+    assert saved.is_file()
+
+    plant.streamed.clear()
+    again = client.trigger('/contour_ctrl/run', PATIENCE)
+    # The plant starts at the start point now: same ticks, same set-points, same figures.
+    assert again == message
+    assert plant.streamed == first
+
+    client.set_parameters('/contour_ctrl', reuse_learned=True, feed=0.029)
+    with pytest.raises(StageError, match='another contour'):
+        client.trigger('/contour_ctrl/run', PATIENCE)
+    client.set_parameters('/contour_ctrl', reuse_learned=False, feed=0.03)
+
+
+def aborts_smoothly(client: GraphClient, plant: LockstepDriver) -> None:
+    plant.streamed.clear()
+    plant.streaming.clear()
+    failures: list[str] = []
+    waiting = asked_to_run(client, failures)
+    assert plant.streaming.wait(PATIENCE)
+    assert client.trigger('/contour_ctrl/abort', PATIENCE) == 'stopping'
+    waiting.join(PATIENCE)
+    assert 'aborted by request' in failures[0]
+    speed = np.hypot(*np.array(plant.streamed)[:, 2:].T)
+    assert speed[-1] < 2e-3 and np.abs(np.diff(speed)).max() < 3e-3
+
+
+def stops_where_the_encoder_breaks(client: GraphClient, plant: LockstepDriver) -> None:
+    plant.streamed.clear()
+    plant.break_at = 300
+    with pytest.raises(StageError, match='encoder position is not a number'):
+        client.trigger('/contour_ctrl/run', PATIENCE)
+    assert len(plant.streamed) == 300
+    assert plant.moves[-1] == pytest.approx(plant.streamed[-1][:2], abs=4e-3)
+    plant.break_at = None
+
+
+def follows_the_calibration_model(
+    client: GraphClient, plant: LockstepDriver, file: Path, seen: list[str]
+) -> None:
+    """The stage goes where the table comes out right."""
+    commands = np.random.default_rng(0).uniform(-0.01, 0.01, (200, 2))
+    model = make_model('affine').fit(commands, 1.01 * commands + 1e-5)
+    model_file.save(model_file.StoredModel(model), file)
+    latched = client.node.create_publisher(String, topics.MODEL, LATCHED_QOS)
+    client.wait_for(
+        lambda: latched.get_subscription_count() > 0, PATIENCE, 'a reader of the model'
+    )
+    latched.publish(String(data=json.dumps({'active': True, 'file': str(file)})))
+    client.wait_for(lambda: any(file.name in text for text in seen), PATIENCE, 'the model')
+    plant.streamed.clear()
+    plant.moves.clear()
+    client.set_parameters('/contour_ctrl', iterations=1, scheme='ccc')
+    client.trigger('/contour_ctrl/run', PATIENCE)
+    table = 1.01 * np.array(plant.streamed)[:, :2] + 1e-5
+    assert np.hypot(*table.T) == pytest.approx(RADIUS, rel=1e-6)
+
+
+def brakes_where_the_encoder_falls_silent(client: GraphClient, plant: LockstepDriver) -> None:
+    plant.streamed.clear()
+    plant.mute_at = 250
+    client.set_parameters('/contour_ctrl', lockstep_timeout=0.7)
+    with pytest.raises(StageError, match='no encoder message on /stage/joint_states for'):
+        client.trigger('/contour_ctrl/run', PATIENCE)
+    assert len(plant.streamed) == 250
+    ahead = np.array(plant.moves[-1]) - plant.streamed[-1][:2]
+    # Half the stop time at 30 mm/s: room to brake in the direction of travel.
+    assert np.hypot(*ahead) == pytest.approx(0.003, rel=0.1)
+
+
+def serves_while_it_plans(client: GraphClient, plant: LockstepDriver, seen: list[str]) -> None:
+    """Services live while a contour of 800000 ticks is planned."""
+    moves = len(plant.moves)
+    client.set_parameters('/contour_ctrl', feed=2.0 * np.pi * RADIUS / 800.0)
+    seen.clear()
+    failures: list[str] = []
+    waiting = asked_to_run(client, failures)
+    client.wait_for(
+        lambda: any('planning the contour' in text for text in seen), PATIENCE, 'the planning'
+    )
+    assert client.trigger('/contour_ctrl/abort', PATIENCE) == 'stopping'
+    waiting.join(PATIENCE)
+    assert 'aborted by request' in failures[0]
+    with pytest.raises(StageError, match='still being planned'):
+        client.trigger('/contour_ctrl/run', PATIENCE)
+    assert len(plant.moves) == moves
+
+
 def test_contour_node_learns_repeats_itself_aborts_and_faults(
     ros_env: dict[str, str], driver: tuple[GraphClient, LockstepDriver], tmp_path: Path
 ) -> None:
@@ -124,111 +247,16 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
         session_folder=tmp_path / 'session',
         machine='fake',
     )
+    seen: list[str] = []
+    client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=lambda m: seen.append(str(m)))
     try:
-        with pytest.raises(StageError, match='curve_file'):
-            client.wait_for_service('/contour_ctrl/run', PATIENCE)
-            client.set_parameters('/contour_ctrl', contour='nurbs')
-            client.trigger('/contour_ctrl/run', PATIENCE)
-        with pytest.raises(StageError, match='cannot read the curve'):
-            client.set_parameters('/contour_ctrl', curve_file='/none')
-        client.set_parameters('/contour_ctrl', contour='circle')
-        with pytest.raises(StageError, match='nothing to abort'):
-            client.trigger('/contour_ctrl/abort', PATIENCE)
-        message = client.trigger('/contour_ctrl/run', PATIENCE)
-        assert '2 iterations; first: tracking RMS' in message and 'best, iteration' in message
-        first = list(plant.streamed)
-        assert plant.moves[0] == pytest.approx((RADIUS, 0.0))
-        assert plant.moves[-1] == pytest.approx((RADIUS, 0.0))
-        assert len(first) % 2 == 0 and len(first) > 900
-        radius = np.hypot(*np.array(first)[:, :2].T)
-        assert radius == pytest.approx(RADIUS, rel=1e-9)
-        saved = tmp_path / 'session' / storage.FILE_NAME
-        assert saved.is_file()
-
-        plant.streamed.clear()
-        again = client.trigger('/contour_ctrl/run', PATIENCE)
-        # The plant starts at the start point now: same ticks, same set-points, same figures.
-        assert again == message
-        assert plant.streamed == first
-
-        client.set_parameters('/contour_ctrl', reuse_learned=True, feed=0.029)
-        with pytest.raises(StageError, match='another contour'):
-            client.trigger('/contour_ctrl/run', PATIENCE)
-        client.set_parameters('/contour_ctrl', reuse_learned=False, feed=0.03)
-
-        plant.streamed.clear()
-        plant.streaming.clear()
-        failures: list[str] = []
-
-        def run() -> None:
-            try:
-                client.trigger('/contour_ctrl/run', PATIENCE)
-            except StageError as error:
-                failures.append(str(error))
-
-        waiting = threading.Thread(target=run)
-        waiting.start()
-        assert plant.streaming.wait(PATIENCE)
-        assert client.trigger('/contour_ctrl/abort', PATIENCE) == 'stopping'
-        waiting.join(PATIENCE)
-        assert 'aborted by request' in failures[0]
-        speed = np.hypot(*np.array(plant.streamed)[:, 2:].T)
-        assert speed[-1] < 2e-3 and np.abs(np.diff(speed)).max() < 3e-3
-
-        plant.streamed.clear()
-        plant.break_at = 300
-        with pytest.raises(StageError, match='encoder position is not a number'):
-            client.trigger('/contour_ctrl/run', PATIENCE)
-        assert len(plant.streamed) == 300
-        assert plant.moves[-1] == pytest.approx(plant.streamed[-1][:2], abs=4e-3)
-
-        # The active calibration model: the stage goes where the table comes out right.
-        plant.break_at = None
-        commands = np.random.default_rng(0).uniform(-0.01, 0.01, (200, 2))
-        model = make_model('affine').fit(commands, 1.01 * commands + 1e-5)
-        model_file.save(model_file.StoredModel(model), tmp_path / 'model.json')
-        latched = client.node.create_publisher(String, topics.MODEL, LATCHED_QOS)
-        content = {'active': True, 'file': str(tmp_path / 'model.json')}
-        seen: list[str] = []
-        client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=lambda m: seen.append(str(m)))
-        client.wait_for(
-            lambda: latched.get_subscription_count() > 0, PATIENCE, 'a reader of the model'
-        )
-        latched.publish(String(data=json.dumps(content)))
-        client.wait_for(lambda: any('model.json' in text for text in seen), PATIENCE, 'the model')
-        plant.streamed.clear()
-        plant.moves.clear()
-        client.set_parameters('/contour_ctrl', iterations=1, scheme='ccc')
-        client.trigger('/contour_ctrl/run', PATIENCE)
-        table = 1.01 * np.array(plant.streamed)[:, :2] + 1e-5
-        assert np.hypot(*table.T) == pytest.approx(RADIUS, rel=1e-6)
-
-        plant.streamed.clear()
-        plant.mute_at = 250
-        client.set_parameters('/contour_ctrl', lockstep_timeout=0.7)
-        with pytest.raises(StageError, match='no encoder message on /stage/joint_states for'):
-            client.trigger('/contour_ctrl/run', PATIENCE)
-        assert len(plant.streamed) == 250
-        ahead = np.array(plant.moves[-1]) - plant.streamed[-1][:2]
-        # Half the stop time at 30 mm/s: room to brake in the direction of travel.
-        assert np.hypot(*ahead) == pytest.approx(0.003, rel=0.1)
-
-        # Services live while a contour of 800000 ticks is planned.
-        moves = len(plant.moves)
-        client.set_parameters('/contour_ctrl', feed=2.0 * np.pi * RADIUS / 800.0)
-        seen.clear()
-        failures.clear()
-        waiting = threading.Thread(target=run)
-        waiting.start()
-        client.wait_for(
-            lambda: any('planning the contour' in text for text in seen), PATIENCE, 'the planning'
-        )
-        assert client.trigger('/contour_ctrl/abort', PATIENCE) == 'stopping'
-        waiting.join(PATIENCE)
-        assert 'aborted by request' in failures[0]
-        with pytest.raises(StageError, match='still being planned'):
-            client.trigger('/contour_ctrl/run', PATIENCE)
-        assert len(plant.moves) == moves
+        refuses_what_it_cannot_run(client)
+        learns_and_repeats_itself(client, plant, tmp_path / 'session' / storage.FILE_NAME)
+        aborts_smoothly(client, plant)
+        stops_where_the_encoder_breaks(client, plant)
+        follows_the_calibration_model(client, plant, tmp_path / 'model.json', seen)
+        brakes_where_the_encoder_falls_silent(client, plant)
+        serves_while_it_plans(client, plant, seen)
     finally:
         output = end(process)
     assert process.returncode == 0, output

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hra_curves import interpolate, readings, tables, worth
+from hra_curves import readings, tables, worth
 from hra_curves.__main__ import main
-from hra_curves.bases import Bernstein, Trigonometric
-from hra_curves.cycloid import cycloid
 
 
 def test_table1_holds_1e_14_where_the_plain_solve_is_useless() -> None:
@@ -88,22 +86,6 @@ def test_worth_shows_where_each_wins() -> None:
     assert runge['HRA equal nodes'] > 1e5 * runge['HRA Chebyshev nodes']
     errors = list(results['LSB2, l+1=501, n+1=14 (odd degree): curve error'].values())
     np.testing.assert_allclose(errors, [0.0209, 0.0278, 0.371], rtol=0.01)
-
-
-def test_ib2_depends_on_the_nodes_and_ib1_does_not() -> None:
-    errors = {}
-    for basis in (Bernstein(), Trigonometric(1.57)):
-        for width in (1.0, 0.8):
-            lower, upper = basis.domain
-            centre, half = 0.5 * (lower + upper), 0.5 * width * (upper - lower)
-            nodes = centre + half * np.linspace(-1.0, 1.0, 11)
-            curve = interpolate(cycloid(np.linspace(0, tables.TURN, 11)), basis, nodes)
-            u = np.linspace(nodes[0], nodes[-1], 501)
-            theta = np.linspace(0, tables.TURN, 501)
-            difference = np.linalg.norm(curve.evaluate(u) - cycloid(theta), axis=1).max()
-            errors[type(basis).__name__, width] = difference
-    assert errors['Bernstein', 0.8] == pytest.approx(errors['Bernstein', 1.0], rel=1e-3)
-    assert errors['Trigonometric', 0.8] < 0.5 * errors['Trigonometric', 1.0]
 
 
 @pytest.mark.parametrize(

@@ -174,11 +174,8 @@ def plan(
     def ticks(wanted: float) -> float:
         return laps * arc.length / (wanted * period)
 
-    if feed > 0.0 and ticks(feed) > LONGEST:
-        raise StageError(
-            f'at a feed of {feed:g} m/s the contour takes {ticks(feed):.2g} ticks, more than '
-            f'{LONGEST:.2g}: raise feed, or lower control_rate or laps'
-        )
+    if feed > 0.0:
+        _refuse_endless(feed, ticks(feed))
 
     def attempt(wanted: float) -> Reference:
         profile = SCurve.plan(laps * arc.length, wanted, path_acceleration, path_jerk)
@@ -201,11 +198,19 @@ def plan(
             f'no feed of {high:.2g} m/s or more keeps the {where}: smooth the curve there, or '
             'lower path_acceleration and path_jerk'
         )
-    if reduce_feed:
-        return attempt(low)
-    raise StageError(
-        f'the feed of {feed:g} m/s exceeds the {where}: the highest feed is {low:.4g} m/s'
-    )
+    if not reduce_feed:
+        raise StageError(
+            f'the feed of {feed:g} m/s exceeds the {where}: the highest feed is {low:.4g} m/s'
+        )
+    return attempt(low)
+
+
+def _refuse_endless(feed: float, ticks: float) -> None:
+    if ticks > LONGEST:
+        raise StageError(
+            f'at a feed of {feed:g} m/s the contour takes {ticks:.2g} ticks, more than '
+            f'{LONGEST:.2g}: raise feed, or lower control_rate or laps'
+        )
 
 
 def _check(curve: Curve, period: float, laps: int) -> None:

@@ -210,20 +210,18 @@ def _conclude(
     # The largest contribution to the gap first.
     causes.sort(key=lambda c: -(c.gap_before - c.gap_after))
     accepted = [c.effect for c in causes]
-    structured = any(
-        p.structure.structured and _shown(p, channels, floors, twin, accepted) for p in parts
-    )
+    remaining = [p for p in parts if p.structure.structured]
+    shown = any(_shown(p, channels, floors, twin, accepted) for p in remaining)
     floor = judge.noise_floor(seen, channels, effects, tracker_speeds(records))
     # Rests scatter by themselves.
     far = twin.kind != 'stepper' and far_from_explained(before, after, floor, bool(accepted))
-    structured = structured or far or not prepared.laws_known
+    structured = shown or far or not prepared.laws_known
     verdict = accepted + ([UNKNOWN] if structured else [])
     progress('where the gap lies')
     found = conditions_of(scored, records, twin, parts, seed)
     shares, worst = axis_shares(records[0].axes, channels, seen)
-    link = link_of(accepted[0]) if accepted else worst
     others = judge.rejected_causes(parts, accepted, structured, before, after)
-    share = max((p.structure.share for p in parts if p.structure.structured), default=0.0)
+    share = max((p.structure.share for p in remaining), default=0.0)
     scene = Scene(before / floor, after / floor, share, structured, turns(scored))
     ranked = with_probabilities(causes, others, scene)
     for cause in causes:
@@ -247,7 +245,7 @@ def _conclude(
         verdict=verdict,
         conditions=found,
         axes_share=shares,
-        link=link,
+        link=link_of(accepted[0]) if accepted else worst,
         unexplained=float(np.clip(max(after**2 - floor**2, 0.0) / max(before**2, 1e-30), 0, 1)),
         structured=structured,
         warnings=[*(w for r in records for w in r.warnings), *prepared.notes],

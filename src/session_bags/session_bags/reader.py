@@ -64,8 +64,7 @@ def read_session(
     series = {}
     alignment = None
     for topic, decoder in decoders.items():
-        bad = None if allow_nan else decoder.not_a_number()
-        if bad:
+        if not allow_nan and (bad := decoder.not_a_number()):
             raise StageError(
                 f'{path}: {topic} holds a value that is not a finite number ({bad}): mend its '
                 'source and record the session again'
