@@ -8,7 +8,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Set
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +27,19 @@ def die_with_parent() -> None:
     """In a child: end with the process that started it, even where that one is killed."""
     # A session that is killed must leave no node behind; Linux only, elsewhere nodes end by hand.
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+@contextmanager
+def _deaf() -> Iterator[Set[int]]:
+    """Ctrl-C and SIGTERM wait: Python drops what is raised while a process forks.
+
+    Yields the signals that were blocked before.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    try:
+        yield before
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @dataclass(frozen=True)
@@ -58,14 +72,20 @@ class Processes:
 
     def start(self, command: NodeCommand) -> None:
         """Start one node; its output goes to ``<name>.log``."""
-        with open(self.log_folder / f'{command.name}.log', 'ab') as log:
+        with open(self.log_folder / f'{command.name}.log', 'ab') as log, _deaf() as hearing:
+
+            def in_child() -> None:
+                signal.pthread_sigmask(signal.SIG_SETMASK, hearing)
+                if sys.platform == 'linux':
+                    die_with_parent()
+
             self.running[command.name] = subprocess.Popen(
                 command.arguments(),
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
                 env=os.environ.copy(),
-                preexec_fn=die_with_parent if sys.platform == 'linux' else None,
+                preexec_fn=in_child,
             )
 
     def pid(self, name: str) -> int:
