@@ -166,7 +166,7 @@ def test_the_fewest_control_points_within_a_tolerance(basis: Basis, expected: in
     nodes = parameter_nodes(basis.domain, 501)
     assert np.linalg.norm(curve.evaluate(nodes) - points, axis=1).max() <= 5e-8
     with pytest.raises(StageError, match='no number'):
-        fit_to_tolerance(points, 1e-30, basis, counts=[3, 5])
+        fit_to_tolerance(points[::50], 1e-30, basis)
     with pytest.raises(StageError, match='positive'):
         fit_to_tolerance(points, 0.0, basis)
 

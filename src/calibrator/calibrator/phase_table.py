@@ -9,18 +9,14 @@ from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
 
+#: Bins per lap. An empty one takes the mean of its neighbours.
+BINS = 360
+
 
 class PhaseTable:
-    """Mean of measured - command over bins of the angle about the contour's centre.
+    """Mean of measured - command over bins of the angle about the contour's centre."""
 
-    Parameters
-    ----------
-    bins
-        Bins per lap. An empty one takes the mean of its neighbours.
-    """
-
-    def __init__(self, bins: int = 360) -> None:
-        self.bins = bins
+    def __init__(self) -> None:
         self.means = np.empty((0, 2))
 
     def fit(self, command: Array, measured: Array) -> PhaseTable:
@@ -34,15 +30,15 @@ class PhaseTable:
         if command.shape[1] != 2:
             raise StageError('a phase table needs a contour in two axes')
         index = self._index(command)
-        count = np.bincount(index, minlength=self.bins)
+        count = np.bincount(index, minlength=BINS)
         total = np.column_stack(
-            [np.bincount(index, column, self.bins) for column in (measured - command).T]
+            [np.bincount(index, column, BINS) for column in (measured - command).T]
         )
         filled = np.flatnonzero(count)
         means = total[filled] / count[filled, None]
-        at = np.arange(self.bins)
+        at = np.arange(BINS)
         self.means = np.column_stack(
-            [np.interp(at, filled, column, period=self.bins) for column in means.T]
+            [np.interp(at, filled, column, period=BINS) for column in means.T]
         )
         return self
 
@@ -55,4 +51,4 @@ class PhaseTable:
         centre = 0.5 * (command.min(axis=0) + command.max(axis=0))
         x, y = (command - centre).T
         turn = (np.arctan2(y, x) + np.pi) / (2.0 * np.pi)
-        return np.asarray((turn * self.bins).astype(np.int64) % self.bins)
+        return np.asarray((turn * BINS).astype(np.int64) % BINS)

@@ -34,6 +34,8 @@ ENOUGH_RESTS = 8
 MOST_STREAM_SAMPLES = 4000
 FEWEST_PLACES = 5
 """With fewer distinct places, even a gain at every one of them could be chance (1 of 32 signs)."""
+SHARE = 0.7
+"""Of the places or the time that a model is trained on, as in the papers."""
 FEWEST_HELD = 8
 """Held-out places from which one draw tells the gain."""
 MOST_SESSION_FITS = 4
@@ -113,15 +115,11 @@ def rest_samples(session: Session) -> Samples:
     return Samples(c, m, d, heat, t, sensors, session.axes, 0.0, True)
 
 
-def splits(
-    samples: Samples, share: float = 0.7, seed: int = 0, by: str = 'position'
-) -> list[tuple[Samples, Samples]]:
+def splits(samples: Samples, seed: int = 0, by: str = 'position') -> list[tuple[Samples, Samples]]:
     """Pairs of training and held-out samples that a method is judged on.
 
     Parameters
     ----------
-    share
-        Share of the training part; the papers use 0.7.
     by
         `position`: distinct places are drawn at random, and all visits to one stay together, so
         that no held-out place has been seen. Where one draw would hold out fewer than
@@ -136,7 +134,7 @@ def splits(
         If there are too few distinct places or samples.
     """
     if by == 'time':
-        count = int(round(share * len(samples)))
+        count = int(round(SHARE * len(samples)))
         late = np.zeros(len(samples), dtype=bool)
         late[np.argsort(samples.times, kind='stable')[count:]] = True
         masks = [late]
@@ -149,7 +147,7 @@ def splits(
                 f'out: record more positions, {FEWEST_PLACES} places or more (a grid, as '
                 'examples/calibrate_stage.py drives it)'
             )
-        held = drawn[int(round(share * len(drawn))) :]
+        held = drawn[int(round(SHARE * len(drawn))) :]
         many = len(held) >= FEWEST_HELD
         masks = [np.isin(labels, held)] if many else folds(labels, FEWEST_HELD, seed)
     elif by == 'session':

@@ -42,19 +42,19 @@ class Bidiagonal:
         return self.multiply(np.eye(self.shape[1]))
 
 
-def check_nodes(basis: Basis, nodes: ArrayLike, minimum: int = 1) -> Array:
+def check_nodes(basis: Basis, nodes: ArrayLike) -> Array:
     """Return the nodes as a float array if the factorisation exists for them.
 
     Raises
     ------
     StageError
-        Nodes not finite, fewer than ``minimum``, repeated, not increasing, or outside the domain.
+        Nodes not finite, none at all, repeated, not increasing, or outside the domain.
     """
     values = np.ascontiguousarray(nodes, dtype=float)
     if values.ndim != 1:
         raise StageError(f'nodes of shape {values.shape}: give one increasing list of numbers')
-    if values.size < minimum:
-        raise StageError(f'{values.size} nodes are too few: give at least {minimum}')
+    if values.size < 1:
+        raise StageError('0 nodes are too few: give at least 1')
     if not np.isfinite(values).all():
         index = int(np.flatnonzero(~np.isfinite(values))[0])
         raise StageError(f'node {index} is {values[index]}: remove what is not a finite number')

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -230,17 +230,15 @@ def fit_to_tolerance(
     points: ArrayLike,
     tolerance: float,
     basis: Basis | None = None,
-    nodes: ArrayLike | None = None,
-    counts: Iterable[int] | None = None,
 ) -> HraCurve:
     """Least-squares curve with the fewest control points whose residuals stay in a tolerance.
+
+    Tried are 2, 3, .. up to a half of the points (with more, a small residual says little about
+    the curve between them), and only those whose space contains the constants.
 
     Parameters
     ----------
     points : (l+1, d), metres. tolerance : largest distance to a data point, metres.
-    counts : numbers of control points to try, in this order; None tries 2, 3, .. up to a half
-        of the points (with more, a small residual says little about the curve between them),
-        and only those whose space contains the constants.
 
     Raises
     ------
@@ -251,12 +249,11 @@ def fit_to_tolerance(
     values = _check_points(points)
     if not tolerance > 0.0:
         raise StageError(f'the tolerance {tolerance} must be positive: give metres')
-    parameters = _nodes(chosen, nodes, values.shape[0])
-    if counts is None:
-        largest = min(values.shape[0] // 2, 101)
-        counts = [c for c in range(2, largest + 1) if chosen.contains_constants(c - 1)]
+    parameters = _nodes(chosen, None, values.shape[0])
     best = math.inf
-    for count in counts:
+    for count in range(2, min(values.shape[0] // 2, 101) + 1):
+        if not chosen.contains_constants(count - 1):
+            continue
         curve = least_squares_curve(values, count, chosen, parameters)
         distances = np.linalg.norm(curve.evaluate(parameters) - values, axis=1)
         best = min(best, float(distances.max()))

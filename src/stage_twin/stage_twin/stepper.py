@@ -74,9 +74,9 @@ class StepperPlant:
         """Time up to which the stage has moved [s]."""
         return self._time
 
-    def reset(self, steps: Sequence[float], time: float = 0.0) -> None:
+    def reset(self, steps: Sequence[float]) -> None:
         """Put the axes at rest at these motor steps, the play centred."""
-        self._time = time
+        self._time = 0.0
         self._seen.clear()
         self._motion = [_AxisMotion(steps=float(count)) for count in steps]
         motor = [float(n) * axis.microstep for n, axis in zip(steps, self._axes, strict=True)]

@@ -14,8 +14,6 @@ from stage_twin.emulators.zaber_device import ZaberDevice
 from stage_twin.emulators.zaber_faults import LineFaults
 from stage_twin.emulators.zaber_lines import CommandBuffer, Request, parse_request
 
-#: Travel of a 150 mm stage in microsteps of 0.047625 µm.
-DEFAULT_LIMITS = (0, 3149606)
 FIRST_SERIAL = 50001
 
 
@@ -28,16 +26,9 @@ class ZaberChain:
         Moves the motors; axes are counted from 0.
     layout
         Number of axes of each device in cable order.
-    limits
-        `limit.min` and `limit.max` of every axis [microsteps].
     """
 
-    def __init__(
-        self,
-        plant: StepperPort,
-        layout: Sequence[int] = (1, 1),
-        limits: tuple[int, int] = DEFAULT_LIMITS,
-    ) -> None:
+    def __init__(self, plant: StepperPort, layout: Sequence[int] = (1, 1)) -> None:
         if not layout or min(layout) < 1 or max(layout) > 9:
             raise StageError(f'a Zaber device has 1 to 9 axes, got {list(layout)}')
         self.plant = plant
@@ -45,7 +36,7 @@ class ZaberChain:
         self.devices: list[ZaberDevice] = []
         index = 0
         for number, count in enumerate(layout):
-            axes = [ZaberAxis(plant, index + offset, limits) for offset in range(count)]
+            axes = [ZaberAxis(plant, index + offset) for offset in range(count)]
             self.devices.append(ZaberDevice(number + 1, axes, FIRST_SERIAL + number))
             index += count
         self._buffer = CommandBuffer()

@@ -22,6 +22,9 @@ UNTIL_NEXT_MOVE = frozenset({'NC', 'NI', 'WM', 'WS'})
 
 ESTOP_FACTOR = 50.0
 
+#: Travel of a 150 mm stage in microsteps of 0.047625 µm: `limit.min` and `limit.max`.
+LIMITS = (0, 3149606)
+
 
 class StepperPort(Protocol):
     """What the emulator asks of the plant; steps, steps/s, steps/s^2."""
@@ -54,7 +57,7 @@ class Rejection(Exception):
 class ZaberAxis:
     """Axis of an emulated device; positions in its own microsteps, zero at the home sensor."""
 
-    def __init__(self, plant: StepperPort, index: int, limits: tuple[int, int]) -> None:
+    def __init__(self, plant: StepperPort, index: int) -> None:
         self.plant = plant
         self.index = index
         self.flags: set[str] = {'WR'}
@@ -67,8 +70,8 @@ class ZaberAxis:
             'maxspeed': 153600,
             'motion.accelonly': 205,
             'motion.decelonly': 205,
-            'limit.min': limits[0],
-            'limit.max': limits[1],
+            'limit.min': LIMITS[0],
+            'limit.max': LIMITS[1],
             'limit.approach.maxspeed': 80000,
             'resolution': 64,
             'peripheralid': 0,
