@@ -84,6 +84,27 @@ def test_a_curve_is_checked_when_it_is_loaded(tmp_path: Path) -> None:
     parameters.check_curve(values(contour='freeform'))
 
 
+@pytest.mark.parametrize(
+    ('line', 'words'),
+    [
+        ('0.1,0.001,abc', "line 4: '0.1,0.001,abc' is not three finite numbers"),
+        ('0.1,0.001,nan', 'line 4: .* is not three finite'),
+        ('0.1,0.001', 'line 4: .* is not three finite'),
+        ('0.0,0.001,0.0', 'line 4: the time 0 s must be above'),
+    ],
+)
+def test_a_timed_motion_is_checked_when_it_is_loaded(
+    tmp_path: Path, line: str, words: str
+) -> None:
+    rows = [f'{0.1 * k:.1f},{1e-4 * k**2:.6f},0.0' for k in range(9)]
+    file = tmp_path / 'motion.csv'
+    file.write_text('\n'.join(['t,x,y', *rows]))
+    parameters.check_curve(values(contour='timed', curve_file=str(file)))
+    file.write_text('\n'.join(['t,x,y', *rows[:2], line, *rows[3:]]))
+    with pytest.raises(StageError, match=words):
+        parameters.check_curve(values(contour='timed', curve_file=str(file)))
+
+
 def test_scheme_names_select_their_terms() -> None:
     plain = parameters.make_gains(values(scheme='p_ff'))
     assert plain.cross_coupling == 0.0 and plain.cmac is None and plain.friction is None

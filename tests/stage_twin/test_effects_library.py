@@ -172,6 +172,8 @@ def test_no_effect_is_bit_identical_to_effects_at_zero(nominal):
     ('effects', 'words'),
     [
         ({'gremlins.x': {}}, 'gremlins.x is unknown'),
+        ({'backlsh.x': {}}, 'did you mean backlash?'),
+        ({'backlash.x': {'widht': 8e-6}}, 'no parameter widht: did you mean width?'),
         ({'backlash': {}}, 'belongs to an axis'),
         ({'nonorthogonality.x': {}}, 'without .x'),
         ({'backlash.z': {}}, 'no axis z'),

@@ -157,15 +157,17 @@ def make_curve(value: Values, text: str | None = None) -> curves.Curve:
 
 
 def check_curve(value: Values, text: str | None = None) -> None:
-    """Make the curve of a file or text, to say what is wrong with it before it is followed.
+    """Make the curve or motion of a file or text, to say what is wrong before it is followed.
 
     Nothing is checked while the contour is of a kind that takes no curve.
 
     Raises
     ------
     StageError
-        As `make_curve`.
+        As `make_curve` and `make_timed`.
     """
+    if value('contour') == TIMED and value('curve_file'):
+        make_timed(value)
     if value('contour') in curve_file.KINDS and (value('curve_file') or text is not None):
         make_curve(value, text)
 

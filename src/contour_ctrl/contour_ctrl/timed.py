@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,12 +63,27 @@ def _table(text: str, origin: str) -> tuple[FloatArray, FloatArray]:
     remedy = f'give a first line {COLUMNS} and rows of numbers in s and m'
     if head.strip() != COLUMNS:
         raise StageError(f'{origin} is no timed motion: {remedy}')
+    rows: list[list[float]] = []
+    for number, line in enumerate(body.splitlines(), 2):
+        where = f'{origin}, line {number}'
+        row = _numbers(line)
+        if len(row) != 3:
+            raise StageError(f'{where}: {line[:40]!r} is not three finite numbers: {remedy}')
+        if rows and row[0] <= rows[-1][0]:
+            raise StageError(
+                f'{where}: the time {row[0]:g} s must be above that of the line before'
+            )
+        rows.append(row)
+    if len(rows) < 6:
+        raise StageError(f'{origin} needs six rows at least: {remedy}')
+    table = np.array(rows)
+    return table[:, 0], table[:, 1:]
+
+
+def _numbers(line: str) -> list[float]:
+    """The numbers of a row; none where one of them is no finite number."""
     try:
-        rows = np.loadtxt(io.StringIO(body), delimiter=',', ndmin=2)
-    except ValueError as error:
-        raise StageError(f'{origin}: {error}: {remedy}') from None
-    if rows.shape[0] < 6 or rows.shape[1] != 3 or not np.all(np.isfinite(rows)):
-        raise StageError(f'{origin} needs six rows of three finite numbers at least: {remedy}')
-    if np.any(np.diff(rows[:, 0]) <= 0.0):
-        raise StageError(f'{origin}: the time must rise from row to row')
-    return rows[:, 0], rows[:, 1:]
+        found = [float(word) for word in line.split(',')]
+    except ValueError:
+        return []
+    return found if all(map(math.isfinite, found)) else []

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stage_core.errors import StageError
+from stage_core.names import nearest
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ForceAxis, ServoAxis, StepperAxis, TwinFile
 from stage_twin import hooks, layout
@@ -60,7 +61,8 @@ def effect_values(name: str, given: dict[str, float]) -> tuple[Effect, str | Non
     effect = EFFECTS.get(base)
     if effect is None:
         raise StageError(
-            f'effect {name} is unknown: `python -m stage_twin.effects` lists what there is'
+            f'effect {name} is unknown (`python -m stage_twin.effects` lists them): '
+            f'{nearest(base, EFFECTS)}'
         )
     if effect.per_axis and axis is None:
         raise StageError(f'effect {name} belongs to an axis: name it {name}.x or {name}.y')
@@ -69,8 +71,7 @@ def effect_values(name: str, given: dict[str, float]) -> tuple[Effect, str | Non
     values = effect.defaults()
     for key, value in given.items():
         if key not in values:
-            known = ', '.join(values)
-            raise StageError(f'effect {name} has no parameter {key}: it has {known}')
+            raise StageError(f'effect {name} has no parameter {key}: {nearest(key, values)}')
         parameter = effect.parameter(key)
         if not parameter.minimum <= value <= parameter.maximum:
             raise StageError(
