@@ -238,19 +238,6 @@ def test_swarm_stops_early_and_reports_progress():
         pso.minimise(lambda x: np.full(len(x), np.nan), low, high)
 
 
-def test_condition_of_equation_27():
-    # At w = 0.7298 the printed bound is 0.169: it forbids the constriction setting.
-    margin = pso.stability_margin(pso.SwarmOptions(cognitive=0.0, social=0.0))
-    assert abs(margin - 0.169) < 5e-4
-    with pytest.warns(UserWarning, match='may diverge'):
-        pso.minimise(
-            lambda x: x[:, 0],
-            np.zeros(1),
-            np.ones(1),
-            pso.SwarmOptions(iterations=1, inertia=0.9, cognitive=2.0, social=2.0),
-        )
-
-
 def test_training_reports_progress():
     generator = np.random.default_rng(9)
     command = generator.uniform(0, 0.05, (200, 2))
