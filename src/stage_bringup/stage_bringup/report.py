@@ -106,7 +106,7 @@ def _session_page(
     page.figure(
         figures.error_map(result.targets, before, after),
         'Error at the places that no model has seen, both at one scale',
-        'Short arrows in all directions on the right: what is left is noise. Arrows that still '
+        'Short arrows in all directions after: what is left is noise. Arrows that still '
         'point the same way: the model has missed something there.',
     )
     names = [f'{n} {w}' for w in ('before', 'after') for n in ('RMS', 'mean |e|', 'largest', 'σ')]

@@ -89,7 +89,7 @@ def _map(page: Page, session: Session, rests: Places, left: Array | None) -> Non
     )
     if left is not None:
         page.text(
-            'The right picture is an offline prediction. No correction was applied while this was '
+            'The map after is an offline prediction. No correction was applied while this was '
             'recorded, and the model was trained on most of these places. What the correction '
             'achieves is measured at other places, on the page of the session.'
         )

@@ -66,8 +66,8 @@ figcaption{color:var(--muted);font-size:.92rem;max-width:44rem;
 margin-top:.3rem}figcaption b{color:var(--ink)}
 details{margin:1rem 0}
 @media (max-width:40rem){th,td{padding-right:.8rem}caption{max-width:calc(100vw - 2rem)}
-figure.wide .plot.columns{min-width:0;display:block}
-.prose thead{display:none}.prose caption{display:block}
+figure.wide .plot.columns{min-width:0;display:block}}
+@media screen and (max-width:52rem){.prose thead{display:none}.prose caption{display:block}
 .prose,.prose tbody,.prose tr,.prose td{display:block;border:0;padding:0}
 .prose td:empty{display:none}.prose tr{border-bottom:1px solid var(--rule);padding:.5rem 0}
 .prose td:first-child{font-weight:650}

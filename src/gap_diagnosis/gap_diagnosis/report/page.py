@@ -211,7 +211,7 @@ def _where(page: Page, diagnosis: Diagnosis) -> None:
     page.figure(
         figures.heat_map(diagnosis),
         'Gap over the workspace',
-        'Even colour: no dependence on position. The right picture should be dark.',
+        'Even colour: no dependence on position. The map after should be dark.',
     )
 
 
