@@ -8,6 +8,7 @@ the place of an accepted one at no significant cost are its alternatives.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -42,14 +43,21 @@ class Selector:
         self.noise = problem.floor**2
         self.raw = raw if raw is not None else problem.target
         self.gap = max(problem.mean_square(problem.judged) - self.noise, 0.0)
+        #: Per effect that another one was taken before: gain over that one's, the set until then.
+        self.passed: dict[str, tuple[float, list[str]]] = {}
 
-    def select(self) -> Selection:
-        """Run forward selection, pruning and the search for rivals."""
+    def select(self, first: Sequence[str] = ()) -> Selection:
+        """Run forward selection, pruning and the search for rivals.
+
+        `first` are accepted before all others are tried; they too are left out if they can be.
+        """
         accepted = [name for name in self.rules.given if name in self.problem.terms]
         base = self.regression.linear({n: self.problem.terms[n].grid[0] for n in accepted})
         for name in self.rules.kept:
             if name not in accepted:
                 accepted, base = [*accepted, name], self.with_effect(base, name)
+        for name in first:
+            accepted, base = self._grown(accepted, self._trial(base, name, accepted)[1], name)
         rejected: dict[str, Evidence] = {}
         while len(accepted) < self.rules.largest:
             trials = self._trials(base, accepted)
@@ -63,6 +71,8 @@ class Selector:
             if not good:
                 rejected.update({n: e for n, (e, _) in trials.items()})
                 break
+            if not first:
+                self._note_passed(good, accepted)
             while good:
                 name = self._simplest(good, trials)
                 good = [(gain, other) for gain, other in good if other != name]
@@ -71,7 +81,7 @@ class Selector:
                 )
                 # A set in which one effect takes an impossible value explains nothing.
                 if all(self.admissible(joint, n) for n in joint.thetas):
-                    accepted, base = [*accepted, name], joint
+                    accepted, base = self._grown(accepted, joint, name)
                     if name.partition('.')[0] in EXACT:
                         # What they explain is no measure for the errors of other models.
                         rest = joint.mean_square(self.problem) - self.noise
@@ -80,8 +90,6 @@ class Selector:
             else:
                 rejected.update({n: e for n, (e, _) in trials.items()})
                 break
-            accepted, base = self._simplify(accepted, base)
-            base = grow(self, base, accepted[-1:])
         base = grow(self, base, accepted)
         accepted, base = self._merge(accepted, base)
         accepted, base, evidence = self.prune(accepted, base)
@@ -91,6 +99,17 @@ class Selector:
         for name in accepted:
             rejected.pop(name, None)
         return Selection(accepted, base, evidence, rejected)
+
+    def _grown(self, accepted: list[str], fit: Fit, name: str) -> tuple[list[str], Fit]:
+        """The set with one more effect in as rich a shape as data bear, without what it holds."""
+        accepted, fit = self._simplify([*accepted, name], fit)
+        return accepted, grow(self, fit, [name])
+
+    def _note_passed(self, good: list[tuple[float, str]], accepted: list[str]) -> None:
+        most = max(good)[0]
+        for gain, name in good:
+            if gain / most > self.passed.get(name, (0.0, []))[0]:
+                self.passed[name] = gain / most, accepted
 
     def with_given(self, selection: Selection, given: dict[str, Evidence]) -> Selection:
         """A selection on whitened rows, joined with effects that unwhitened rows established.
@@ -129,28 +148,27 @@ class Selector:
     def _trials(self, base: Fit, accepted: list[str]) -> dict[str, tuple[Evidence, Fit]]:
         out = {}
         for name in self.problem.terms:
-            if name in accepted or self._barred(name, accepted):
+            if name in accepted or self.barred(name, accepted):
                 continue
-            out[name] = self._trial(base, name, self._replaced(name, accepted))
+            out[name] = self._trial(base, name, accepted)
         return out
 
-    def _trial(self, base: Fit, name: str, without: tuple[str, ...]) -> tuple[Evidence, Fit]:
+    def _trial(self, base: Fit, name: str, accepted: list[str]) -> tuple[Evidence, Fit]:
         """An effect in its plain shape or, where that shows nothing, a curve in a richer one.
 
         It is the one that predicts best, if the richest of all counts. The shape that has a period
         shows where the periodogram finds it.
         """
-        fit = self.with_effect(base, name, without)
-        evidence = self._evidence(name, base, fit)
         plain = self.problem.terms[name]
+        evidence, fit = self._shaped(base, name, plain, accepted)
         if plain.propose is not None or plain.richer is None or self._counts(evidence, base):
             return evidence, fit
         shapes = [plain]
         while (richer := shapes[-1].richer) is not None:
             shapes.append(richer())
-        found = self._shaped(base, name, shapes[-1], without)
+        found = self._shaped(base, name, shapes[-1], accepted)
         if self._counts(found[0], base):
-            others = [self._shaped(base, name, shape, without) for shape in shapes[1:-1]]
+            others = [self._shaped(base, name, shape, accepted) for shape in shapes[1:-1]]
             best, shape = max(zip([*others, found], shapes[1:], strict=True), key=_gain)
             self.problem.terms[name] = shape
             return best
@@ -158,11 +176,11 @@ class Selector:
         return evidence, fit
 
     def _shaped(
-        self, base: Fit, name: str, shape: Term, without: tuple[str, ...]
+        self, base: Fit, name: str, shape: Term, accepted: list[str]
     ) -> tuple[Evidence, Fit]:
         """An effect in one shape, which it has from now on."""
         self.problem.terms[name] = shape
-        fit = self.with_effect(base, name, without)
+        fit = self.with_effect(base, name, self.replaced(name, accepted))
         return self._evidence(name, base, fit), fit
 
     def _simplest(
@@ -199,18 +217,22 @@ class Selector:
         theta = self.regression.warm_start(base, name)
         return self.regression.refine({**base.thetas, name: theta}, [name], rounds=8)
 
-    @staticmethod
-    def _barred(name: str, accepted: list[str]) -> bool:
+    def barred(self, name: str, accepted: list[str]) -> bool:
         """Whether an accepted effect holds this one as a special case or excludes it."""
         effect, _, axis = name.partition('.')
-        others = [a.partition('.')[0] for a in accepted if a.partition('.')[2] == axis]
-        return any(effect in (*EFFECTS[other].holds, *EFFECTS[other].excludes) for other in others)
+        others = [a for a in accepted if a.partition('.')[2] == axis]
+        return any(
+            effect in (*self._held(other), *EFFECTS[other.partition('.')[0]].excludes)
+            for other in others
+        )
 
-    @staticmethod
-    def _replaced(name: str, accepted: list[str]) -> tuple[str, ...]:
-        """Accepted effects that this one holds as special cases."""
-        effect, _, axis = name.partition('.')
-        held = EFFECTS[effect].holds
+    def _held(self, name: str) -> tuple[str, ...]:
+        """Effects that this one, in its present shape, holds as special cases."""
+        return EFFECTS[name.partition('.')[0]].holds if self.problem.terms[name].holds else ()
+
+    def replaced(self, name: str, accepted: list[str]) -> tuple[str, ...]:
+        """Accepted effects that this one, in its present shape, holds as special cases."""
+        axis, held = name.partition('.')[2], self._held(name)
         return tuple(
             a for a in accepted if a.partition('.')[0] in held and a.partition('.')[2] == axis
         )
@@ -247,7 +269,7 @@ class Selector:
     def _simplify(self, accepted: list[str], base: Fit) -> tuple[list[str], Fit]:
         """Drop plain effects that a later, richer one holds as special cases."""
         for name in list(accepted):
-            held = self._replaced(name, [a for a in accepted if a != name])
+            held = self.replaced(name, [a for a in accepted if a != name])
             if held:
                 accepted = [a for a in accepted if a not in held]
         if len(accepted) < len(base.thetas):
@@ -328,7 +350,7 @@ class Selector:
             less = self.without_effect(fit, name)
             rest = max(less.mean_square(self.problem) - self.noise, 1e-300)
             for rival in self.problem.terms:
-                if rival in accepted or self._barred(rival, [a for a in accepted if a != name]):
+                if rival in accepted or self.barred(rival, [a for a in accepted if a != name]):
                     continue
                 other = self.with_effect(less, rival)
                 if not self.admissible(other, rival):

@@ -24,6 +24,7 @@ from gap_diagnosis.selection.backward import select_backwards
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.innovated import told_by_innovations
 from gap_diagnosis.selection.model import Evidence, Rules, Selection
+from gap_diagnosis.selection.other_ways import select_best
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -152,7 +153,7 @@ def _fit_whole(
     rules = replace(KNOWN_REST_RULES if known_noise else rules, kept=kept)
     calm = problem.whitened()
     selector = Selector(calm, rules, seed)
-    selection = selector.select()
+    selection = select_best(selector)
     if known_noise:
         selection = select_backwards(selector, selection)
     elif rules.given:  # rests too, whose scatter nobody stated
@@ -168,7 +169,7 @@ def _fit_whole(
         # that are nearly the whole gap are no imitation.
         plain = {n: e for n, e in selection.evidence.items() if e.share > 0.96}
         selector = Selector(problem.whitened(rho), rules, seed, calm.target)
-        selection = selector.select()
+        selection = select_best(selector)
         selection = selector.with_given(selection, plain)
         residual = _residual(problem, selection)
         found = _structure(calm, selection, residual, name)

@@ -90,7 +90,8 @@ def term(rows: TrackerRows) -> Term | None:
 def _curved(rows: TrackerRows, highest: int) -> Term:
     """Orders of the yaw up to `highest`, the constant too; θ is the arm.
 
-    The constant alone would be `nonorthogonality` and an offset.
+    The constant alone would be `nonorthogonality` and an offset. Where the other coordinate turns
+    the point as well, no arm makes a scale error of a yaw.
     """
     shapes = _shapes(rows, highest)
     return Term(
@@ -101,6 +102,7 @@ def _curved(rows: TrackerRows, highest: int) -> Term:
         upper=(1.0,),
         admissible=lambda theta, c: float(np.max(np.abs(c))) < 5e-3 and abs(theta[0]) < 0.99,
         richer=partial(_curved, rows, highest + 1) if highest < ORDERS else None,
+        holds=False,
     )
 
 

@@ -36,6 +36,7 @@ class Term:
         range does
     richer : the same effect in the next richer shape, which goes on from the same θ, or from its
         own grid where it has more of them; taken where the data bear it
+    holds : whether this shape holds the effect's special cases
     """
 
     columns: Callable[[Theta], Array]
@@ -53,6 +54,7 @@ class Term:
     phase: bool = False
     steps: Theta = ()
     richer: Callable[[], Term] | None = None
+    holds: bool = True
 
     def share(self, theta: Theta, coefficients: Array) -> Array:
         """What the effect explains of the target (n,): all of it, less what the twin has."""
