@@ -1,0 +1,61 @@
+"""Forward selection by other ways: with an effect that another one was taken before.
+
+A selection that grows by the best single effect may take a rich one for two plain ones: a yaw of
+many orders for a scale error beside a small yaw. So the effects that gained about as much are
+tried in its place, and the set that predicts better, or as well with less, is taken.
+"""
+
+from __future__ import annotations
+
+from gap_diagnosis.residuals.regression import Fit
+from gap_diagnosis.selection.forward import Selector
+from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
+from gap_diagnosis.selection.model import Selection
+
+#: Share of the gain of the effect that was taken from which on another one is tried instead.
+NEARLY = 0.3
+#: Number of those that are tried.
+MOST = 2
+
+
+def select_best(selector: Selector) -> Selection:
+    """The best of the forward selections that take effects of about the same gain first."""
+    plain = dict(selector.problem.terms)
+    gap = selector.gap
+    best = selector.select()
+    for name, before in _overtaken(selector, best.accepted):
+        shapes, selector.gap = dict(selector.problem.terms), gap
+        selector.problem.terms.update(plain)
+        other = selector.select([*before, name])
+        if name in other.accepted and _better(selector, other, best):
+            best = other
+        else:
+            selector.problem.terms.update(shapes)
+    return best
+
+
+def _overtaken(selector: Selector, accepted: list[str]) -> list[tuple[str, list[str]]]:
+    """Effects that gained nearly as much as one that was taken, with the set until then."""
+    found = [
+        (share, name, before)
+        for name, (share, before) in selector.passed.items()
+        if share >= NEARLY and name not in accepted and not selector.barred(name, accepted)
+    ]
+    found = sorted(found, key=lambda entry: (-entry[0], entry[1]))[:MOST]
+    return [(name, before) for _, name, before in found]
+
+
+def _better(selector: Selector, other: Selection, best: Selection) -> bool:
+    """Whether a set predicts better than the best one for certain, or no worse with less."""
+    gains = block_gains(selector.problem, best.fit, other.fit)
+    low, high = bootstrap_interval(gains, selector.seed, level=selector.rules.level)
+    least = max(selector.least(n) for n in other.accepted)
+    if low > 0.0 and float(gains.mean()) > least:
+        return True
+    loses = high < 0.0 and float(-gains.mean()) > least
+    return not loses and size(other.fit) < size(best.fit)
+
+
+def size(fit: Fit) -> int:
+    """Number of free parameters of a set."""
+    return sum(len(fit.thetas[n]) + len(fit.coefficients[n]) for n in fit.thetas)
