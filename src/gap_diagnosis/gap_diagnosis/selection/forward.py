@@ -19,6 +19,7 @@ from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.selection.gains import block_gains, block_rms_gains, bootstrap_interval
 from gap_diagnosis.selection.grow import grow
 from gap_diagnosis.selection.model import Evidence, Rules, Selection
+from gap_diagnosis.selection.simpler import merge, plain
 from stage_twin.effects import EFFECTS, effect_of
 from stage_twin.effects.term import Term
 
@@ -91,10 +92,10 @@ class Selector:
                 rejected.update({n: e for n, (e, _) in trials.items()})
                 break
         base = grow(self, base, accepted)
-        accepted, base = self._merge(accepted, base)
+        accepted, base = merge(self, accepted, base)
         accepted, base, evidence = self.prune(accepted, base)
         if self.rules.prefer_plain:
-            accepted, base, evidence = self.prune(*self._plain(accepted, base))
+            accepted, base, evidence = self.prune(*plain(self, accepted, base))
         self.find_rivals(accepted, base, evidence)
         for name in accepted:
             rejected.pop(name, None)
@@ -277,44 +278,6 @@ class Selector:
                 {n: t for n, t in base.thetas.items() if n in accepted}, accepted
             )
         return accepted, base
-
-    def _merge(self, accepted: list[str], fit: Fit) -> tuple[list[str], Fit]:
-        """Replace two effects by the single one that explains as much as both."""
-        for name in self.problem.terms:
-            effect, _, axis = name.partition('.')
-            pair = [f'{other}.{axis}' for other in EFFECTS[effect].merges]
-            if not pair or any(p not in accepted for p in pair):
-                continue
-            kept = {n: t for n, t in fit.thetas.items() if n not in pair}
-            other = self.regression.refine({**kept, name: ()}, [*kept])
-            now = fit.mean_square(self.problem)
-            limit = max(1.05 * now, now + 1e-3 * self.gap)
-            # With a gain the equation is in units of the force that acts: back to the command's.
-            unit = (1.0 + float(other.coefficients[name][0])) ** 2
-            reached = other.mean_square(self.problem) / max(unit, 0.01)
-            if reached < limit and self.admissible(other, name):
-                return [a for a in accepted if a not in pair] + [name], other
-        return accepted, fit
-
-    def _plain(self, accepted: list[str], fit: Fit) -> tuple[list[str], Fit]:
-        """Replace effects by special cases of theirs that lose nothing significant."""
-        for name in list(accepted):
-            effect, _, axis = name.partition('.')
-            for held in EFFECTS[effect].holds:
-                plain = f'{held}.{axis}'
-                if plain not in self.problem.terms or plain in accepted:
-                    continue
-                less = self.without_effect(fit, name)
-                thetas = self.with_effect(less, plain).thetas
-                other = self.regression.refine(thetas, list(thetas))
-                loss = block_gains(self.problem, other, fit)
-                gain = float(block_gains(self.problem, less, fit).mean())
-                low, _ = bootstrap_interval(loss, self.seed, level=self.rules.level)
-                close = low <= 0.0 or float(loss.mean()) < 0.05 * gain
-                if close and self.admissible(other, plain):
-                    accepted, fit = [plain if a == name else a for a in accepted], other
-                    break
-        return accepted, fit
 
     def without_effect(self, fit: Fit, name: str) -> Fit:
         """The set with one effect less, all others refined."""

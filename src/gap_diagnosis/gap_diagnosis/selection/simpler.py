@@ -1,0 +1,52 @@
+"""Simpler sets that explain as much: one effect for two, a special case for its holder."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gap_diagnosis.residuals.regression import Fit
+from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
+from stage_twin.effects import EFFECTS
+
+if TYPE_CHECKING:
+    from gap_diagnosis.selection.forward import Selector
+
+
+def merge(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str], Fit]:
+    """Replace two effects by the single one that explains as much as both."""
+    for name in selector.problem.terms:
+        effect, _, axis = name.partition('.')
+        pair = [f'{other}.{axis}' for other in EFFECTS[effect].merges]
+        if not pair or any(p not in accepted for p in pair):
+            continue
+        kept = {n: t for n, t in fit.thetas.items() if n not in pair}
+        other = selector.regression.refine({**kept, name: ()}, [*kept])
+        now = fit.mean_square(selector.problem)
+        limit = max(1.05 * now, now + 1e-3 * selector.gap)
+        # With a gain the equation is in units of the force that acts: back to the command's.
+        unit = (1.0 + float(other.coefficients[name][0])) ** 2
+        reached = other.mean_square(selector.problem) / max(unit, 0.01)
+        if reached < limit and selector.admissible(other, name):
+            return [a for a in accepted if a not in pair] + [name], other
+    return accepted, fit
+
+
+def plain(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str], Fit]:
+    """Replace effects by special cases of theirs that lose nothing significant."""
+    for name in list(accepted):
+        effect, _, axis = name.partition('.')
+        for held in EFFECTS[effect].holds:
+            special = f'{held}.{axis}'
+            if special not in selector.problem.terms or special in accepted:
+                continue
+            less = selector.without_effect(fit, name)
+            thetas = selector.with_effect(less, special).thetas
+            other = selector.regression.refine(thetas, list(thetas))
+            loss = block_gains(selector.problem, other, fit)
+            gain = float(block_gains(selector.problem, less, fit).mean())
+            low, _ = bootstrap_interval(loss, selector.seed, level=selector.rules.level)
+            close = low <= 0.0 or float(loss.mean()) < 0.05 * gain
+            if close and selector.admissible(other, special):
+                accepted, fit = [special if a == name else a for a in accepted], other
+                break
+    return accepted, fit
