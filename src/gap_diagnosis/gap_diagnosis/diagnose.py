@@ -15,12 +15,12 @@ from gap_diagnosis.closed_loop.channels import (
     axis_shares,
     gap_channels,
     position_rms,
-    without_cause,
 )
 from gap_diagnosis.closed_loop.misread import misread
 from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.acceptance import Sides, far_from_explained, refuted, shows, shrink_of
+from gap_diagnosis.evidence.acceptance import far_from_explained
+from gap_diagnosis.evidence.causes import cause_of, shown_by_encoder, swing_notes, swings
 from gap_diagnosis.evidence.describe import (
     describe,
     plain_values,
@@ -37,12 +37,11 @@ from gap_diagnosis.residuals.recording import jitter_findings
 from gap_diagnosis.residuals.tracker_jitter import tracker_jitter, tracker_speeds
 from gap_diagnosis.residuals.without_forces import widened
 from gap_diagnosis.result import Diagnosis
-from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import effect_of, link_of, misreads
+from stage_twin.effects import effect_of, link_of
 from stage_twin.packing import pack
 
 if TYPE_CHECKING:
@@ -167,7 +166,9 @@ def _diagnose(
     parameters.update(_allowed(jitter, without))
     progress('closed-loop replay of the nominal and of the corrected twin')
     effects = plain_values(parameters)
-    channels = gap_channels(records, twin, effects, parts)
+    # At a phase that no second run repeats a swing only adds to the gap.
+    told = {n: v for n, v in effects.items() if n not in swings(parts)}
+    channels = gap_channels(records, twin, told, parts)
     return _conclude(
         records,
         before,
@@ -204,18 +205,19 @@ def _conclude(
     progress('leaving out one cause at a time')
     floors = {n: judge.channel_floor(seen, n) for n in channels}
     causes = [
-        _cause(name, effects, scored, twin, parts, channels, parameters, floors, seed)
+        cause_of(name, effects, scored, twin, parts, channels, parameters, floors, seed)
         for name in effects
     ]
     # The largest contribution to the gap first.
     causes.sort(key=lambda c: -(c.gap_before - c.gap_after))
     accepted = [c.effect for c in causes]
     remaining = [p for p in parts if p.structure.structured]
-    shown = any(_shown(p, channels, floors, twin, accepted) for p in remaining)
+    shown = any(shown_by_encoder(p, channels, floors, twin, accepted) for p in remaining)
     floor = judge.noise_floor(seen, channels, effects, tracker_speeds(records))
     # Rests scatter by themselves.
     far = twin.kind != 'stepper' and far_from_explained(before, after, floor, bool(accepted))
-    structured = shown or far or not prepared.laws_known
+    swinging = swings(parts)
+    structured = shown or (far and not swinging) or not prepared.laws_known
     verdict = accepted + ([UNKNOWN] if structured else [])
     progress('where the gap lies')
     found = conditions_of(scored, records, twin, parts, seed)
@@ -248,83 +250,10 @@ def _conclude(
         link=link_of(accepted[0]) if accepted else worst,
         unexplained=float(np.clip(max(after**2 - floor**2, 0.0) / max(before**2, 1e-30), 0, 1)),
         structured=structured,
-        warnings=[*(w for r in records for w in r.warnings), *prepared.notes],
+        warnings=[
+            *(w for r in records for w in r.warnings),
+            *prepared.notes,
+            *swing_notes(swinging),
+        ],
         drives=prepared.laws,
     )
-
-
-def _cause(
-    name: str,
-    effects: dict[str, dict[str, float]],
-    scored: list[Record],
-    twin: TwinFile,
-    parts: list[Part],
-    channels: dict[str, Channel],
-    parameters: dict[str, dict[str, tuple[float, float]]],
-    floors: dict[str, float],
-    seed: int,
-) -> judge.Cause:
-    """Gap without this one cause, gap with all of them, and the interval of the difference."""
-    rest = {n: v for n, v in effects.items() if n != name}
-    showing = [p for p in parts if name in p.selection.accepted]
-    part = showing[0] if showing else None
-    lesser = without_cause(name, rest, scored, twin, showing, channels)
-    sides = {
-        n: Sides(
-            np.concatenate([a**2 for a in lesser[n]]),
-            np.concatenate([a**2 for a in channel.after]),
-            channel.unit,
-            floors[n],
-        )
-        for n, channel in channels.items()
-    }
-    shrink = shrink_of(name, sides, seed)
-    found = part.selection.evidence[name] if part is not None else None
-    return judge.Cause(
-        effect=name,
-        probability=0.0,
-        parameters=parameters[name],
-        gap_before=shrink.before,
-        gap_after=shrink.after,
-        interval=shrink.interval,
-        unit=shrink.unit,
-        refuted=_judged(name, twin, showing)
-        and refuted(name, shrink, parameters[name], twin.effects.get(name)),
-        status='accepted',
-        alternatives=list(found.alternatives) if found is not None else [],
-        strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
-        contains=contained(part, name, seed),
-    )
-
-
-def _shown(
-    part: Part,
-    channels: dict[str, Channel],
-    floors: dict[str, float],
-    twin: TwinFile,
-    accepted: Sequence[str],
-) -> bool:
-    """Whether the encoder shows what a force balance leaves; a tracker's residual shows itself.
-
-    The balance differentiates what the encoder reads. Where the tracker shows that it misreads,
-    the twin's run tells what is left beside that, as a share of the squared gap.
-    """
-    axis = part.name[-1]
-    encoder = channels.get(f'encoder.{axis}')
-    if not part.name.startswith('servo') or encoder is None or twin.kind != 'servo':
-        return True
-    floor = floors[encoder.name]
-    if any(misreads(n) for n in accepted if split_effect(n)[1] == axis):
-        left = encoder.rms('after') ** 2 - floor**2
-        return left > judge.SERVO_STRUCTURE * encoder.rms('before') ** 2
-    return shows(encoder.rms('after'), floor)
-
-
-def _judged(name: str, twin: TwinFile, parts: list[Part]) -> bool:
-    """Whether the twin's own run can refute an effect.
-
-    Not what is read from the record itself, nor what was taken out of the points exactly; the
-    rests of a stepper are judged by the selection.
-    """
-    exact = any(name in p.problem.before for p in parts)
-    return bool(parts) and twin.kind != 'stepper' and not exact

@@ -101,6 +101,11 @@ def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
     return taken_up if taken_up.matters else seen
 
 
+def shrink_in_balance(without: Array, with_it: Array, floor: float, seed: int) -> Shrink:
+    """What an effect does to the force balance: squared residuals (n,) [N^2] of its rows."""
+    return _shrink([Sides(without, with_it, 'N', floor)], LEAST_SHRINK, (), seed)
+
+
 def _shrink(counted: Sequence[Sides], least: float, worse: tuple[str, ...], seed: int) -> Shrink:
     before, after, floor = (
         float(np.sqrt(np.mean(squares)))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.polish import Parameters, polish
 from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.swing import LEAST_SHARE, swings_as_much
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.evidence.judgement import Structure
@@ -63,6 +64,7 @@ class Part:
     structure: judge.Structure
     rows: ForceRows | Kinematics | None = None  # what the problem was made of
     unconfirmed: tuple[str, ...] = ()  # what the residual shows and no run of the twin can
+    swinging: tuple[str, ...] = ()  # accepted by the amount of the swing, not by its phase
 
 
 def fit_part(
@@ -247,16 +249,33 @@ def fit_servo(
             own = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
             found = polish(records, twin, axis, found, own)
             contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
+        swinging = tuple(n for n in accepted if effect_of(n).swings)
+        if contradicted and _confirmed(part, swinging, {**found, **direct}, records, twin):
+            return replace(part, unconfirmed=unconfirmed, swinging=swinging)
         if not contradicted:
             selection = told_by_innovations(part.selector, part.selection, rows)
             residual = selection.fit.residual
             return replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)
         # Beside a loop that swings at another phase nothing else can be judged.
-        swinging = tuple(n for n in accepted if effect_of(n).swings)
         if len(contradicted) > 1 and swinging:
             contradicted = list(swinging)
         unconfirmed += tuple(n for n in contradicted if n in swinging)
         barred += contradicted
+
+
+def _confirmed(
+    part: Part,
+    swinging: Sequence[str],
+    found: Parameters,
+    records: list[Record],
+    twin: TwinFile,
+) -> bool:
+    """Whether effects that make the loop swing are most of the remainder, and swing as much."""
+    return bool(swinging) and all(
+        part.selection.evidence[name].share > LEAST_SHARE
+        and swings_as_much(name, plain_values(found), records, twin)
+        for name in swinging
+    )
 
 
 def _contradicted(

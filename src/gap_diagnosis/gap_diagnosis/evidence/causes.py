@@ -1,0 +1,126 @@
+"""One accepted effect: what the gap is without it, and whether the twin as it is run shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gap_diagnosis.closed_loop.channels import Channel, without_cause
+from gap_diagnosis.evidence import judgement as judge
+from gap_diagnosis.evidence.acceptance import (
+    Shrink,
+    Sides,
+    refuted,
+    shows,
+    shrink_in_balance,
+    shrink_of,
+)
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.selection.contained import contained
+from gap_diagnosis.selection.parts import Part
+from stage_core.quantities import split_effect
+from stage_core.twin_file import TwinFile
+from stage_twin.effects import misreads
+
+
+def cause_of(
+    name: str,
+    effects: dict[str, dict[str, float]],
+    scored: list[Record],
+    twin: TwinFile,
+    parts: list[Part],
+    channels: dict[str, Channel],
+    parameters: dict[str, dict[str, tuple[float, float]]],
+    floors: dict[str, float],
+    seed: int,
+) -> judge.Cause:
+    """Gap without this one cause, gap with all of them, and the interval of the difference."""
+    showing = [p for p in parts if name in p.selection.accepted]
+    part = showing[0] if showing else None
+    if part is not None and name in part.swinging:
+        shrink = _in_balance(name, part, seed)
+    else:
+        told = {n: v for n, v in effects.items() if n not in (name, *swings(parts))}
+        lesser = without_cause(name, told, scored, twin, showing, channels)
+        sides = {
+            n: Sides(
+                np.concatenate([a**2 for a in lesser[n]]),
+                np.concatenate([a**2 for a in channel.after]),
+                channel.unit,
+                floors[n],
+            )
+            for n, channel in channels.items()
+        }
+        shrink = shrink_of(name, sides, seed)
+    found = part.selection.evidence[name] if part is not None else None
+    return judge.Cause(
+        effect=name,
+        probability=0.0,
+        parameters=parameters[name],
+        gap_before=shrink.before,
+        gap_after=shrink.after,
+        interval=shrink.interval,
+        unit=shrink.unit,
+        refuted=_judged(name, twin, showing)
+        and refuted(name, shrink, parameters[name], twin.effects.get(name)),
+        status='accepted',
+        alternatives=list(found.alternatives) if found is not None else [],
+        strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
+        contains=contained(part, name, seed),
+    )
+
+
+def swings(parts: Sequence[Part]) -> tuple[str, ...]:
+    """Accepted effects that make the loop swing at a phase of its own."""
+    return tuple(n for p in parts for n in p.swinging)
+
+
+def swing_notes(swinging: Sequence[str]) -> list[str]:
+    """What a reader has to know of these effects."""
+    return [
+        f'{name} makes the loop swing at a phase that no second run repeats: it closes no gap of '
+        'the positions, and is judged by the force balance and by how far the loop swings'
+        for name in swinging
+    ]
+
+
+def _in_balance(name: str, part: Part, seed: int) -> Shrink:
+    """How far an effect shrinks the residual of the force balance."""
+    less = part.selector.without_effect(part.selection.fit, name)
+    rows = part.selector.problem.judged
+    without, with_it = (f.crossed[rows] ** 2 for f in (less, part.selection.fit))
+    return shrink_in_balance(without, with_it, part.selector.problem.floor, seed)
+
+
+def shown_by_encoder(
+    part: Part,
+    channels: dict[str, Channel],
+    floors: dict[str, float],
+    twin: TwinFile,
+    accepted: Sequence[str],
+) -> bool:
+    """Whether the encoder shows what a force balance leaves; a tracker's residual shows itself.
+
+    The balance differentiates what the encoder reads. Where the tracker shows that it misreads,
+    the twin's run tells what is left beside that, as a share of the squared gap.
+    """
+    axis = part.name[-1]
+    encoder = channels.get(f'encoder.{axis}')
+    if not part.name.startswith('servo') or encoder is None or twin.kind != 'servo':
+        return True
+    floor = floors[encoder.name]
+    if any(misreads(n) for n in accepted if split_effect(n)[1] == axis):
+        left = encoder.rms('after') ** 2 - floor**2
+        return left > judge.SERVO_STRUCTURE * encoder.rms('before') ** 2
+    return shows(encoder.rms('after'), floor)
+
+
+def _judged(name: str, twin: TwinFile, parts: list[Part]) -> bool:
+    """Whether the twin's own run can refute an effect.
+
+    Not what is read from the record itself, nor what was taken out of the points exactly; the
+    rests of a stepper are judged by the selection.
+    """
+    exact = any(name in p.problem.before for p in parts)
+    return bool(parts) and twin.kind != 'stepper' and not exact
