@@ -251,7 +251,9 @@ def fit_servo(
             contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
         swinging = tuple(n for n in accepted if effect_of(n).swings)
         if contradicted and _confirmed(part, swinging, {**found, **direct}, records, twin):
-            return replace(part, unconfirmed=unconfirmed, swinging=swinging)
+            # The moments of the impacts are blurred by the encoder's steps.
+            explained = replace(part.structure, structured=False)
+            return replace(part, structure=explained, unconfirmed=unconfirmed, swinging=swinging)
         if not contradicted:
             selection = told_by_innovations(part.selector, part.selection, rows)
             residual = selection.fit.residual

@@ -1,0 +1,36 @@
+"""A loop that swings by a play before the encoder, at a phase that no second run repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from gap_diagnosis.closed_loop.swing import swings_as_much
+from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.input.data import load_record
+from stage_core.session import Session
+from tests.gap_diagnosis.conftest import nominal
+
+Maker = Callable[..., Session]
+PLAY = {'width': 40e-6, 'mass_ratio': 0.3, 'contact_damping': 0.35}
+
+
+def test_another_run_swings_as_much_and_half_a_play_does_not(planted: Maker) -> None:
+    twin = nominal()
+    record = load_record(planted({'drive_play.x': PLAY}), twin)
+    for factor, wanted in ((1.02, True), (0.3, False), (4.0, False)):
+        found = {'drive_play.x': {**PLAY, 'width': factor * PLAY['width']}}
+        assert swings_as_much('drive_play.x', found, [record], twin) is wanted
+
+
+def test_a_swing_is_named_by_the_force_balance(planted: Maker) -> None:
+    found = diagnose([planted({'drive_play.x': PLAY})], [], nominal())
+    assert found.verdict == ['drive_play.x']
+    cause = next(c for c in found.causes if c.effect == 'drive_play.x')
+    assert cause.unit == 'N'
+    assert cause.gap_after < 0.3 * cause.gap_before
+    assert found.after == found.before
+    assert any('swing at a phase' in note for note in found.warnings)
+    # The product of width and mass is what shows.
+    values = {name: value for name, (value, _) in found.parameters['drive_play.x'].items()}
+    product = values['width'] * values['mass_ratio']
+    assert abs(product / (PLAY['width'] * PLAY['mass_ratio']) - 1.0) < 0.2
