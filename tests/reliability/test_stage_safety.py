@@ -310,8 +310,7 @@ def test_tracker_stall_flood_and_order(stage: tuple[Nodes, Watch], ready: Watch)
         watch.wait(lambda: len([r for r in last(rows, 500) if r[0] > newest]) > by, what)
 
     def memory() -> float:
-        stage_nodes = stage[0].processes['tracker_bridge']
-        with open(f'/proc/{stage_nodes.pid}/statm') as stream:
+        with open(f'/proc/{stage[0].pid("tracker_bridge")}/statm') as stream:
             return int(stream.read().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 2**20
 
     # An attempt that failed before this one has left its fault.

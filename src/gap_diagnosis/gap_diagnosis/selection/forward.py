@@ -48,7 +48,7 @@ class Selector:
         self.passed: dict[str, tuple[float, list[str]]] = {}
 
     def select(self, first: Sequence[str] = ()) -> Selection:
-        """Run forward selection, pruning and the search for rivals.
+        """Run forward selection and pruning; rivals are left to `find_rivals`.
 
         `first` are accepted before all others are tried; they too are left out if they can be.
         """
@@ -96,7 +96,6 @@ class Selector:
         accepted, base, evidence = self.prune(accepted, base)
         if self.rules.prefer_plain:
             accepted, base, evidence = self.prune(*plain(self, accepted, base))
-        self.find_rivals(accepted, base, evidence)
         for name in accepted:
             rejected.pop(name, None)
         return Selection(accepted, base, evidence, rejected)

@@ -20,26 +20,35 @@ MOST = 2
 
 def select_best(selector: Selector) -> Selection:
     """The best of the forward selections that take effects of about the same gain first."""
-    plain = dict(selector.problem.terms)
-    gap = selector.gap
+    terms = selector.problem.terms
+    plain, whole = dict(terms), selector.gap
     best = selector.select()
     for name, before in _overtaken(selector, best.accepted):
-        shapes, selector.gap = dict(selector.problem.terms), gap
-        selector.problem.terms.update(plain)
+        shapes, gap = dict(terms), selector.gap
+        terms.update(plain)
+        selector.gap = whole
         other = selector.select([*before, name])
         if name in other.accepted and _better(selector, other, best):
             best = other
         else:
-            selector.problem.terms.update(shapes)
+            terms.update(shapes)
+            selector.gap = gap
+    selector.find_rivals(best.accepted, best.fit, best.evidence)
     return best
 
 
 def _overtaken(selector: Selector, accepted: list[str]) -> list[tuple[str, list[str]]]:
-    """Effects that gained nearly as much as one that was taken, with the set until then."""
+    """Effects that gained nearly as much as one that was taken, with the set until then.
+
+    Those that hold an accepted one, or are held by one, were compared with it already.
+    """
     found = [
         (share, name, before)
         for name, (share, before) in selector.passed.items()
-        if share >= NEARLY and name not in accepted and not selector.barred(name, accepted)
+        if share >= NEARLY
+        and name not in accepted
+        and not selector.barred(name, accepted)
+        and not selector.replaced(name, accepted)
     ]
     found = sorted(found, key=lambda entry: (-entry[0], entry[1]))[:MOST]
     return [(name, before) for _, name, before in found]
