@@ -42,8 +42,7 @@ DRIVER = 'stage_driver'
 FIRST_MESSAGE_TIMEOUT = 10.0
 
 #: Real time: a controller that is behind leaves out what is older, as a set-point for it would
-#: look like a following error: 5 ms are 1.5 mm at the fastest of the shipped stages, whose driver
-#: permits 2 mm.
+#: look like a following error. 5 ms are 1 mm at the default speed limit; 2 mm are a fault.
 FRESH_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 
 

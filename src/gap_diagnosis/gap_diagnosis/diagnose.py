@@ -188,6 +188,14 @@ def _allowed(
     return {n: v for n, v in found.items() if not set(without) & {n, split_effect(n)[0]}}
 
 
+def _far(twin: TwinFile, channels: dict[str, Channel], floor: float, named: bool) -> bool:
+    """Whether the positions are left far from explained; rests scatter by themselves."""
+    if not channels or twin.kind == 'stepper':
+        return False
+    before, after = position_rms(channels, 'before'), position_rms(channels, 'after')
+    return far_from_explained(before, after, floor, named)
+
+
 def _conclude(
     records: list[Record],
     prepared: Prepared,
@@ -213,11 +221,14 @@ def _conclude(
     accepted = [c.effect for c in causes]
     remaining = [p for p in parts if p.structure.structured]
     shown = any(shown_by_encoder(p, channels, floors, twin, accepted) for p in remaining)
-    floor = judge.noise_floor(seen, channels, effects, tracker_speeds(records))
-    # Rests scatter by themselves.
-    far = twin.kind != 'stepper' and far_from_explained(before, after, floor, bool(accepted))
+    speeds = tracker_speeds(records)
+    floor = judge.noise_floor(seen, channels, effects, speeds)
     swinging = swings(parts)
-    structured = shown or (far and not swinging) or not prepared.laws_known
+    # The gap of an axis that swings at a phase of its own stays.
+    calm = {n: c for n, c in channels.items() if n[-1] not in {s[-1] for s in swinging}}
+    calm_floor = judge.noise_floor(seen, calm, effects, speeds) if calm else 0.0
+    far = _far(twin, calm, calm_floor, bool(accepted))
+    structured = shown or far or not prepared.laws_known
     verdict = accepted + ([UNKNOWN] if structured else [])
     progress('where the gap lies')
     found = conditions_of(scored, records, twin, parts, seed)

@@ -18,8 +18,8 @@ from stage_core.twin_file import TwinFile
 
 Effects = Mapping[str, Mapping[str, float]]
 
-#: Factor by which the two may differ. With a play of true width and mass the twin swings by 0.82
-#: to 0.96 times as much as the record, with one that imitates frictions 0.51 (three sessions).
+#: Factor by which the two may differ. With a play that is right the twin swings 0.82 and 0.96
+#: times as much as the record, with one that imitates frictions 0.51 times (three sessions).
 AS_MUCH = 1.5
 #: Least share of the force balance's remainder that the effect explains: 0.93 and 0.95 where it
 #: is right, 0.25 where it imitates frictions (the same sessions).
