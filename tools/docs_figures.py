@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from stage_bringup.table import heldout_rows
-from stage_core.wording import effect_words, with_std
+from stage_core.wording import effect_words, parameter_name, with_std
 
 ROOT = Path(__file__).resolve().parents[1]
 #: What `ros_ws/config/twin_reality.yaml` has, by effect and parameter.
@@ -79,7 +79,7 @@ def example(folder: Path) -> str:
             for name, found in cause['parameters'].items():
                 value = with_std(found['value'], found['std'], found['unit'])
                 planted = PLANTED.get((effect, name), 'not planted')
-                words = name.replace('_', ' ')
+                words = parameter_name(name)
                 lines.append(f'| {effect_words(effect)} | {words} | {planted} | {value} |')
     return '\n'.join(lines)
 

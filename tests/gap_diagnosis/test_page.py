@@ -107,7 +107,7 @@ def test_a_motion_that_decides_nothing_is_not_proposed() -> None:
     )  # fmt: skip
     page = Page('next')
     section(page, found)  # type: ignore[arg-type]
-    assert 'the amplitude 2 of cyclic pitch error of y' in page.render()
+    assert 'the amplitude of harmonic 2 in cyclic pitch error of y' in page.render()
     assert 'experiment.csv' not in page.render()
     found.experiment.expected = 0.6
     section(page, found)  # type: ignore[arg-type]

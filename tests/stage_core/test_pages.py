@@ -78,7 +78,8 @@ def test_page_and_picture_follow_the_same_theme(tmp_path: Path, dark: bool) -> N
 MOUSE = """<script>addEventListener('load', () => {
 const canvas = document.querySelector('canvas'), [panel] = JSON.parse(
   document.querySelector('script.curves').textContent);
-const box = canvas.getBoundingClientRect(), [left, top, width] = panel.box;
+const phone = matchMedia('(max-width:40rem)').matches;
+const box = canvas.getBoundingClientRect(), [left, top, width] = panel.places[Number(phone)].box;
 const mouse = (kind, share) => canvas.dispatchEvent(new PointerEvent(kind, {
   clientX: box.left + box.width * (left + width * share),
   clientY: box.top + box.height * (top + 0.1), pointerType: 'mouse', bubbles: true}));
@@ -94,7 +95,8 @@ document.title = JSON.stringify(found);
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
-def test_a_reader_reads_values_off_curves_and_zooms(tmp_path: Path) -> None:
+@pytest.mark.parametrize('width', [1200, 500])
+def test_a_reader_reads_values_off_curves_and_zooms(tmp_path: Path, width: int) -> None:
     seconds = [0.0, 20.0, 30.0, 50.0, 100.0]
     figure = figures.time_series(seconds, {'a</script>': [1.0, 2.0, 3.0, 5.0, -9.0]}, 'µm')
     page = Page('curves').figure(figure, 'a picture', curves=True)
@@ -104,6 +106,7 @@ def test_a_reader_reads_values_off_curves_and_zooms(tmp_path: Path) -> None:
     done = subprocess.run(
         [
             str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu', '--dump-dom',
+            f'--window-size={width},900',
             f'--user-data-dir={tmp_path / "profile"}', place.as_uri(),
         ],
         check=True, timeout=120, capture_output=True, text=True,
@@ -127,24 +130,55 @@ def test_neighbouring_pictures_share_a_row() -> None:
     assert len(images) == 3
 
 
-def viewed(html: str) -> list[tuple[float, float]]:
-    """Left edge and width of each picture of a page, in its figure."""
-    images = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', html)
+def sizes(html: str) -> list[tuple[float, float]]:
+    """Width and height [pt] of the pictures of a page: for a phone first, where there is one."""
+    images = re.findall(r'"data:image/svg\+xml;base64,([^"]+)"', html)
     texts = [base64.b64decode(image).decode() for image in images]
-    boxes = [re.search(r'viewBox="(\S+) 0 (\S+) ', text) for text in texts]
-    return [(float(box[1]), float(box[2])) for box in boxes if box is not None]
+    found = [re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"', text) for text in texts]
+    return [(float(size[1]), float(size[2])) for size in found if size is not None]
 
 
-def test_maps_side_by_side_can_be_stacked_on_a_phone() -> None:
+def test_the_panels_of_a_wide_picture_stand_in_one_column_on_a_phone() -> None:
     places, errors = [[0.0, 0.0], [0.02, 0.01]], [[1e-6, 0.0], [0.0, 2e-6]]
     both = figures.error_map(places, errors, errors)
-    html = Page('maps').figure(both, 'two maps').render()
-    (left, first), (cut, second) = viewed(html)
-    assert left == 0.0 and cut == first
-    assert abs(first + second - 72.0 * both.get_figwidth()) < 0.1 and abs(first / second - 1) < 0.1
-    assert 'class="plot columns"' in html
-    # Curves that a reader can point at stay one picture.
-    assert len(viewed(Page('curves').figure(both, 'two maps', curves=True).render())) == 1
+    (width, height), wide = sizes(Page('maps').figure(both, 'two maps').render())
+    assert width == pytest.approx(72.0 * theme.NARROW)
+    assert height == pytest.approx(2.0 * wide[1], abs=0.1)
+    # The figure itself is as before: its PNG is the wide one.
+    assert wide == pytest.approx(72.0 * both.get_size_inches(), abs=0.1)
+    left, right = (axes.get_position() for axes in both.axes)
+    assert left.y0 == pytest.approx(right.y0) and left.x1 < right.x0
+    assert (
+        len(sizes(Page('one').figure(figures.histogram({'a': [0.0, 1.0]}), 'one').render())) == 1
+    )
+
+
+#: Says of a page in a frame as wide as a phone what is wider than its place.
+PHONE = """<iframe width="390" height="900"></iframe><script>
+const frame = document.querySelector('iframe');
+frame.onload = () => {
+  const inside = [...frame.contentDocument.querySelectorAll('html,.scroll,.plot')];
+  document.title = JSON.stringify(inside.map(e => e.scrollWidth - e.clientWidth));
+};
+frame.srcdoc = PAGE;</script>"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
+def test_nothing_scrolls_sideways_on_a_phone(tmp_path: Path) -> None:
+    page = Page('phone').figure(figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm'), 'wide')
+    columns = ['run', 'contour RMS (µm)', 'contour largest (µm)', 'encoder: RMS of x (µm)']
+    page.table([*columns, 'encoder: RMS of y (µm)'], [['1', '3.77', '30.6', '3.74', '3.87']])
+    text = json.dumps(page.render()).replace('</', '<\\/')
+    place = tmp_path / 'frame.html'
+    place.write_text(PHONE.replace('PAGE', text), encoding='utf-8')
+    done = subprocess.run(
+        [
+            str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu', '--dump-dom',
+            f'--user-data-dir={tmp_path / "profile"}', place.as_uri(),
+        ],
+        check=True, timeout=120, capture_output=True, text=True,
+    )  # fmt: skip
+    assert json.loads(done.stdout.split('title>')[1].removesuffix('</')) == [0, 0, 0]
 
 
 def test_a_row_of_sentences_becomes_a_list_on_a_phone() -> None:

@@ -106,24 +106,20 @@ def _session_page(
     page.figure(
         figures.error_map(result.targets, before, after),
         'Error at the places that no model has seen, both at one scale',
-        'Short arrows in all directions after: what is left is noise. Arrows that still '
-        'point the same way: the model has missed something there.',
+        'Short arrows in all directions are noise. Where neighbours still point the same way '
+        'after the correction, the model has missed something.',
     )
-    names = [f'{n} {w}' for w in ('before', 'after') for n in ('RMS', 'mean |e|', 'largest', 'σ')]
     page.table(
-        ['error (µm)', *names],
+        ['error (µm)', 'RMS', 'mean |e|', 'largest', 'σ'],
         [
             [
-                row.name,
-                *(
-                    f'{value / MICROMETRE:.2f}'
-                    for f in (row.before, row.after)
-                    for value in (f.rms, f.mae, f.maximum, f.sigma)
-                ),
+                f'{row.name.removeprefix("held-out ")}, {when}',
+                *(f'{v / MICROMETRE:.2f}' for v in (f.rms, f.mae, f.maximum, f.sigma)),
             ]
             for row in result.rows
+            for when, f in (('before', row.before), ('after', row.after))
         ],
-        'by the tracker, with the tracker noise in it (k = 1)',
+        'by the tracker, with its noise in it (k = 1)',
     )
     return page
 

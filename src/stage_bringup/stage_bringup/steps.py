@@ -268,8 +268,8 @@ def _retrain_offline(session: Session) -> None:
         for side in (np.ones_like(points), -np.ones_like(points))
     )
     session.result.lines.append(
-        f'offline retraining: largest difference to the online model '
-        f'{difference / MICROMETRE:.6f} µm'
+        f'offline retraining: predictions differ from those of the online model by at most '
+        f'{difference / MICROMETRE:.3f} µm'
     )
     session.result.data['offline_difference'] = difference
 

@@ -84,8 +84,8 @@ def _map(page: Page, session: Session, rests: Places, left: Array | None) -> Non
     page.figure(
         figures.error_map(rests.wanted, rests.errors, left),
         'Errors at the rests' if left is None else title,
-        'Arrows that turn about a point: axes not square, or a tracker frame that is turned. '
-        'Arrows that flip between neighbours: play or screw pitch.',
+        'Arrows that turn about a point show axes that are not square, or a tracker frame that '
+        'is turned. Arrows that flip between neighbours show play or the pitch of the screw.',
     )
     if left is not None:
         page.text(
@@ -103,13 +103,15 @@ def _over_axes(page: Page, session: Session, rests: Places, left: Array | None) 
         page.figure(
             figures.error_over_axis(rests.wanted[:, column], error, toward, axis),
             f'Error of {axis} by the direction of approach',
-            f'Two branches a constant apart: play as it is at rest, here {_gap(error, toward)}. '
-            'A servo that overshoots takes play up before it rests. A slope: scale.',
+            f'Two branches a constant apart show play as it is at rest, here '
+            f'{_gap(error, toward)}. A servo that overshoots takes play up before it rests. A '
+            'slope shows an error of scale.',
         )
     page.figure(
         figures.histogram({axis: errors[:, k] for k, axis in enumerate(session.axes)}),
         'How often which error occurs',
-        'One heap about zero: noise. Two heaps: a reversal error. A heap off zero: an offset.',
+        'One heap about zero is noise. Two heaps show an error that depends on the direction. A '
+        'heap beside zero shows an offset.',
     )
     page.table(
         AXIS_TABLE, axis_rows(errors, session.axes), 'measured minus wanted, before correction'

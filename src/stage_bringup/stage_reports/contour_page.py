@@ -15,6 +15,7 @@ from stage_reports.figures.contours import Run as Curve
 from stage_reports.hysteresis_section import hysteresis_section
 from stage_reports.sections import (
     circular_section,
+    circular_test,
     condition_entries,
     recorded_section,
     temperature_section,
@@ -33,6 +34,8 @@ def contour_page(
     rms = [error_figures(run.contour).rms for run in found]
     best = int(np.argmin(rms))
     parts = [error_figures(p).rms for p in np.array_split(found[best].contour, STRETCHES)]
+    encoder = {item.sensor: item for item in tracking_errors(session)}
+    seen = [encoder[s] for s in ('encoder', 'tracker') if s in encoder]
     page = Page('Following a contour')
     first = f', {measure(rms[0])} in the first' if best else ''
     page.headline(
@@ -40,10 +43,10 @@ def contour_page(
         'along the path)',
         f'RMS contour error in run {best + 1} of {len(found)}{first}: the distance of the encoder '
         f'from the wanted path. In brackets: the RMS of the calmest and of the worst of '
-        f'{STRETCHES} equal stretches. Approach and pauses are left out.',
+        f'{STRETCHES} equal stretches. Approach and pauses are left out.'
+        f'{_table_says(found, seen)}',
         'from the contour, RMS of the best run',
     )
-    encoder = {item.sensor: item for item in tracking_errors(session)}
     page.conditions(
         [
             *condition_entries(session, entries),
@@ -51,7 +54,6 @@ def contour_page(
         ]
     )
     _learning(page, found, rms)
-    seen = [encoder[s] for s in ('encoder', 'tracker') if s in encoder]
     _over_path(page, found, best, seen)
     _standard(page, found, seen)
     _table(page, found, encoder.get('encoder'))
@@ -61,6 +63,19 @@ def contour_page(
     return page
 
 
+def _table_says(found: list[Run], seen: list[Tracking]) -> str:
+    """What the tracker makes of the last run, where it is a circle: the encoder sees no table."""
+    if not seen or seen[-1].sensor != 'tracker' or _circle(found[-1], seen[-1]) is None:
+        return ''
+    test = circular_test(seen[-1].take(found[-1].within(seen[-1].seconds)))
+    if test is None:
+        return ''
+    return (
+        ' The encoder does not see play, pitch and squareness. The tracker sees the table: by it '
+        f'the circular deviation G of the last run is {measure(test[0].G)} (ISO 230-4).'
+    )
+
+
 def _learning(page: Page, found: list[Run], rms: list[float]) -> None:
     largest = [error_figures(run.contour).maximum for run in found]
     page.heading('Better from run to run')
@@ -68,13 +83,14 @@ def _learning(page: Page, found: list[Run], rms: list[float]) -> None:
         page.figure(
             figures.convergence({'RMS': rms, 'largest': largest}),
             'Contour error over the runs',
-            'A straight fall, then a floor: the rest does not repeat. A rise: learning too fast.',
+            'The curves fall until only what does not repeat is left. A rise shows that the '
+            'learning is too fast.',
         )
     ends = [found[0], found[-1]] if len(found) > 1 else found
     page.figure(
         figures.histogram({f'run {run.number}': run.contour for run in ends}, rare=True),
         'How often which contour error occurs',
-        'A narrow heap with far tails: short events, as reversals, make the largest errors.',
+        'In a narrow heap with far tails, short events such as reversals make the largest errors.',
     )
 
 
@@ -112,8 +128,8 @@ def _over_path(page: Page, found: list[Run], best: int, seen: list[Tracking]) ->
     page.figure(
         figures.error_over_path(curves, label),
         'Contour error over the path, first and best run',
-        'On a circle an axis reverses at 0°, 90°, 180° and 270°: spikes there are friction or '
-        'play. A wave between them: screw pitch or force ripple.',
+        'On a circle an axis reverses at 0°, 90°, 180° and 270°. Spikes there come from friction '
+        'or play, a wave between them from the pitch of the screw or a ripple of the force.',
         curves=True,
     )
     if circle is not None:
@@ -122,7 +138,8 @@ def _over_path(page: Page, found: list[Run], best: int, seen: list[Tracking]) ->
                 [(name, np.radians(place), error) for name, place, error in curves], circle[1]
             ),
             'The same on the circle, magnified',
-            'An ellipse: unequal gains of the axes, or axes that are not square.',
+            'Spikes stand where an axis reverses. An ellipse shows unequal gains of the axes, or '
+            'axes that are not square.',
         )
 
 

@@ -22,10 +22,10 @@ def hysteresis_section(page: Page, session: Session, run: Run, seen: list[Tracki
     page.figure(
         figures.hysteresis_loops(loops),
         f'What each axis does forwards and backwards, run {run.number}',
-        'Table minus motor: branches that stay apart up to both ends are play, by its width. A '
-        'gap in the middle that closes at the ends comes from axes that are not square, a wave '
-        'alike in both directions from the screw. Force: branches apart by twice the friction; '
-        'their tilt is the mass.',
+        'Table minus motor: branches that stay apart up to both ends show play, by its width. A '
+        'gap in the middle that closes at the ends comes from axes that are not square, and a '
+        'wave alike in both directions from the screw. Force: the branches lie apart by twice '
+        'the friction, and their tilt is the mass.',
     )
 
 

@@ -67,14 +67,16 @@ def _tracking(page: Page, session: Session, tracking: Tracking) -> None:
     page.figure(
         figures.time_series(tracking.seconds, named, 'error (µm)'),
         f'Tracking error over time, {tracking.sensor}',
-        'An error that grows with speed: lag of the loop. Jumps at rest: reversal errors.',
+        'An error that grows with the speed is the lag of the loop. Jumps at rest are errors of '
+        'reversal.',
     )
     period = float(np.median(np.diff(tracking.seconds)))
     if period > 0.0:
         page.figure(
             figures.spectrum(named, 1.0 / period, 'µm'),
             f'Spectrum of the tracking error, {tracking.sensor}',
-            'A line: a resonance, or the screw at constant speed. A flat floor: noise.',
+            'A line comes from a resonance, or from the screw at constant speed. A flat floor is '
+            'noise.',
         )
     if len(axes) == 2:
         page.figure(

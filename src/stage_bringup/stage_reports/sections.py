@@ -15,10 +15,12 @@ from stage_core.session import Session
 from stage_core.wording import measure, span
 from stage_reports import figures
 from stage_reports.extract import circular_paths, positioning_runs
-from stage_reports.iso230 import circular, positioning
-from stage_reports.tracking import Tracking
+from stage_reports.iso230 import Circular, circular, positioning
+from stage_reports.tracking import Array, Tracking
 from stage_reports.uncertainty import positioning_uncertainty
 
+#: Both directions of a circle; the second may not have been run.
+Paths = tuple[Array, Array | None]
 #: Stamps before this (s since 1970, September 2001) count from another zero: simulated time.
 FIRST_DATE = 1_000_000_000
 #: The figures of ISO 230-2 that a page shows, with their names in the standard.
@@ -74,8 +76,8 @@ def positioning_section(page: Page, session: Session, tracking: Tracking) -> boo
         page.figure(
             figures.positioning_plot(result, f'axis {axis}'),
             f'Deviations of axis {axis} at {len(test.targets)} targets',
-            'The two bands apart: play (B). Wide bands: poor repeatability (R). A slope: scale. '
-            'A wave: the screw.',
+            'Bands that lie apart show play (B), wide bands poor repeatability (R). A slope is an '
+            'error of scale, a wave comes from the screw.',
         )
         uncertain = positioning_uncertainty(test)
         for name, said in values.items():
@@ -100,19 +102,27 @@ def positioning_section(page: Page, session: Session, tracking: Tracking) -> boo
     return True
 
 
-def circular_section(page: Page, tracking: Tracking) -> bool:
-    """Evaluate a circle by ISO 230-4; whether there was one."""
+def circular_test(tracking: Tracking) -> tuple[Circular, Paths, str] | None:
+    """A circle by ISO 230-4, its paths (n, 2) [m] and the way of the first; None where none is."""
     if tracking.reference.shape[1] != 2:
-        return False
+        return None
     paths = circular_paths(tracking.reference, tracking.measured)
     if paths is None:
-        return False
+        return None
     first, second, way = paths.counter_clockwise, paths.clockwise, 'counter-clockwise'
     if first is None:
         first, second, way = second, None, 'clockwise'
     if first is None:
+        return None
+    return circular(first, second, paths.radius, paths.centre), (first, second), way
+
+
+def circular_section(page: Page, tracking: Tracking) -> bool:
+    """Evaluate a circle by ISO 230-4; whether there was one."""
+    test = circular_test(tracking)
+    if test is None:
         return False
-    result = circular(first, second, paths.radius, paths.centre)
+    result, (first, second), way = test
     values: list[tuple[str, str, float | None]] = [
         (f'G, {way}', 'circular deviation: width of the thinnest ring around the path', result.G),
         ('G, clockwise', 'the same of the other direction', result.G_clockwise),
@@ -125,8 +135,8 @@ def circular_section(page: Page, tracking: Tracking) -> bool:
     page.figure(
         figures.circular_plot(result, first, second),
         f'Circular test (ISO 230-4), {tracking.sensor}, radius {measure(result.radius)}',
-        'An ellipse along 45°: axes that are not square. Steps at the four quadrants: play or '
-        'friction. Waves: screw pitch.',
+        'An ellipse along 45° shows axes that are not square. Steps at 0°, 90°, 180° and 270° '
+        'show play or friction, waves the pitch of the screw.',
     )
     page.table(
         ['figure', 'meaning', 'value (µm)'],

@@ -58,7 +58,7 @@ def trials_page(sessions: Sequence[Session]) -> Page:
     page.figure(
         figures.convergence(complete),
         'RMS error over the trials',
-        'A fall, then a floor: what is left does not repeat from trial to trial.',
+        'The curve falls until only what does not repeat from trial to trial is left.',
     )
     _regulated_rates(page, sessions[0].axes, tracked)
     page.table(['trial', 'recording', *(f'{s} RMS (µm)' for s in SENSORS)], rows)

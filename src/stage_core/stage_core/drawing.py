@@ -41,12 +41,12 @@ def canvas(width: float, height: float) -> Figure:
 
 
 def paired(count: int, height: float) -> tuple[Figure, list[Axes]]:
-    """A figure and its panels, two in a row, each so many inches high; a spare one stays empty."""
+    """A figure and its panels, two in a row, each so many inches high."""
     rows = (count + 1) // 2
     figure = canvas(10.5, height * rows + 0.3)
     panels = figure.subplots(rows, 2, squeeze=False).ravel().tolist()
     for spare in panels[count:]:
-        spare.set_axis_off()
+        spare.remove()
     return figure, panels[:count]
 
 

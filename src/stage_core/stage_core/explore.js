@@ -10,9 +10,11 @@ function explore(figure, panels) {
   const output = figure.insertBefore(
     document.createElement('output'), figure.querySelector('figcaption'));
   const hint = 'Point at a curve to read it. Drag over a stretch to zoom, double-click to return.';
+  const phone = matchMedia('screen and (max-width:40rem)');  // where the panels stand in one column
   let zoom = null, from = null, at = null;  // zoom: panel's x limits -> [low, high]
   const key = panel => JSON.stringify([panel.x, panel.xlog]);
   const to = (log, v) => (log ? Math.log10(v) : v), back = (log, v) => (log ? 10 ** v : v);
+  const spot = panel => panel.places[phone.matches ? panel.places.length - 1 : 0];
   const limits = panel => (zoom && zoom.key === key(panel) ? zoom.range : panel.x);
   const colour = name => getComputedStyle(figure).getPropertyValue('--' + name) || name;
 
@@ -21,10 +23,13 @@ function explore(figure, panels) {
     return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
   }
   function under([u, v]) {
-    return panels.find(({box: [l, t, w, h]}) => u >= l && u <= l + w && v >= t && v <= t + h);
+    return panels.find(panel => {
+      const [l, t, w, h] = spot(panel).box;
+      return u >= l && u <= l + w && v >= t && v <= t + h;
+    });
   }
   function value(panel, u) {
-    const [low, high] = limits(panel).map(v => to(panel.xlog, v)), [left, , width] = panel.box;
+    const [low, high] = limits(panel).map(v => to(panel.xlog, v)), [left, , width] = spot(panel).box;
     return back(panel.xlog, low + (high - low) * Math.min(1, Math.max(0, (u - left) / width)));
   }
   function nearest(curve, x) {
@@ -49,7 +54,7 @@ function explore(figure, panels) {
     pen.scale(ratio, ratio);
     pen.font = `${Math.max(9, W / 90)}px system-ui, sans-serif`;
     for (const panel of panels) {
-      const [l, t, w, h] = [panel.box[0] * W, panel.box[1] * H, panel.box[2] * W, panel.box[3] * H];
+      const [l, t, w, h] = spot(panel).box.map((share, k) => share * (k % 2 ? H : W));
       if (zoom && zoom.key === key(panel)) zoomed(pen, panel, l, t, w, h, W, H);
       if (at && at.key === key(panel)) {
         pen.fillStyle = colour('muted');
@@ -71,7 +76,7 @@ function explore(figure, panels) {
     let [c, d] = seen.reduce(([m, n], v) => [Math.min(m, v), Math.max(n, v)], [Infinity, -Infinity])
       .map(v => to(panel.ylog, v));
     const margin = 0.05 * (d - c) || 1; c -= margin; d += margin;
-    const [left, top, right, bottom] = panel.outer;
+    const [left, top, right, bottom] = spot(panel).outer;
     pen.fillStyle = colour('page');
     pen.fillRect(left * W, top * H, (right - left) * W, (bottom - top) * H);
     const X = v => l + w * (to(panel.xlog, v) - a) / (b - a);
@@ -110,16 +115,18 @@ function explore(figure, panels) {
     for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(back(log, k * step));
     return found;
   }
-  canvas.addEventListener('pointermove', event => {
-    const spot = place(event), panel = from ? from.panel : under(spot);
-    at = panel ? {key: key(panel), x: value(panel, spot[0])} : null;
+  function point(event) {
+    const [u, v] = place(event), panel = from ? from.panel : under([u, v]);
+    at = panel ? {key: key(panel), x: value(panel, u)} : null;
     if (panel) read(panel, at.x); else output.textContent = hint;
     draw();
-  });
+  }
+  canvas.addEventListener('pointermove', point);
   canvas.addEventListener('pointerdown', event => {
-    const spot = place(event), panel = under(spot);
+    point(event);
+    const [u, v] = place(event), panel = under([u, v]);
     if (!panel || event.pointerType !== 'mouse') return;
-    from = {panel, x: value(panel, spot[0]), u: spot[0]};
+    from = {panel, x: value(panel, u), u};
   });
   window.addEventListener('pointerup', event => {
     if (from && Math.abs(place(event)[0] - from.u) > 0.01) {

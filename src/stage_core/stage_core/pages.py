@@ -19,8 +19,9 @@ from stage_core import explore, theme
 from stage_core.errors import StageError
 from stage_core.whole_file import replacing, write_whole
 
-#: A picture wider than this (inches) gets a row of its own.
+#: A picture wider than this (inches) gets a row of its own, and on a phone one column of panels.
 _WIDE = 7.0
+_PHONE = 'screen and (max-width:40rem)'
 #: A cell of more letters than this is a sentence: the longest numbers with an interval have less.
 _SENTENCE = 24
 
@@ -53,9 +54,8 @@ padding:.8rem 1rem;color:inherit;text-decoration:none}.cards a:hover{border-colo
 .figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,27rem),1fr));
 gap:1.4rem 2rem;margin:1.2rem 0}figure{margin:0;min-width:0}figure.wide{grid-column:1/-1}
 figure:only-child:not(.wide){max-width:34rem}
-figure div{overflow-x:auto}figure img{display:block;width:100%;min-width:0;height:auto}
-figure.wide .plot{min-width:36rem}.plot{display:flex;position:relative}
-.scroll,figure div{background:
+figure img{display:block;width:100%;height:auto}.plot{position:relative}
+.scroll{background:
 linear-gradient(90deg,var(--page) 1rem,transparent) 0 0/3rem 100% local,
 linear-gradient(270deg,var(--page) 1rem,transparent) 100% 0/3rem 100% local,
 linear-gradient(90deg,var(--rule),transparent) 0 0/.8rem 100%,
@@ -65,10 +65,10 @@ output{display:block;font-size:.85rem;color:var(--muted);min-height:1.5em}
 figcaption{color:var(--muted);font-size:.92rem;max-width:44rem;
 margin-top:.3rem}figcaption b{color:var(--ink)}
 details{margin:1rem 0}
-@media (max-width:40rem){th,td{padding-right:.8rem}caption{max-width:calc(100vw - 2rem)}
-figure.wide .plot.columns{min-width:0;display:block}}
+@media (max-width:40rem){th,td{padding-right:.6rem;font-size:.86rem}
+caption{max-width:calc(100vw - 2rem)}}
 @media screen and (max-width:52rem){.prose thead{display:none}.prose caption{display:block}
-.prose,.prose tbody,.prose tr,.prose td{display:block;border:0;padding:0}
+.prose,.prose tbody,.prose tr,.prose td{display:block;border:0;padding:0}.prose td{font-size:1rem}
 .prose td:empty{display:none}.prose tr{border-bottom:1px solid var(--rule);padding:.5rem 0}
 .prose td:first-child{font-weight:650}
 .prose td:not(:first-child)::before{content:attr(data-of)': ';color:var(--muted)}}
@@ -76,8 +76,7 @@ summary{cursor:pointer;color:var(--blue)}
 footer{margin-top:3rem;color:var(--muted);font-size:.88rem}
 @media print{body{font-size:10.5pt;max-width:none;padding:0}h2,h3{break-after:avoid}
 figure,table,.headline{break-inside:avoid}nav,canvas,output{display:none}
-.scroll,figure div{background:none}
-figure.wide .plot{min-width:0}}
+.scroll{background:none}}
 """
 
 
@@ -193,21 +192,25 @@ class Page:
         curves : whether a reader can read values off its curves and zoom into them.
         """
         wide = figure.get_figwidth() > _WIDE
-        parts = theme.columns(figure) if wide and not curves else [(1.0, theme.svg(figure))]
         kind = ' class="wide"' if wide else ''
-        columns = ' columns' if len(parts) > 1 else ''
-        images = ''.join(_image(title, share, text) for share, text in parts)
+        image = f'<img alt="{html.escape(title)}" src="{_address(theme.svg(figure))}">'
+        places = [explore.places(figure)] if curves else []
+        if wide:
+            with theme.one_column(figure):
+                image = f'<source media="{_PHONE}" srcset="{_address(theme.svg(figure))}">{image}'
+                places += [explore.places(figure)] if curves else []
         self._row.append(
-            f'<figure{kind}><div><span class="plot{columns}">{images}</span></div>'
+            f'<figure{kind}><div class="plot"><picture>{image}</picture></div>'
             f'<figcaption><b>{_text(title)}.</b> {_text(look_for)}</figcaption>'
-            f'{self._curves(figure) if curves else ""}</figure>'
+            f'{self._curves(figure, places) if curves else ""}</figure>'
         )
         self.figures.append((title, figure))
         return self
 
-    def _curves(self, figure: Any) -> str:
+    def _curves(self, figure: Any, places: list[explore.Places]) -> str:
         self._script = f'<script>{explore.script()}</script>'
-        return f'<script type="application/json" class="curves">{explore.data(figure)}</script>'
+        data = explore.data(figure, places)
+        return f'<script type="application/json" class="curves">{data}</script>'
 
     @contextmanager
     def folded(self, summary: str) -> Iterator[Page]:
@@ -282,13 +285,9 @@ def _text(text: str) -> str:
     return re.sub(r'`([^`]+)`', r'<code>\1</code>', html.escape(text, quote=False))
 
 
-def _image(title: str, share: float, svg: str) -> str:
-    """A picture, or one column of it that takes this share of the width."""
-    data = base64.b64encode(svg.encode()).decode('ascii')
-    return (
-        f'<img alt="{html.escape(title)}" style="flex:{share:.4f} 1 0" '
-        f'src="data:image/svg+xml;base64,{data}">'
-    )
+def _address(svg: str) -> str:
+    """A picture as an address that holds it."""
+    return f'data:image/svg+xml;base64,{base64.b64encode(svg.encode()).decode("ascii")}'
 
 
 def _data(name: str, text: str) -> str:

@@ -6,9 +6,12 @@ the page in either theme.
 
 from __future__ import annotations
 
+import contextlib
 import io
-import re
+from collections.abc import Iterator
 from typing import Any
+
+import numpy as np
 
 #: Name -> (light, dark). The six series stay apart for the colour-blind (Okabe and Ito 2008).
 COLOURS: dict[str, tuple[str, str]] = {
@@ -24,6 +27,9 @@ COLOURS: dict[str, tuple[str, str]] = {
 }
 INK, MUTED, RULE, BLUE, ORANGE, GREEN, PURPLE, YELLOW, CYAN = (c[0] for c in COLOURS.values())
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, CYAN)
+
+#: Width (inches) of a picture on a phone: its letters of 10 points are then 10 pixels high.
+NARROW = 4.8
 
 #: What matplotlib's `rc_context` takes. Backgrounds are clear: the page's shows through.
 STYLE: dict[str, Any] = {
@@ -77,32 +83,20 @@ def svg(figure: Any) -> str:
     return text[:head] + style + text[head:]
 
 
-def columns(figure: Any) -> list[tuple[float, str]]:
-    """Width (share) and SVG of the left and the right half of panels that stand side by side.
-
-    A narrow screen can then stack them. A picture of one column, or with a legend for both, stays
-    one.
-    """
-    text = svg(figure)
-    # Where no panel with its labels is, nearest to the middle.
-    spans = sorted((b.x0, b.x1) for a in figure.axes if (b := a.get_tightbbox()) is not None)
-    cuts, right = [], spans[0][1]
-    for low, high in spans:
-        if low > right:
-            cuts.append((low + right) / 2.0 / figure.bbox.width)
-        right = max(right, high)
-    if not cuts or figure.legends:
-        return [(1.0, text)]
-    cut = min(cuts, key=lambda share: abs(share - 0.5))
-    return [(cut, _part(text, 0.0, cut)), (1.0 - cut, _part(text, cut, 1.0 - cut))]
-
-
-def _part(text: str, left: float, share: float) -> str:
-    """The SVG `text` from `left` on, so wide; both are shares of its width."""
-    found = re.search(r'width="([\d.]+)pt" height="([\d.]+)pt" viewBox="0 0 \S+ \S+"', text)
-    if found is None:
-        raise ValueError('an SVG that matplotlib did not write')
-    width, height = float(found[1]), float(found[2])
-    box = f'{left * width:.2f} 0 {share * width:.2f} {height}'
-    head = f'width="{share * width:.2f}pt" height="{height}pt" viewBox="{box}"'
-    return text[: found.start()] + head + text[found.end() :]
+@contextlib.contextmanager
+def one_column(figure: Any) -> Iterator[None]:
+    """Inside the block the panels of a wide figure stand in one column, as a phone shows them."""
+    panels = [axes for axes in figure.axes if axes.get_subplotspec() is not None]
+    places = [axes.get_subplotspec() for axes in panels]
+    size = figure.get_size_inches().copy()
+    columns = max((place.colspan.stop for place in places), default=1)
+    if columns > 1:
+        grid = figure.add_gridspec(len(panels), 1)
+        order = np.lexsort(([p.rowspan.start for p in places], [p.colspan.start for p in places]))
+        for row, number in enumerate(order.tolist()):
+            panels[number].set_subplotspec(grid[row])
+    figure.set_size_inches(NARROW, size[1] * columns)
+    yield
+    figure.set_size_inches(*size)
+    for axes, place in zip(panels, places, strict=True):
+        axes.set_subplotspec(place)

@@ -26,6 +26,12 @@ def effect_words(name: str) -> str:
     return ' '.join([*words, *([] if axis is None else ['of', axis])])
 
 
+def parameter_name(name: str) -> str:
+    """A parameter of an effect in words: ``amplitude_2`` is *amplitude of harmonic 2*."""
+    kind, _, number = name.rpartition('_')
+    return f'{kind} of harmonic {number}' if number.isdigit() else name.replace('_', ' ')
+
+
 def scaled(magnitude: float, unit: str) -> tuple[float, str]:
     """Factor and symbol in which a value of this magnitude and SI unit is written."""
     for largest, factor, symbol in _SCALES.get(unit, ((math.inf, 1.0, unit),)):

@@ -7,7 +7,7 @@ from gap_diagnosis.report.words import status_words
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import split_effect
-from stage_core.wording import effect_words, rounded, with_std
+from stage_core.wording import effect_words, parameter_name, rounded, with_std
 from stage_twin.effects import EFFECTS, effect_of
 
 MOST_CANDIDATES = 25
@@ -24,15 +24,27 @@ def parameter_words(effect: str, parameters: Parameters) -> str:
     definition = EFFECTS.get(split_effect(effect)[0])
     units = {p.name: p.unit for p in definition.parameters} if definition else {}
     return ', '.join(
-        f'{name.replace("_", " ")} {with_std(value, std, units.get(name, ""))}'
+        f'{parameter_name(name)} {with_std(value, std, units.get(name, ""))}'
         for name, (value, std) in parameters.items()
     )
 
 
 def effect_sentence(effect: str, parameters: Parameters) -> str:
-    """What a machine with this effect does, its values to the digits that are known."""
+    """What a machine with this effect does, its values to the digits that are known.
+
+    A value whose 95 % interval holds zero is said to be none.
+    """
+    definition = effect_of(effect)
     known = {name: rounded(value, std) for name, (value, std) in parameters.items()}
-    return effect_of(effect).says(known)
+    unsure = [
+        name
+        for name, (value, std) in parameters.items()
+        if f'{{{name}}}' in definition.sentence
+        and definition.parameter(name).neutral == 0.0
+        and abs(value) < 1.96 * std
+    ]
+    doubt = ', '.join(f'the {parameter_name(name)} may be zero' for name in unsure)
+    return definition.says(known) + (f'; {doubt}' if doubt else '')
 
 
 def _interval(shrink: float, interval: tuple[float, float]) -> str:

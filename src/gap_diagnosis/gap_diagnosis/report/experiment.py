@@ -14,7 +14,7 @@ from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN
 from stage_core.whole_file import write_whole
-from stage_core.wording import effect_words
+from stage_core.wording import effect_words, parameter_name
 from stage_twin.effects import effect_of
 
 FILE = 'experiment.csv'
@@ -57,10 +57,10 @@ def table(position: NDArray[np.float64], period: float, axes: tuple[str, ...]) -
 
 
 def _words(pair: tuple[str, ...]) -> str:
-    """*nonorthogonality or angular error of x*, *the amplitude 3 of cyclic pitch error of y*."""
+    """*nonorthogonality or angular error of x*, *the amplitude in backlash of x*."""
     name, _, size = pair[0].partition(': ')
     if pair[1:] == (LARGE,):
-        return f'the {size.removesuffix(" small").replace("_", " ")} of {effect_words(name)}'
+        return f'the {parameter_name(size.removesuffix(" small"))} in {effect_words(name)}'
     return ' or '.join(map(effect_words, pair))
 
 

@@ -54,7 +54,7 @@ def time_series(diagnosis: Diagnosis) -> Figure:
         plot.set_ylabel(f'{channel.name} ({unit})')
         plot.margins(x=0.005)
     rows[0].legend(loc='upper right', ncols=2)
-    rows[-1].set_xlabel('time in the held-out windows, put together (s); dotted: next window')
+    rows[-1].set_xlabel('time in the held-out windows, put together (s)')
     return figure
 
 
@@ -115,9 +115,8 @@ def heat_map(diagnosis: Diagnosis) -> Figure:
             vmax=top,
             cmap='viridis',
         )
-        plot.set_title(f'{kind} gap {title}')
-        plot.set_xlabel(f'{record.axes[0]} (mm)')
-    panels[0].set_ylabel(label)
+        plot.set(title=f'{kind} gap {title}', xlabel=f'{record.axes[0]} (mm)', ylabel=label)
+        plot.tick_params(labelleft=True)
     figure.colorbar(image, ax=panels, label='RMS gap (µm)')
     return figure
 
@@ -126,11 +125,12 @@ def heat_map(diagnosis: Diagnosis) -> Figure:
 def shares(diagnosis: Diagnosis) -> Figure:
     """Share of the gap by condition, the significant ones in colour."""
     found = diagnosis.conditions[:12][::-1]
-    figure = canvas(10.5, 0.3 * max(len(found), 3) + 0.9)
+    figure = canvas(10.5, 0.42 * max(len(found), 3) + 0.9)
     plot = figure.subplots()
-    labels = [condition_words(c) for c in found]
+    # Two lines leave room for the bars on a phone.
+    labels = [condition_words(c).replace(' (', '\n(') for c in found]
     colours = [BLUE if c.p_value < 0.05 else RULE for c in found]
     plot.barh(labels, [100.0 * c.share for c in found], color=colours)
     plot.set_xlim(0.0, 100.0)
-    plot.set_xlabel('share of the gap that goes with it (%); grey: not significant (p ≥ 0.05)')
+    plot.set_xlabel('share of the gap (%)')
     return figure

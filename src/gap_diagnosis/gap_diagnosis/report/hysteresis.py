@@ -131,5 +131,5 @@ def hysteresis_plot(found: list[Hysteresis]) -> Figure:
         axis = item.channel.name[-1]
         plot.set_xlabel('travel since the reversal (µm)' if force else f'{axis} (mm)')
         plot.set_ylabel(f'{item.channel.name} ({unit})')
-    legend_above(figure, panels[0], 4)
+    legend_above(figure, panels[0], 2)
     return figure

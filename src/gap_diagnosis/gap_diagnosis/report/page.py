@@ -143,7 +143,7 @@ def _gap(page: Page, diagnosis: Diagnosis) -> None:
         figures.time_series(diagnosis),
         'Gap over time',
         'Blue should look like noise: no steps, no slope, no spikes that come back at each '
-        'reversal.',
+        'reversal. A dotted line is where the next window begins.',
         curves=True,
     )
     _leftovers(page, diagnosis)
@@ -162,17 +162,18 @@ def _loop(page: Page, diagnosis: Diagnosis) -> None:
         page.figure(
             hysteresis.hysteresis_plot(loops),
             'Hysteresis of the gap: filled points forwards, open ones backwards',
-            'Force branches apart: friction, here half their distance, which builds up over the '
-            'first micrometres after a reversal. Tracker branches apart: play. Blue should lie '
-            'at zero in both directions.',
+            'Force branches that stay apart show friction: it is half their distance, and builds '
+            'up over the first micrometres after a reversal. Tracker branches that stay apart '
+            'show play. Blue should lie at zero in both directions.',
         )
     found = response.responses(diagnosis)
     if found:
         page.figure(
             response.response_plot(found),
             'Frequency response from reference to encoder, as far as the motion excites it',
-            'The dashed machine should lie on blue. A peak that blue lacks: a resonance. A phase '
-            'that falls faster: a delay. A magnitude apart at all frequencies: gains or mass.',
+            'The dashed machine should lie on blue. A peak that blue lacks is a resonance, and a '
+            'phase that falls faster a delay. A magnitude that differs at all frequencies shows '
+            'other gains or another mass.',
         )
 
 
@@ -192,8 +193,8 @@ def _leftovers(page: Page, diagnosis: Diagnosis) -> None:
             ]
             for item in found
         ],
-        'what stands out of the noise after the correction; times of the session, of which the '
-        'picture shows the held-out windows only',
+        'what stands out of the rest by six standard deviations after the correction; times of '
+        'the session, of which the picture shows the held-out windows only',
     )
 
 
@@ -206,12 +207,13 @@ def _where(page: Page, diagnosis: Diagnosis) -> None:
         'Which conditions the gap depends on',
         'Side of approach points to friction or play, the turn of the screw to its pitch, '
         'position to guides, scale and squareness, speed to viscous friction or latency, time '
-        'and temperature to drift.',
+        'and temperature to drift. A grey bar may be chance (p ≥ 0.05).',
     )
     page.figure(
         figures.heat_map(diagnosis),
         'Gap over the workspace',
-        'Even colour: no dependence on position. The map after should be dark.',
+        'An even colour shows that the gap does not depend on the position. The map after should '
+        'be dark.',
     )
 
 
@@ -226,8 +228,8 @@ def _next(page: Page, diagnosis: Diagnosis) -> None:
         steps.append(
             f'{worst.channel} still has {events} of up to {measure(worst.largest, worst.unit)}, '
             f'{worst.after_reversal} soon after a reversal. Measure strokes in both directions at '
-            'several speeds, then diagnose with the corrected twin: what is left then has the '
-            'shape of the missing effect.'
+            'several speeds. Then diagnose with the corrected twin: what is left has the shape of '
+            'the missing effect.'
         )
     elif diagnosis.experiment is None and UNKNOWN not in diagnosis.verdict:
         steps.append('Nothing: run the corrected twin, and diagnose again after a change.')
