@@ -27,14 +27,13 @@ from benchmarks.blind.suites import SAME
 from benchmarks.laws import planted, written
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
-from gap_diagnosis.law.learn import (
-    axis_problem,
-    law_of,
-)
+from gap_diagnosis.law.judged import law_of
+from gap_diagnosis.law.learn import axis_problem
 from gap_diagnosis.law.signals import error_signals, force_signals
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.result import Diagnosis
+from stage_core.quantities import split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS as LIBRARY
@@ -131,16 +130,24 @@ def effect_row(effect: str, seed: int) -> dict[str, Any]:
     session = session_of(effect, seed)
     others = [name for name in LIBRARY if name != effect]
     named = diagnose([session], [], NOMINAL_TWIN, without=others)
-    out = (effect, *SAME.get(effect, ()), *EFFECTS[effect])
+    out = [effect, *SAME.get(effect, ()), *EFFECTS[effect]]
     learned = diagnose([session], [], NOMINAL_TWIN, without=out)
+    standing_in: list[str] = []
+    while learned.accepted and not learned.structured:
+        # Nothing remains: what stands in for the effect is a relative of it here.
+        standing_in += sorted({split_effect(name)[0] for name in learned.accepted})
+        learned = diagnose([session], [], NOMINAL_TWIN, without=[*out, *standing_in])
     position = _closed(named.before, named.after, _with_laws(learned))
     rows = _rows(named, learned)
-    hidden = all(c.unit == 'N' for c in named.causes if c.effect.split('.')[0] == effect)
+    forces = all(c.unit == 'N' for c in named.causes if c.effect.split('.')[0] == effect)
     return {
         'effect': effect, 'seed': seed, 'verdict': named.verdict, 'without': learned.verdict,
+        'standing_in': standing_in,
         'laws': [{'channel': law.channel, 'kind': law.kind, 'expression': law.expression,
-                  'shrink': law.shrink} for law in learned.laws],
-        'position': position, 'rows': rows, 'counts': rows if hidden else position,
+                  'shrink': law.shrink, 'instead': law.instead} for law in learned.laws],
+        'position': position, 'rows': rows,
+        # A force that the integral takes up moves no position.
+        'counts': rows if forces or position is None else position,
     }  # fmt: skip
 
 

@@ -71,18 +71,23 @@ def _effects(rows: Sequence[dict[str, Any]], no_function: Sequence[str]) -> list
         'it is',
         f'the whole library. At least {GOAL:g} with a law: {len(good)} of {len(rows)}.',
         '',
-        '| effect | closed | verdict without it | law |',
-        '|---|---|---|---|',
+        'Where effects of the rest close the gap so well that nothing remains, there is no '
+        'remainder to',
+        'have a law of. They are then taken out, too, and stand under `also out`.',
+        '',
+        '| effect | closed | also out | verdict without them | law |',
+        '|---|---|---|---|---|',
     ]
     for row in rows:
         closed = '–' if row['counts'] is None else f'{row["counts"]:.2f}'
         names = ', '.join(f'`{name}`' for name in row['without']) or 'none'
         laws = '; '.join(
             f'{law["channel"]} = `{law["expression"]}` '
-            f'({law["kind"]}, {100 * law["shrink"]:.0f} %)'
+            f'({law["kind"]}{_instead(law)}, {100 * law["shrink"]:.0f} %)'
             for law in row['laws']
         )
-        lines.append(f'| `{row["effect"]}` | {closed} | {names} | {laws or "none"} |')
+        out = ', '.join(f'`{name}`' for name in row['standing_in']) or '–'
+        lines.append(f'| `{row["effect"]}` | {closed} | {out} | {names} | {laws or "none"} |')
     names = ', '.join(f'`{name}`' for name in no_function)
     return [
         *lines,
@@ -95,6 +100,11 @@ def _effects(rows: Sequence[dict[str, Any]], no_function: Sequence[str]) -> list
         ),
         '',
     ]
+
+
+def _instead(law: Mapping[str, Any]) -> str:
+    names = ', '.join(f'`{name}`' for name in law['instead'])
+    return f' in the place of {names}' if names else ''
 
 
 def _none(rows: Sequence[dict[str, Any]]) -> list[str]:

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from gap_diagnosis.law.equation import per
-from gap_diagnosis.law.learn import law_of
+from gap_diagnosis.law.judged import Law, law_of
+from gap_diagnosis.law.learn import Remainder, best
+from gap_diagnosis.law.search import sound
 from gap_diagnosis.law.signals import Signals
 from gap_diagnosis.report import document, page
 from gap_diagnosis.residuals.nominal import Prediction
@@ -75,6 +77,30 @@ def test_where_no_law_holds_a_curve_does() -> None:
     found = law_of(*rows(steps + noise(3), 1e-6), 'x', 0)
     assert found is not None
     assert found.shrink > 0.5 and set(found.range) == {'p'}
+
+
+def test_a_law_stands_in_the_place_of_a_wrong_name() -> None:
+    """What a wrong effect took, and added elsewhere, comes back in one plain law."""
+    truth = 9e-6 * np.sign(PATH) * np.abs(PATH / 0.03) ** 2.4
+    wrong = 4e-6 * np.sin(40.0 * SPEED) * (1.0 + PATH / 0.03)
+    problem, signals = rows(truth - wrong + noise(5), 1e-6)
+    runs: list[str] = []
+
+    def run(law: Law) -> tuple[float, float]:
+        runs.append(law.expression)
+        return law.before, law.after
+
+    found = best(Remainder(problem, signals, 'x', {'straightness.y': wrong}), run, 0)
+    assert found is not None and found.instead == ('straightness.y',)
+    assert found.expression == 'a1*sign(p)*abs(p/p1)^n1' and found.expression in runs
+    assert found.before == pytest.approx(np.sqrt(np.mean(problem.target[problem.held_out] ** 2)))
+    alone = best(Remainder(*rows(truth + noise(5), 1e-6), 'x', {}), run, 0)
+    assert alone is not None and alone.instead == () and alone.expression == found.expression
+
+
+def test_no_law_takes_the_force_balance_back() -> None:
+    assert sound(['F:1', 'v:1']) and sound(['a:1', 's:1*v:5'])
+    assert not sound(['a:1', 'F:1 without'])
 
 
 def test_the_search_is_deterministic() -> None:

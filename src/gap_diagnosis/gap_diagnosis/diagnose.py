@@ -96,7 +96,7 @@ def diagnose(
         failed = [c for c in result.causes if c.refuted]
         beside = _excluded_by_tracker(result) or _misread(result, prepared)
         if not failed and not beside:
-            if result.structured:
+            if result.structured or not result.accepted:
                 progress('a law of what remains')
                 result.laws = learn(
                     result.records,

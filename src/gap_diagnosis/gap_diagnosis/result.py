@@ -9,7 +9,7 @@ from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.evidence.localise import Condition
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.law.learn import Law
+from gap_diagnosis.law.judged import Law
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.selection.parts import Part
@@ -65,5 +65,7 @@ class Diagnosis:
     @property
     def corrected_twin(self) -> TwinFile:
         """The nominal twin with the accepted effects and the laws of the remainder in it."""
-        laws = {law.effect: law.values for law in self.laws if law.runs}
-        return merged(self.twin, {**self.effects, **laws})
+        laws = [law for law in self.laws if law.runs]
+        replaced = {name for law in laws for name in law.instead}
+        named = {n: v for n, v in self.effects.items() if n not in replaced}
+        return merged(self.twin, named | {law.effect: law.values for law in laws})

@@ -197,6 +197,8 @@ def _shapes(name: str, signals: Signals) -> dict[str, Shape]:
     centres = low + span * np.linspace(0.05, 0.95, 10)
     bumps = tuple((float(c), w * span) for c in centres for w in WIDTHS)
     widths = tuple((w * scale,) for w in (0.02, 0.05, 0.15, 0.4))
+    # A limit is where values heap up, which may be far below the largest one.
+    limits = np.quantile(np.abs(signals.used(signals.ticks[name])), (0.3, 0.5, 0.7, 0.85, 0.95))
     return {
         'linear': Shape(name, lt.LINEAR, numbers=lambda theta: (scale, 0.0)),
         'even': Shape(name, lt.EVEN, powers, *bounds, lambda theta: (scale, theta[0])),
@@ -213,8 +215,8 @@ def _shapes(name: str, signals: Signals) -> dict[str, Shape]:
             name, lt.BUMP, widths, (0.002 * scale,), (scale,), lambda theta: (theta[0], 0.0)
         ),
         'excess': Shape(
-            name, lt.EXCESS, tuple((e * scale,) for e in (0.3, 0.5, 0.7, 0.85)), (0.05 * scale,),
-            (scale,), lambda theta: (theta[0], scale),
+            name, lt.EXCESS, tuple((float(v),) for v in limits), (0.002 * scale,), (scale,),
+            lambda theta: (theta[0], scale),
         ),
     }  # fmt: skip
 
@@ -228,7 +230,7 @@ FORCE = (
     's*p:linear s*p:even s*p:odd s*p:sine s*p:bump s*v:fading s*t:linear s*t:even '
     'v:linear*p:linear v:linear*p:even v:linear*p:sine v:linear*t:linear '
     'F:linear*v:even F:linear*p:sine F:linear*p:linear F:linear*t:linear '
-    '~v:linear ~v:even ~F:linear ^F:linear ^v:linear ^p:linear ~s'
+    '~v:linear ~v:even ~F:linear ^F:linear ^p:linear ~s'
 )
 ERROR = (
     '1 s p:linear v:linear t:linear q:linear T:linear '

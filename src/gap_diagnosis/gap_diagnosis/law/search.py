@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,15 @@ ABOUT_THE_SAME = 0.98
 OF_REST = 0.10
 #: Of the bootstrap interval of a term's gain: some fifty candidates are looked at.
 LEVEL = 0.998
+
+
+def sound(names: Iterable[str]) -> bool:
+    """Whether a law of such terms explains more than 0 = 0.
+
+    The balance is the drive's force less what accelerates the mass: a law of both takes it back.
+    """
+    variables = {part.partition(':')[0] for n in names for part in n.split()[0].split('*')}
+    return not {'a', 'F'} <= variables
 
 
 @dataclass(frozen=True)
@@ -51,8 +61,8 @@ class Search:
 
     def _next(self, base: Fit) -> Fit | None:
         """The law with more of a law, the plainest of what gains most."""
-        trials = [self._with(base, (n,)) for n in self.problem.terms if n not in base.thetas]
-        trials += [self._with(base, names) for names in self._shared(base)]
+        more = [(n,) for n in self.problem.terms if n not in base.thetas] + self._shared(base)
+        trials = [self._with(base, names) for names in more if sound((*base.thetas, *names))]
         trials.sort(key=lambda fit: -self._gain(base, fit))
         refined = []
         for trial in trials[:REFINED]:

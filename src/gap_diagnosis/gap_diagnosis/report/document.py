@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gap_diagnosis.evidence.judgement import Cause
-from gap_diagnosis.law.learn import Law
+from gap_diagnosis.law.judged import Law
 from gap_diagnosis.report import forces
 from gap_diagnosis.report.experiment import as_dict as as_entry
 from gap_diagnosis.result import Diagnosis
@@ -93,6 +93,7 @@ def _law(law: Law) -> dict[str, Any]:
         'shrink': law.shrink,
         'shrink_ci95': list(law.interval),
         'effect': law.effect,
+        'instead': list(law.instead),
         'gap': {'unit': 'm', 'before': law.gap[0], 'after': law.gap[1]},
     }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from gap_diagnosis.law.learn import Law
+from gap_diagnosis.law.judged import Law
 from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array, canvas, styled
 from stage_core.pages import Page
@@ -21,7 +21,7 @@ MOST_PARAMETERS = 14
 
 def laws_section(page: Page, diagnosis: Diagnosis) -> None:
     """The equation of every remainder, where it was seen and what it closes."""
-    if not diagnosis.structured:
+    if not diagnosis.structured and not diagnosis.laws:
         return
     page.heading('What the remainder is a function of')
     if not diagnosis.laws:
@@ -39,7 +39,8 @@ def _law(page: Page, law: Law) -> None:
     what = f'force on {axis}' if kind == 'force' else f'error of {axis}'
     page.subheading(f'{what} = {law.expression}')
     low, high = law.interval
-    letters = ', '.join(f'{name} is the {_WORDS[name]}' for name in law.range)
+    words = ', '.join(f'{name} is the {_WORDS[name]}' for name in law.range)
+    letters = f'Here {words}. ' if words else ''
     used = (
         'The corrected twin holds it'
         if law.runs
@@ -49,11 +50,17 @@ def _law(page: Page, law: Law) -> None:
         f'{"A smooth curve, no equation" if law.kind == "map" else "An equation"} that closes '
         f'{100 * law.shrink:.0f} % (95 %: {100 * low:.0f} to {100 * high:.0f} %) of what the '
         f'named effects leave of the {kind}: {measure(law.before, law.unit)} → '
-        f'{measure(law.after, law.unit)} RMS, on data that no fit has seen. Here {letters}. '
+        f'{measure(law.after, law.unit)} RMS, on data that no fit has seen. {letters}'
         f'{used} (`{law.effect}`): gap {measure(law.gap[0])} → {measure(law.gap[1])} RMS.'
     )
+    if law.instead:
+        page.text(
+            f'It stands in the place of {", ".join(law.instead)} and explains more than with '
+            'them. Do not trust these names.'
+        )
     seen = [[n, *(measure(v, u) for v in (lo, hi))] for n, (lo, hi, u) in law.range.items()]
-    page.table(['seen for', 'from', 'to'], seen, 'beyond this range the law is a guess')
+    if seen:
+        page.table(['seen for', 'from', 'to'], seen, 'beyond this range the law is a guess')
     if law.kind == 'law':
         page.table(
             ['parameter', 'value ± 1 σ'],

@@ -134,11 +134,11 @@ def parameters(unit: str, largest: float, variables: tuple[str, ...]) -> tuple[P
         ('first', '', 0.0, most, (1.0, 1.0), f'its first variable: {numbers}'),
         ('shape', '', 0.0, last, (0.0, last), f'shape of it: {SHAPES}'),
         ('scale', '', -1e4, 1e4, (0.1, 1e-3), 'b of it, in its unit'),
-        ('bend', '', -100.0, 100.0, (0.5, 0.04), 'c of it'),
+        ('bend', '', -1e4, 1e4, (0.5, 0.04), 'c of it'),
         ('second', '', 0.0, most, (3.0, 3.0), 'its second variable'),
         ('form', '', 0.0, last - 1.0, (SINE, SINE), 'shape of it'),
         ('length', '', -1e4, 1e4, (0.5, 0.5), 'b of it, in its unit'),
-        ('turn', '', -100.0, 100.0, (0.5, 0.5), 'c of it'),
+        ('turn', '', -1e4, 1e4, (0.5, 0.5), 'c of it'),
         ('reach', 'm', 0.0, 1e-3, (1e-5, 1e-5), 'travel that turns its direction'),
         ('memory', 's', -1e3, 1e3, (0.1, 0.1), 'time constant behind it; negative: without it'),
     )

@@ -13,7 +13,7 @@ EFFECT = Effect(
     link='servo',
     parameters=(
         Parameter('mass', 'kg', -50.0, 200.0, 0.0, 'force per acceleration, against it'),
-        *law_terms.parameters('N', 500.0, VARIABLES),
+        *law_terms.parameters('N', 5000.0, VARIABLES),
     ),
     model='Sum of terms size * shape(first) * shape(second) on the moving mass, each behind a '
     'memory. Brunton, Proctor, Kutz, "Discovering governing equations from data by sparse '
