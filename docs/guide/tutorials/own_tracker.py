@@ -143,8 +143,9 @@ while len(published) < expected:
     time.sleep(0.01)
 source.stop()
 server.close()
-print(f'{bridge.counters.published} points, {bridge.counters.duplicates} duplicate,')
-print(f'{source.counters["refused"]} refused: {source.trouble or "no trouble now"}')
+counters = bridge.counters
+print(f'{counters.published} points, {counters.duplicates} duplicate', end=', ')
+print(f'{source.counters["refused"]} refused')
 print('complaints of the bridge:', bridge.complaints() or 'none')
 
 # %% [markdown]

@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from stage_bringup.rerun_content import Note, Recorded, Stamps, read_recorded
 from stage_core import topics
 from stage_core.errors import StageError, command_line
+from stage_core.session import Session
 from stage_core.whole_file import replacing
+from stage_reports.tracking import runs, tracking_errors
 
 #: The optional extra `rerun`, the release that the archetypes below were tried with.
 PINNED = 'rerun-sdk==0.41.0'
@@ -167,8 +169,11 @@ def layout(sdk: Any, recorded: Recorded) -> Any:
     """The viewer's panels for what the session holds."""
     views = importlib.import_module('rerun.blueprint')
     legend = views.PlotLegend(views.Corner2D.RightTop)
+    limits = {'error_um': _error_limits(views, recorded.session)}
     curves = [
-        views.TimeSeriesView(origin=origin, name=name, plot_legend=legend)
+        views.TimeSeriesView(
+            origin=origin, name=name, plot_legend=legend, axis_y=limits.get(origin)
+        )
         for origin, name, topic in (
             ('contour_error_um', 'Contour error (µm)', topics.CONTOUR_ERROR),
             ('error_um', 'Error: reference minus encoder (µm)', topics.REFERENCE),
@@ -196,6 +201,19 @@ def layout(sdk: Any, recorded: Recorded) -> Any:
         views.BlueprintPanel(state='collapsed'),
     )
     return views.Blueprint(views.Horizontal(left, views.Vertical(*curves, states)), *panels)
+
+
+def _error_limits(views: Any, session: Session) -> Any:
+    """The error while a contour is followed: the approach to it exceeds that a hundredfold."""
+    encoder = next((t for t in tracking_errors(session) if t.sensor == 'encoder'), None)
+    followed = runs(session)
+    if encoder is None or not followed:
+        return None
+    largest = max(
+        float(np.abs(encoder.errors[run.within(encoder.seconds)]).max(initial=0.0))
+        for run in followed
+    )
+    return views.ScalarAxis(range=(-1e6 * largest, 1e6 * largest))
 
 
 def parser() -> argparse.ArgumentParser:

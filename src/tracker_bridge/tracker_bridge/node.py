@@ -88,7 +88,7 @@ class TrackerBridge(StageNode):
         self.create_service(Trigger, '~/align', self._on_align)
         self.create_service(Trigger, '~/reset', self._on_reset)
         steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
-        self._silent_until = time.monotonic() + FIRST_COMPLAINT
+        self._silent_until, self._complained = time.monotonic() + FIRST_COMPLAINT, False
         self.create_timer(1.0, self._complain, clock=steady)
         self.diagnostics.hardware_id = f'{value("source")} {value("host")}:{value("port")}'
         self.diagnostics.task('connection', self._connection_status)
@@ -196,9 +196,12 @@ class TrackerBridge(StageNode):
         if not trouble and self._bridge.clock_lost:
             trouble = CLOCK_LOST
         if not trouble:
+            if self._complained and self._source.connected:
+                self.get_logger().info('the tracker is connected now')
+                self._complained = False
             self._silent_until = now + FIRST_COMPLAINT
         elif now >= self._silent_until:
-            self._silent_until = now + COMPLAINT_PERIOD
+            self._silent_until, self._complained = now + COMPLAINT_PERIOD, True
             self.get_logger().warning(trouble)
 
     def _connection_status(self) -> tuple[bytes, str, dict[str, Any]]:

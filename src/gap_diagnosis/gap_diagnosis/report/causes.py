@@ -79,7 +79,8 @@ def causes_section(page: Page, diagnosis: Diagnosis) -> None:
     """Every candidate with its evidence."""
     page.heading('Evidence for each candidate')
     page.text(
-        'The probability is that of such statements about simulated machines of known truth. '
+        'The probability says how often such a statement is right about simulated machines '
+        'whose effects are known. '
         '"Cannot be told from" names rivals that these data do not separate.'
     )
     page.table(

@@ -44,7 +44,10 @@ def error_map(
     scale = max(longest, np.finfo(float).tiny) * MICRO / (_LONGEST_ARROW * span * MILLI)
     figure = canvas(5.6 * len(maps), 5.2)
     panels = np.atleast_1d(figure.subplots(1, len(maps)))
+    # All arrows count in each panel, so that a millimetre is as long in both.
+    tips = [places * MILLI + values * MICRO / scale for _, values, _ in maps]
     for axes, (name, values, colour) in zip(panels, maps, strict=True):
+        axes.update_datalim(np.concatenate(tips))
         index = thin(len(places), arrows)
         _arrows(axes, places[index], values[index], scale, colour, _round(longest * MICRO))
         rms = float(np.sqrt((values**2).sum(axis=1).mean()))
@@ -64,7 +67,7 @@ def _arrows(
     axes.quiverkey(arrow, 0.74, 1.03, key, f'{key:g} µm', labelpos='E')
     axes.set(xlabel='x (mm)', ylabel='y (mm)')
     axes.set_aspect('equal', adjustable='datalim')
-    axes.margins(0.14)
+    axes.margins(0.06)
 
 
 def _round(value: float) -> float:
