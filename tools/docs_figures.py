@@ -31,6 +31,13 @@ PLANTED = {
     ('cyclic_pitch_error.y', 'phase'): '0.7 rad',
     ('nonorthogonality', 'angle'): '80 µrad',
 }
+#: Pages of the guide with a line that the session prints, and the step that it is of.
+STEPS = {
+    'calibrate.md': 'calibrator',
+    'follow_contour.md': 'circle',
+    'diagnose.md': 'diagnosis',
+    'tutorials/paper3.md': 'circle',
+}
 
 
 def replace(page: Path, text: str) -> None:
@@ -57,16 +64,23 @@ def printed(folder: Path) -> str:
     for row in rows:
         values = (row.before.rms, row.before.maximum, row.after.rms, row.after.maximum)
         lines.append(f'{row.name:<20}' + ''.join(f'{1e6 * v:>13.2f}' for v in values))
-    report = json.loads((folder / 'diagnosis' / 'report.json').read_text())
-    gap = report['gap']
-    names = ', '.join(report['verdict'])
-    shrink = f'{1e6 * gap["before"]:.2f} to {1e6 * gap["after"]:.2f} µm RMS'
-    lines += ['', *_wrapped(f'diagnosis: {names}: the held-out gap shrinks from {shrink}')]
+    return f'{_code(lines)}\n\n{said(folder, "diagnosis")}'
+
+
+def said(folder: Path, step: str) -> str:
+    """The line that the session printed of a step, as a code block."""
+    lines = json.loads((folder / 'session.json').read_text())['lines']
+    (line,) = (text for text in lines if text.startswith(f'{step}: '))
+    if step != 'diagnosis':
+        line = line.removeprefix(f'{step}: ')
+    # A number and its unit stay in one line.
+    line = line.replace(' µm', '\u00a0µm')
+    wrapped = textwrap.wrap(line, 92, subsequent_indent='  ')
+    return _code([part.replace('\u00a0', ' ') for part in wrapped])
+
+
+def _code(lines: list[str]) -> str:
     return '\n'.join(f'    {line}'.rstrip() for line in lines)
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, 92, subsequent_indent='  ')
 
 
 def example(folder: Path) -> str:
@@ -103,9 +117,13 @@ def main() -> None:
     date = time.strftime('%Y-%m-%d', time.localtime((folder / 'session.json').stat().st_mtime))
     state = f'{date}, commit {_commit(folder / "session.json")}'
     tests = ' with `--standard-tests`' if (folder / 'positioning').exists() else ''
-    source = f'\n\nWritten by `make docs-figures` from a session{tests} of\n{state}.'
+    written = f'Written by `make docs-figures` from a session{tests} of {state}.'
+    source = f'\n\n{textwrap.fill(written, 100)}'
     replace(ROOT / 'README.md', printed(folder) + source)
-    replace(ROOT / 'docs' / 'guide' / 'diagnosis_reading.md', example(folder) + source)
+    guide = ROOT / 'docs' / 'guide'
+    replace(guide / 'diagnosis_reading.md', example(folder) + source)
+    for page, step in STEPS.items():
+        replace(guide / page, said(folder, step) + source)
     images = ROOT / 'docs' / 'images'
     shutil.copyfile(folder / 'picture_01.png', images / 'session.png')
     print(f'figures of {folder.name} are in README.md and docs/')

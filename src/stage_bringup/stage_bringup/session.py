@@ -116,7 +116,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         result = run_steps(options, processes)
         print(result.text)
-        write_whole(options.out / 'session.json', json.dumps(result.data, indent=1))
+        found = {**result.data, 'lines': result.lines}
+        write_whole(options.out / 'session.json', json.dumps(found, indent=1))
         from stage_bringup.report import write_report
 
         print(f'report: {write_report(options, result)}')
