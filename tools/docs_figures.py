@@ -109,11 +109,11 @@ def _commit(path: Path) -> str:
 
 def main() -> None:
     """Write everything that comes from one session."""
-    sessions = sorted(p.parent for p in (ROOT / 'bags').glob('*/session.json'))
+    sessions = sorted((ROOT / 'bags').glob('*/session.json'), key=lambda p: p.stat().st_mtime)
     named = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else None
     if named is None and not sessions:
         raise SystemExit('bags/ holds no session: run make session first')
-    folder = named or sessions[-1]
+    folder = named or sessions[-1].parent
     date = time.strftime('%Y-%m-%d', time.localtime((folder / 'session.json').stat().st_mtime))
     state = f'{date}, commit {_commit(folder / "session.json")}'
     tests = ' with `--standard-tests`' if (folder / 'positioning').exists() else ''

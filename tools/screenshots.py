@@ -138,10 +138,10 @@ def draw_rerun(bag: Path) -> None:
 
 def main() -> None:
     """Draw all pages of the newest session, or of the one that is named."""
-    sessions = sorted(p.parent for p in (ROOT / 'bags').glob('*/session.json'))
+    sessions = sorted((ROOT / 'bags').glob('*/session.json'), key=lambda p: p.stat().st_mtime)
     if len(sys.argv) < 2 and not sessions:
         raise SystemExit('error: bags/ holds no session: run make session first')
-    folder = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else sessions[-1]
+    folder = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else sessions[-1].parent
     loaded = 'document.readyState === "complete"'
     draw('session_page', (folder / 'report.html').as_uri(), loaded, 1000)
     draw('diagnosis', (folder / 'diagnosis' / 'report.html').as_uri(), loaded, 1250)
