@@ -82,6 +82,33 @@ def test_a_simulator_with_other_gains_than_the_machine(planted: Maker) -> None:
     assert found.after < 0.3 * found.before
 
 
+def mute(session: Session) -> Session:
+    """The session of a drive that does not tell its force."""
+    command = session.series[topics.COMMAND]
+    values = {k: v for k, v in command.values.items() if not k.startswith('effort')}
+    series = {**session.series, topics.COMMAND: replace(command, values=values)}
+    return replace(session, series=series)
+
+
+def test_a_machine_without_effort_beside_a_simulator_with_it(planted: Maker) -> None:
+    """Names and figures of what the simulator lacks; of the mass that gains and mass differ."""
+    lacks = {'backlash.x': {'width': 8e-6}, 'coulomb_friction.x': {'coulomb': 5.0}}
+    run = planted({'scale_error.x': {'error': 2e-4}}, seed=3)
+    real = mute(planted({**lacks, 'scale_error.x': {'error': 2e-4}}, seed=4))
+    found = diagnose([real], [], nominal(), simulated=[run])
+    assert set(found.verdict) == set(lacks)
+    coulomb = found.parameters['coulomb_friction.x']['coulomb'][0]
+    assert coulomb == pytest.approx(5.0, rel=0.03)
+    assert found.after < 1.3 * found.noise_floor
+    friction = {'coulomb_friction.x': {'coulomb': 5.0}}
+    heavy = mute(planted({**friction, 'inertia_mismatch.x': {'ratio': 0.3}}))
+    other = diagnose([heavy], [], nominal(), simulated=[planted(friction)])
+    assert other.verdict == ['unknown']
+    assert any('velocity gain over mass is 0.7' in text for text in other.warnings)
+    with pytest.raises(StageError, match='simulator knows its forces'):
+        diagnose([real], [], nominal(), simulated=[mute(run)])
+
+
 def shifted(session: Session, ticks: int, epoch: int) -> Session:
     """The session begun some ticks later, at another epoch."""
 
