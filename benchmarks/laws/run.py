@@ -130,13 +130,8 @@ def effect_row(effect: str, seed: int) -> dict[str, Any]:
     session = session_of(effect, seed)
     others = [name for name in LIBRARY if name != effect]
     named = diagnose([session], [], NOMINAL_TWIN, without=others)
-    out = [effect, *SAME.get(effect, ()), *EFFECTS[effect]]
-    learned = diagnose([session], [], NOMINAL_TWIN, without=out)
-    standing_in: list[str] = []
-    while learned.accepted and not learned.structured:
-        # Nothing remains: what stands in for the effect is a relative of it here.
-        standing_in += sorted({split_effect(name)[0] for name in learned.accepted})
-        learned = diagnose([session], [], NOMINAL_TWIN, without=[*out, *standing_in])
+    out = (effect, *SAME.get(effect, ()), *EFFECTS[effect])
+    learned, standing_in = with_remainder(session, out)
     position = _closed(named.before, named.after, _with_laws(learned))
     rows = _rows(named, learned)
     forces = all(c.unit == 'N' for c in named.causes if c.effect.split('.')[0] == effect)
@@ -149,6 +144,19 @@ def effect_row(effect: str, seed: int) -> dict[str, Any]:
         # A force that the integral takes up moves no position.
         'counts': rows if forces or position is None else position,
     }  # fmt: skip
+
+
+def with_remainder(session: Session, out: Sequence[str]) -> tuple[Diagnosis, list[str]]:
+    """The diagnosis without some effects, and what else had to go until something remained.
+
+    Where nothing remains there is nothing to have a law of.
+    """
+    found = diagnose([session], [], NOMINAL_TWIN, without=out)
+    standing_in: list[str] = []
+    while found.accepted and not found.structured:
+        standing_in += sorted({split_effect(name)[0] for name in found.accepted})
+        found = diagnose([session], [], NOMINAL_TWIN, without=[*out, *standing_in])
+    return found, standing_in
 
 
 def _closed(before: float, named: float, law: float) -> float | None:
@@ -198,14 +206,14 @@ def none_row(seed: int) -> dict[str, Any]:
 
 
 def planted_row(law: int, seed: int) -> dict[str, Any]:
-    """What is found of a planted law, the whole library at hand."""
+    """What is found of a planted law, the whole library at hand if something then remains."""
     truth = planted.draw(law, seed)
     if law < 5:
         values = {'amplitude': truth.amplitude, 'law': float(law), 'number': truth.number}
         session = simulated({'planted_force.x': values}, seed)
     else:
         session = simulated({}, seed, truth)
-    found = diagnose([session], [], NOMINAL_TWIN)
+    found, standing_in = with_remainder(session, ())
     channel, words, kind = planted.LAWS[law]
     own = next((one for one in found.laws if one.channel == channel), None)
     letter = 'n' if kind == 'exponent' else 'b'
@@ -221,6 +229,7 @@ def planted_row(law: int, seed: int) -> dict[str, Any]:
     value = numbers[0][1] if numbers else float('nan')
     return {
         'law': law, 'seed': seed, 'words': words, 'number': truth.number, 'found': value,
+        'standing_in': standing_in,
         'recovered': bool(numbers) and truth.recovered(value), 'verdict': found.verdict,
         'expression': own.expression if own else '', 'kind': own.kind if own else '',
         'shrink': own.shrink if own else 0.0, 'interval': own.interval if own else (0.0, 0.0),

@@ -121,22 +121,26 @@ def _none(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 def _planted(rows: Sequence[dict[str, Any]]) -> list[str]:
     good = [r for r in rows if r['recovered']]
+    whole = [r for r in good if not r['standing_in']]
     lines = [
         '## Planted laws',
         '',
-        'The whole library is at hand. An exponent counts as recovered within 0.15, a period '
-        'within 1 %.',
-        f'Recovered: {len(good)} of {len(rows)}.',
+        'An exponent counts as recovered within 0.15, a period within 1 %. '
+        f'Recovered: {len(good)} of {len(rows)},',
+        f'{len(whole)} of them with the whole library at hand. In the others effects of it closed '
+        'the gap so well',
+        'that nothing remained: the names are wrong. `also out` are those that then had to go.',
         '',
-        '| law | seed | planted | found | verdict | expression | closes |',
-        '|---|---|---|---|---|---|---|',
+        '| law | seed | planted | found | also out | verdict | expression | closes |',
+        '|---|---|---|---|---|---|---|---|',
     ]
     for row in rows:
         found = '–' if row['found'] != row['found'] else f'{row["found"]:.4g}'
         names = ', '.join(f'`{name}`' for name in row['verdict']) or 'none'
+        out = ', '.join(f'`{name}`' for name in row['standing_in']) or '–'
         words = row['words'].replace('|', '\\|')
         lines.append(
-            f'| {words} | {row["seed"]} | {row["number"]:.4g} | {found} | {names} | '
+            f'| {words} | {row["seed"]} | {row["number"]:.4g} | {found} | {out} | {names} | '
             f'`{row["expression"] or "none"}` | {100 * row["shrink"]:.0f} % |'
         )
     return [*lines, '']
