@@ -33,7 +33,8 @@ class Fit:
 
     `crossed` is the residual in which no row is judged by coefficients that it helped to fit:
     held-out rows by those of the fit rows, these by those of the other folds. Rare events (a few
-    reversals, one saturation) then count wherever they happen. `sessions` holds, per held-out
+    reversals, one saturation) then count wherever they happen. It is in units of the force that
+    is asked for, also where the drive gives less (`Term.acting`). `sessions` holds, per held-out
     session, the coefficients whose nuisances were refitted on its prefix.
     """
 
@@ -105,7 +106,14 @@ class Regression:
         residual = target - matrix @ solution
         sessions = self._refit_nuisances(thetas, coefficients, residual)
         crossed = self._crossed(matrix, target, residual) if problem.crossable else residual
+        crossed = crossed / self._acting(thetas, coefficients)
         return Fit(dict(thetas), coefficients, residual, crossed, sessions)
+
+    def _acting(self, thetas: dict[str, Theta], coefficients: dict[str, Array]) -> float:
+        """Force that acts per force that is asked for, above zero."""
+        terms = self.problem.terms
+        lost = sum(1.0 - terms[n].acting(t, coefficients[n]) for n, t in thetas.items())
+        return max(1.0 - lost, 1e-3)
 
     def _crossed(self, matrix: Array, target: Array, residual: Array) -> Array:
         """Residual in which each fit row is judged by coefficients of the other folds.

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,14 @@ ABOUT_THE_SAME = 0.98
 EXACT = ('force_offset', 'force_saturation')
 
 
+class Passed(NamedTuple):
+    """An effect that another one was taken before."""
+
+    share: float  # gain over that of the other one
+    before: list[str]  # set until then
+    plainer: bool  # whether it has fewer parameters than the other one
+
+
 class Selector:
     """Selects effects for one problem; deterministic for a seed."""
 
@@ -44,8 +53,8 @@ class Selector:
         self.noise = problem.floor**2
         self.raw = raw if raw is not None else problem.target
         self.gap = max(problem.mean_square(problem.judged) - self.noise, 0.0)
-        #: Per effect that another one was taken before: gain over that one's, the set until then.
-        self.passed: dict[str, tuple[float, list[str]]] = {}
+        #: Effects that another one was taken before.
+        self.passed: dict[str, Passed] = {}
 
     def select(self, first: Sequence[str] = ()) -> Selection:
         """Run forward selection and pruning; rivals are left to `find_rivals`.
@@ -72,8 +81,7 @@ class Selector:
             if not good:
                 rejected.update({n: e for n, (e, _) in trials.items()})
                 break
-            if not first:
-                self._note_passed(good, accepted)
+            was = accepted, good
             while good:
                 name = self._simplest(good, trials)
                 good = [(gain, other) for gain, other in good if other != name]
@@ -82,6 +90,8 @@ class Selector:
                 )
                 # A set in which one effect takes an impossible value explains nothing.
                 if all(self.admissible(joint, n) for n in joint.thetas):
+                    if not first:
+                        self._note_passed(*was, name)
                     accepted, base = self._grown(accepted, joint, name)
                     if name.partition('.')[0] in EXACT:
                         # What they explain is no measure for the errors of other models.
@@ -105,11 +115,14 @@ class Selector:
         accepted, fit = self._simplify([*accepted, name], fit)
         return accepted, grow(self, fit, [name])
 
-    def _note_passed(self, good: list[tuple[float, str]], accepted: list[str]) -> None:
+    def _note_passed(self, accepted: list[str], good: list[tuple[float, str]], taken: str) -> None:
+        """Effects that another one is taken before."""
         most = max(good)[0]
         for gain, name in good:
-            if gain / most > self.passed.get(name, (0.0, []))[0]:
-                self.passed[name] = gain / most, accepted
+            known = self.passed.get(name)
+            if name != taken and (known is None or gain / most > known.share):
+                plainer = self._size(name) < self._size(taken)
+                self.passed[name] = Passed(gain / most, accepted, plainer)
 
     def with_given(self, selection: Selection, given: dict[str, Evidence]) -> Selection:
         """A selection on whitened rows, joined with effects that unwhitened rows established.
@@ -191,22 +204,22 @@ class Selector:
         One that no machine has at its θ comes last.
         """
         most = max(good)[0]
-        terms = self.problem.terms
-
-        def size(name: str) -> int:
-            theta = terms[name].grid[0]
-            linear = 0 if terms[name].fixed else self.regression.columns(name, theta).shape[1]
-            return linear + len(terms[name].lower)
 
         def odd(name: str) -> bool:
-            return not terms[name].usual(trials[name][1].thetas[name])
+            return not self.problem.terms[name].usual(trials[name][1].thetas[name])
 
         near = [
-            (odd(name), size(name), -gain, name)
+            (odd(name), self._size(name), -gain, name)
             for gain, name in good
             if gain >= ABOUT_THE_SAME * most
         ]
         return min(near)[-1]
+
+    def _size(self, name: str) -> int:
+        """Number of free parameters of an effect in its present shape."""
+        term = self.problem.terms[name]
+        linear = 0 if term.fixed else self.regression.columns(name, term.grid[0]).shape[1]
+        return linear + len(term.lower)
 
     def with_effect(self, base: Fit, name: str, without: tuple[str, ...] = ()) -> Fit:
         """The set with one more effect, its own nonlinear parameters refined."""
@@ -238,8 +251,15 @@ class Selector:
         )
 
     def admissible(self, fit: Fit, name: str) -> bool:
-        """Whether an effect's parameters are physical in a fit."""
-        return bool(self.problem.terms[name].admissible(fit.thetas[name], fit.coefficients[name]))
+        """Whether an effect's parameters are physical in a fit, and such as a twin takes."""
+        term, theta, linear = self.problem.terms[name], fit.thetas[name], fit.coefficients[name]
+        if not term.admissible(theta, linear):
+            return False
+        found = term.parameters(theta, linear)
+        return all(
+            p.minimum <= found.get(p.name, p.minimum) <= p.maximum
+            for p in effect_of(name).parameters
+        )
 
     def _evidence(self, name: str, base: Fit, fit: Fit) -> Evidence:
         gain = float(block_gains(self.problem, base, fit).mean())

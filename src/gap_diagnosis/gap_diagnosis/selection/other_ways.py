@@ -41,14 +41,15 @@ def select_best(selector: Selector) -> Selection:
 def _overtaken(selector: Selector, accepted: list[str]) -> list[tuple[str, list[str]]]:
     """Effects that gained nearly as much as one that was taken, with the set until then.
 
-    Those that hold an accepted one, or are held by one, were compared with it already.
+    Those that hold an accepted one, or are held by one, were compared with it already. One that
+    was accepted later is tried first where it is plainer: beside it the other one may be nothing.
     """
     found = [
-        (share, name, before)
-        for name, (share, before) in selector.passed.items()
-        if share >= NEARLY
-        and name not in accepted
-        and not selector.barred(name, accepted)
+        (passed.share, name, passed.before)
+        for name, passed in selector.passed.items()
+        if passed.share >= NEARLY
+        and (passed.plainer or name not in accepted)
+        and not selector.barred(name, [a for a in accepted if a != name])
         and not selector.replaced(name, accepted)
     ]
     found = sorted(found, key=lambda entry: (-entry[0], entry[1]))[:MOST]

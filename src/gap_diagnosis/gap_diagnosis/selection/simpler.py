@@ -23,9 +23,7 @@ def merge(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str],
         other = selector.regression.refine({**kept, name: ()}, [*kept])
         now = fit.mean_square(selector.problem)
         limit = max(1.05 * now, now + 1e-3 * selector.gap)
-        # With a gain the equation is in units of the force that acts: back to the command's.
-        unit = (1.0 + float(other.coefficients[name][0])) ** 2
-        reached = other.mean_square(selector.problem) / max(unit, 0.01)
+        reached = other.mean_square(selector.problem)
         if reached < limit and selector.admissible(other, name):
             return [a for a in accepted if a not in pair] + [name], other
     return accepted, fit

@@ -36,5 +36,5 @@ def term(rows: ForceRows) -> Term:
     return Term(
         constant(signal),
         lambda theta, c: {'error': float(c[0])},
-        admissible=lambda theta, c: -0.8 < c[0] < 1.0,
+        acting=lambda theta, c: 1.0 + float(c[0]),
     )

@@ -133,6 +133,11 @@ def term(rows: ForceRows) -> Term | None:
         lost = float(np.abs(columns(theta)[:, 0] * c[0]).max())
         return bool(c[0] > 0.0) and lost < (1.0 - LEAST) * strongest
 
+    force = rows.columns(rows.applied())[:, 0]
+
+    def acting(theta: Theta, c: Array) -> float:
+        return 1.0 - float(force @ columns(theta)[:, 0]) * float(c[0]) / float(force @ force)
+
     middle = math.log(TIMES[1])
     hot = tuple((float(way), math.log(time)) for way in (COLD, COLD + 1) for time in TIMES)
     return Term(
@@ -142,6 +147,7 @@ def term(rows: ForceRows) -> Term | None:
         lower=(0.0, math.log(LEAST_TIME)),
         upper=(COLD + 1.0, math.log(MOST_TIME)),
         admissible=admissible,
+        acting=acting,
     )
 
 
