@@ -17,6 +17,7 @@ from gap_diagnosis.evidence.acceptance import (
     shrink_of,
 )
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
@@ -62,7 +63,7 @@ def cause_of(
         gap_after=shrink.after,
         interval=shrink.interval,
         unit=shrink.unit,
-        refuted=_judged(name, twin, showing)
+        refuted=_judged(name, showing)
         and refuted(name, shrink, parameters[name], twin.effects.get(name)),
         status='accepted',
         alternatives=list(found.alternatives) if found is not None else [],
@@ -116,11 +117,12 @@ def shown_by_encoder(
     return shows(encoder.rms('after'), floor)
 
 
-def _judged(name: str, twin: TwinFile, parts: list[Part]) -> bool:
+def _judged(name: str, parts: list[Part]) -> bool:
     """Whether the twin's own run can refute an effect.
 
     Not what is read from the record itself, nor what was taken out of the points exactly; the
     rests of a stepper are judged by the selection.
     """
     exact = any(name in p.problem.before for p in parts)
-    return bool(parts) and twin.kind != 'stepper' and not exact
+    rests = any(isinstance(p.rows, Kinematics) and p.rows.rests for p in parts)
+    return bool(parts) and not rests and not exact

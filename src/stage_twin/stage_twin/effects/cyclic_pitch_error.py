@@ -68,12 +68,20 @@ def term(rows: TrackerRows) -> Term:
         )
     own = rows.along([np.ones(len(p)) for p in rows.position()])[:, 0] > 0.0
     peaks = periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead))
-    told = periodic.own_or_turning(path, rows.lead)
+    often = periodic.own_or_turning(path, rows.lead)
+    told = periodic.own_or_turning(path, rows.lead, periodic.FEW_TURNS)
+    shown = path[own]
+
+    def propose(residual: Array) -> tuple[Theta, ...]:
+        left = residual[own]
+        found = tuple(f for f in peaks(left) if often(f[0]) or periodic.repeats(shown, f[0], left))
+        return found or ((low,),)
+
     whole = Term(
         partial(_columns, rows, 1),
         lambda theta, c: periodic.found(theta, c),
         grid=((low,),),
-        propose=lambda residual: peaks(residual[own]),
+        propose=propose,
         lower=(low,),
         upper=(high,),
         admissible=lambda theta, c: _small(theta, c) and told(theta[0]),
