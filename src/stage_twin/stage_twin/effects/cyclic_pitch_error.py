@@ -70,11 +70,10 @@ def term(rows: TrackerRows) -> Term:
     peaks = periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead))
     often = periodic.own_or_turning(path, rows.lead)
     told = periodic.own_or_turning(path, rows.lead, periodic.FEW_TURNS)
-    shown = path[own]
 
     def propose(residual: Array) -> tuple[Theta, ...]:
         left = residual[own]
-        found = tuple(f for f in peaks(left) if often(f[0]) or periodic.repeats(shown, f[0], left))
+        found = tuple(f for f in peaks(left) if often(f[0]) or periodic.repeats(path, f[0], left))
         return found or ((low,),)
 
     whole = Term(
