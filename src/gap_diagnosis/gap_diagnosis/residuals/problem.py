@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,9 @@ class Problem:
     before: dict[str, Array] = field(default_factory=dict)
     seams: NDArray[np.int64] | None = None  # rows before which no row of the same series comes
     stands: Stands | None = None  # rows that share an error; None where none do
+    #: What single effects gained beside a set, by all that this depends on: each pass of a
+    #: selection goes the way of the last one until a barred effect was taken.
+    tried: dict[Hashable, Any] = field(default_factory=dict)
 
     def whiten(self, rows: Array) -> Array:
         """Rows (n,) or (n, k) freed of what their noise shares.

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.selection.gains import block_gains, block_rms_gains, bootstrap_interval
 from gap_diagnosis.selection.grow import grow
-from gap_diagnosis.selection.model import Evidence, Rules, Selection
+from gap_diagnosis.selection.model import Evidence, Passed, Rules, Selection, Trial
 from gap_diagnosis.selection.simpler import merge, plain
 from stage_twin.effects import EFFECTS, effect_of
 from stage_twin.effects.term import Term
@@ -30,14 +29,6 @@ Array = NDArray[np.float64]
 ABOUT_THE_SAME = 0.98
 #: Effects whose model is exact, however large they are: a constant, and forces that never acted.
 EXACT = ('force_offset', 'force_saturation')
-
-
-class Passed(NamedTuple):
-    """An effect that another one was taken before."""
-
-    share: float  # gain over that of the other one
-    before: list[str]  # set until then
-    plainer: bool  # whether it has fewer parameters than the other one
 
 
 class Selector:
@@ -67,27 +58,26 @@ class Selector:
             if name not in accepted:
                 accepted, base = [*accepted, name], self.with_effect(base, name)
         for name in first:
-            accepted, base = self._grown(accepted, self._trial(base, name, accepted)[1], name)
+            fit = self.regression.linear(self._trial(base, name, accepted).thetas)
+            accepted, base = self._grown(accepted, fit, name)
         rejected: dict[str, Evidence] = {}
         while len(accepted) < self.rules.largest:
             trials = self._trials(base, accepted)
             if not rejected:
-                rejected = {name: evidence for name, (evidence, _) in trials.items()}
+                rejected = {name: trial.evidence for name, trial in trials.items()}
             good = [
-                (evidence.gain, name)
-                for name, (evidence, _) in trials.items()
-                if self._counts(evidence, base)
+                (trial.evidence.gain, name)
+                for name, trial in trials.items()
+                if self._counts(trial.evidence, base)
             ]
             if not good:
-                rejected.update({n: e for n, (e, _) in trials.items()})
+                rejected.update({n: t.evidence for n, t in trials.items()})
                 break
             was = accepted, good
             while good:
                 name = self._simplest(good, trials)
                 good = [(gain, other) for gain, other in good if other != name]
-                joint = self.regression.refine(
-                    trials[name][1].thetas, list(trials[name][1].thetas)
-                )
+                joint = self.regression.refine(trials[name].thetas, list(trials[name].thetas))
                 # A set in which one effect takes an impossible value explains nothing.
                 if all(self.admissible(joint, n) for n in joint.thetas):
                     if not first:
@@ -99,7 +89,7 @@ class Selector:
                         self.gap = min(self.gap, max(rest, 0.0))
                     break
             else:
-                rejected.update({n: e for n, (e, _) in trials.items()})
+                rejected.update({n: t.evidence for n, t in trials.items()})
                 break
         base = grow(self, base, accepted)
         accepted, base = merge(self, accepted, base)
@@ -158,47 +148,52 @@ class Selector:
         evidence = {n: given.get(n) or selection.evidence[n] for n in thetas}
         return Selection(list(thetas), fit, evidence, selection.rejected)
 
-    def _trials(self, base: Fit, accepted: list[str]) -> dict[str, tuple[Evidence, Fit]]:
-        out = {}
-        for name in self.problem.terms:
-            if name in accepted or self.barred(name, accepted):
-                continue
-            out[name] = self._trial(base, name, accepted)
-        return out
+    def _trials(self, base: Fit, accepted: list[str]) -> dict[str, Trial]:
+        return {
+            name: self._trial(base, name, accepted)
+            for name in self.problem.terms
+            if name not in accepted and not self.barred(name, accepted)
+        }
 
-    def _trial(self, base: Fit, name: str, accepted: list[str]) -> tuple[Evidence, Fit]:
+    def _trial(self, base: Fit, name: str, accepted: list[str]) -> Trial:
+        """An effect beside a set, tried once for all passes."""
+        tried = self.problem.tried
+        key = (
+            *(name, self._size(name), tuple(accepted), tuple(base.thetas.items())),
+            *(float(base.residual @ base.residual), self.gap, self.rules, self.problem.whitening),
+        )
+        if key not in tried:
+            tried[key] = self._best_shape(base, name, accepted)
+        found: Trial = tried[key]
+        self.problem.terms[name] = found.shape
+        return found._replace(evidence=replace(found.evidence, alternatives=[]))
+
+    def _best_shape(self, base: Fit, name: str, accepted: list[str]) -> Trial:
         """An effect in its plain shape or, where that shows nothing, a curve in a richer one.
 
         It is the one that predicts best, if the richest of all counts. The shape that has a period
         shows where the periodogram finds it.
         """
-        plain = self.problem.terms[name]
-        evidence, fit = self._shaped(base, name, plain, accepted)
-        if plain.propose is not None or plain.richer is None or self._counts(evidence, base):
-            return evidence, fit
-        shapes = [plain]
+        shape = self.problem.terms[name]
+        plain = self._shaped(base, name, shape, accepted)
+        if shape.propose is not None or shape.richer is None or self._counts(plain.evidence, base):
+            return plain
+        shapes = [shape]
         while (richer := shapes[-1].richer) is not None:
             shapes.append(richer())
         found = self._shaped(base, name, shapes[-1], accepted)
-        if self._counts(found[0], base):
-            others = [self._shaped(base, name, shape, accepted) for shape in shapes[1:-1]]
-            best, shape = max(zip([*others, found], shapes[1:], strict=True), key=_gain)
-            self.problem.terms[name] = shape
-            return best
-        self.problem.terms[name] = plain
-        return evidence, fit
+        if not self._counts(found.evidence, base):
+            return plain
+        others = [self._shaped(base, name, shape, accepted) for shape in shapes[1:-1]]
+        return max([*others, found], key=lambda trial: trial.evidence.gain)
 
-    def _shaped(
-        self, base: Fit, name: str, shape: Term, accepted: list[str]
-    ) -> tuple[Evidence, Fit]:
+    def _shaped(self, base: Fit, name: str, shape: Term, accepted: list[str]) -> Trial:
         """An effect in one shape, which it has from now on."""
         self.problem.terms[name] = shape
         fit = self.with_effect(base, name, self.replaced(name, accepted))
-        return self._evidence(name, base, fit), fit
+        return Trial(self._evidence(name, base, fit), fit.thetas, shape)
 
-    def _simplest(
-        self, good: list[tuple[float, str]], trials: dict[str, tuple[Evidence, Fit]]
-    ) -> str:
+    def _simplest(self, good: list[tuple[float, str]], trials: dict[str, Trial]) -> str:
         """Of the effects that gain about as much as the best one, that with fewest parameters.
 
         One that no machine has at its θ comes last.
@@ -206,7 +201,7 @@ class Selector:
         most = max(good)[0]
 
         def odd(name: str) -> bool:
-            return not self.problem.terms[name].usual(trials[name][1].thetas[name])
+            return not self.problem.terms[name].usual(trials[name].thetas[name])
 
         near = [
             (odd(name), self._size(name), -gain, name)
@@ -344,7 +339,3 @@ class Selector:
                 low, _ = bootstrap_interval(loss, self.seed, level=self.rules.level)
                 if gained > 0.5 * rest and not holder and (close or low <= 0.0):
                     evidence[name].alternatives.append(rival)
-
-
-def _gain(tried: tuple[tuple[Evidence, Fit], Term]) -> float:
-    return tried[0][0].gain

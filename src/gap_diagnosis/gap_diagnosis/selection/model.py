@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from gap_diagnosis.residuals.regression import Fit
+from stage_twin.effects.term import Term, Theta
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,22 @@ class Evidence:
     share: float  # of the residual that is left without it
     admissible: bool
     alternatives: list[str] = field(default_factory=list)
+
+
+class Passed(NamedTuple):
+    """An effect that another one was taken before."""
+
+    share: float  # gain over that of the other one
+    before: list[str]  # set until then
+    plainer: bool  # whether it has fewer parameters than the other one
+
+
+class Trial(NamedTuple):
+    """An effect beside a set: what it gains, in which shape, the nonlinear parameters of all."""
+
+    evidence: Evidence
+    thetas: dict[str, Theta]
+    shape: Term
 
 
 @dataclass
