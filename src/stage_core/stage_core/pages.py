@@ -76,6 +76,7 @@ summary{cursor:pointer;color:var(--blue)}
 footer{margin-top:3rem;color:var(--muted);font-size:.88rem}
 @media print{body{font-size:10.5pt;max-width:none;padding:0}h2,h3{break-after:avoid}
 figure,table,.headline{break-inside:avoid}nav,canvas,output{display:none}
+.figures{grid-template-columns:repeat(auto-fit,minmax(18rem,1fr))}
 .scroll{background:none}}
 """
 

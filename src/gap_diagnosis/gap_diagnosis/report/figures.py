@@ -124,7 +124,8 @@ def heat_map(diagnosis: Diagnosis) -> Figure:
 @styled
 def shares(diagnosis: Diagnosis) -> Figure:
     """Share of the gap by condition, the significant ones in colour."""
-    found = diagnosis.conditions[:12][::-1]
+    # A bar below half a per cent cannot be seen.
+    found = [c for c in diagnosis.conditions if c.share >= 0.005][:12][::-1]
     figure = canvas(10.5, 0.42 * max(len(found), 3) + 0.9)
     plot = figure.subplots()
     # Two lines leave room for the bars on a phone.
