@@ -107,6 +107,31 @@ def test_the_reference_stands_in_for_a_missing_count() -> None:
     assert set(found.verdict) == set(EFFECTS)
 
 
+def encoded(effects: dict[str, dict[str, float]]) -> Session:
+    """The session of a stage with an encoder of 50 nm in place of a tracker."""
+    session = stepper_session(effects)
+    points = session.series[topics.TRACKER_POINT]
+    read = {f'position.{a}': np.rint(points.values[a] / 5e-8) * 5e-8 for a in 'xy'}
+    states = Series(topics.JOINT_STATES, points.stamps, read)
+    return replace(
+        session,
+        series={topics.REFERENCE: session.series[topics.REFERENCE], topics.JOINT_STATES: states},
+    )
+
+
+def test_an_encoder_measures_where_there_is_no_tracker() -> None:
+    found = diagnose([encoded(EFFECTS)], [], nominal())
+    assert set(found.verdict) == set(EFFECTS)
+    assert found.parameters['backlash.y']['width'][0] == pytest.approx(8e-6, rel=0.15)
+    assert found.after < 1.4 * SCATTER < 0.5 * found.before
+    assert any('the encoder measures in its place' in text for text in found.warnings)
+    assert diagnose([encoded({})], [], nominal()).verdict == []
+    counted = stepper_session({})
+    without = {k: s for k, s in counted.series.items() if k != topics.TRACKER_POINT}
+    with pytest.raises(StageError, match='are the counted steps'):
+        diagnose([replace(counted, series=without)], [], nominal())
+
+
 def test_what_a_stepper_session_may_lack() -> None:
     session = stepper_session({})
     without = {k: s for k, s in session.series.items() if k != topics.TRACKER_POINT}

@@ -14,7 +14,7 @@ from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.checks import check_duration
 from gap_diagnosis.input.data import Record, load_record
-from gap_diagnosis.input.stepper import load_stepper_record
+from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_stepper_record
 from gap_diagnosis.residuals.controller import controller_findings, with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.kinematics import Kinematics
@@ -150,6 +150,8 @@ def prepare(
         twin = of_simulator(twin, simulated)
     counted_twin = with_counted_steps(twin)
     load = load_stepper_record if twin.kind == 'stepper' else load_record
+    if twin.kind == 'stepper' and any(by_encoder(s) for s in (*sessions, *holdout)):
+        without = (*without, *UNSEEN_BY_ENCODER)
     records = [load(s, twin) for s in sessions]
     records += [load(s, twin, held_out=True) for s in holdout]
     check_duration(records)

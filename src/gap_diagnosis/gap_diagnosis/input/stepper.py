@@ -45,6 +45,17 @@ EDGE = 0.06  # s at both ends of a rest: age of a count, and what rings after a 
 LEAST_POINTS = 5  # of a rest
 LEAST_RESTS = 12
 LEAST_REPEATS = 6  # rests beyond the first of their place, to know a scatter from
+#: What an encoder of each axis cannot show: it sees its own axis, and no other frame or clock.
+UNSEEN_BY_ENCODER = (
+    'tracker_misalignment', 'tracker_latency', 'tracker_clock_drift', 'nonorthogonality',
+    'straightness', 'angular_error',
+)  # fmt: skip
+#: Of a microstep, within which a number is a whole count of them.
+WHOLE = 1e-3
+ENCODED = (
+    'no tracker: the encoder measures in its place; what lies behind it, and between the axes, '
+    'does not show'
+)
 HINT = 'record one with at least 18 rests of 0.5 s (`ros2 run stage_bringup session`)'
 
 
@@ -66,7 +77,7 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
     """Arrays of a session of a stepper stage: its tracker rows are rests.
 
     A session without enough of them is judged in motion where every point has the stamp of a
-    count: one controller read both.
+    count: one controller read both. Without a tracker an encoder measures in its place.
 
     Raises
     ------
@@ -76,12 +87,16 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
     """
     axes = known_axes(session, twin)
     _refuse_forces(session)
+    encoded = by_encoder(session)
+    if encoded:
+        session = _measured_by_encoder(session, axes, twin)
     topic = topics.JOINT_STATES if session.has(topics.JOINT_STATES) else topics.REFERENCE
     series = finite(session.require(topic, 'holds the counted motion'), session.path)
     if not session.has(topics.TRACKER_POINT):
         raise StageError(
             f'{session.path} holds no message of {topics.TRACKER_POINT}: a stepper stage is '
-            'diagnosed against the tracker; record the session again with it'
+            'diagnosed against the tracker, or against an encoder in '
+            f'{topics.JOINT_STATES} beside the command in {topics.REFERENCE}'
         )
     points = finite(session.series[topics.TRACKER_POINT], session.path)
     stamps = to_seconds(series.stamps, session.start_ns)
@@ -119,9 +134,45 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
             f'{session.path} holds {len(rests.time)} rests of the stage that the tracker sees, a '
             f'diagnosis of a stepper stage needs {LEAST_RESTS}: {HINT}'
         )
+    if encoded:
+        record = replace(record, warnings=(*record.warnings, ENCODED))
     check_excitation(record)
     check_tracker_moves(record)
     return record
+
+
+def by_encoder(session: Session) -> bool:
+    """Whether the encoder has to measure: there is no tracker, and a command beside it."""
+    beside = session.has(topics.JOINT_STATES) and session.has(topics.REFERENCE)
+    return beside and not session.has(topics.TRACKER_POINT)
+
+
+def _measured_by_encoder(session: Session, axes: tuple[str, ...], twin: TwinFile) -> Session:
+    """The session with the encoder as what measures, and the command as what was counted.
+
+    Raises
+    ------
+    StageError
+        If the joint states are the counted steps themselves.
+    """
+    states = session.series[topics.JOINT_STATES]
+    command = session.series[topics.REFERENCE]
+    positions = _metres(states, axes, twin)
+    for axis, position in zip(axes, positions.T, strict=True):
+        steps = np.rint(position / _step(twin, axis))
+        apart = np.abs(position - steps * _step(twin, axis)).max()
+        own = np.interp(states.stamps, command.stamps, command.values[f'position.{axis}'])
+        if apart < WHOLE * _step(twin, axis) and np.median(np.abs(position - own)) < STILL:
+            raise StageError(
+                f'{session.path} holds no message of {topics.TRACKER_POINT}, and '
+                f'{topics.JOINT_STATES} are the counted steps: record a tracker or an encoder'
+            )
+    still = np.zeros(len(states.stamps))
+    columns = dict(zip(axes, positions.T, strict=True))
+    points = {name: columns.get(name, still) for name in ('x', 'y', 'z')}
+    series = {k: s for k, s in session.series.items() if k != topics.JOINT_STATES}
+    series[topics.TRACKER_POINT] = Series(topics.TRACKER_POINT, states.stamps, points)
+    return replace(session, series=series, alignment=None)
 
 
 def _at_rests(record: Record, rests: _Rests, step: Array) -> Record:
