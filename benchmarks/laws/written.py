@@ -43,11 +43,11 @@ def page(folder: Path, wanted: Mapping[str, int], no_function: Sequence[str], co
 def _made(rows: Mapping[str, Sequence[dict[str, Any]]], wanted: Mapping[str, int]) -> list[str]:
     """Which code made the rows, and how many are not made yet."""
     codes = sorted({row['code'] for part in rows.values() for row in part})
-    lines = [
+    lines = textwrap.wrap(
         f'Code of commit {", ".join(codes)}. The goals: 0.8 for every effect, at most 2 laws in '
-        '100',
-        'sessions without structure, every planted law.',
-    ]
+        '100 sessions without structure, every planted law.',
+        99,
+    )
     if any(len(rows[part]) < count for part, count in wanted.items()):
         made = ', '.join(
             f'{len(rows[part])} of {count} {PARTS[part]}' for part, count in wanted.items()
