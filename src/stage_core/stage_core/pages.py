@@ -51,7 +51,7 @@ vertical-align:top}td{font-variant-numeric:tabular-nums}
 margin:1rem 0}.cards a{display:block;border:1px solid var(--rule);border-radius:6px;
 padding:.8rem 1rem;color:inherit;text-decoration:none}.cards a:hover{border-color:var(--blue)}
 .cards b{color:var(--blue)}.cards span{display:block;color:var(--muted);font-size:.94rem}
-.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,27rem),1fr));
+.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,max(21rem,40%)),1fr));
 gap:1.4rem 2rem;margin:1.2rem 0}figure{margin:0;min-width:0}figure.wide{grid-column:1/-1}
 figure:only-child:not(.wide){max-width:34rem}
 figure img{display:block;width:100%;height:auto}.plot{position:relative}

@@ -12,6 +12,9 @@ _SCALES: dict[str, tuple[tuple[float, float, str], ...]] = {
     'rad': ((1e-2, 1e6, 'µrad'), (math.inf, 1.0, 'rad')),
     's': ((1e-3, 1e6, 'µs'), (1.0, 1e3, 'ms'), (math.inf, 1.0, 's')),
     'm/s': ((1.0, 1e3, 'mm/s'), (math.inf, 1.0, 'm/s')),
+    'm/m': ((math.inf, 1e6, 'µm/m'),),
+    '1/K': ((math.inf, 1e6, 'µm/(m·K)'),),
+    's/s': ((math.inf, 1e6, 'µs/s'),),
     '1': ((math.inf, 1.0, ''),),
 }
 

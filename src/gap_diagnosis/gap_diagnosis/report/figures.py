@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.report.words import condition_words
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array, canvas, envelope, paired, plain, styled
+from stage_core.drawing import Array, canvas, envelope, legend_above, paired, plain, styled
 from stage_core.theme import BLUE, MUTED, ORANGE, RULE
 
 #: The pale wide line below and the thin one above: where both agree, both are seen.
@@ -53,7 +53,7 @@ def time_series(diagnosis: Diagnosis) -> Figure:
             plot.axvline(start, color=MUTED, lw=0.8, ls=':')
         plot.set_ylabel(f'{channel.name} ({unit})')
         plot.margins(x=0.005)
-    rows[0].legend(loc='upper right', ncols=2)
+    legend_above(figure, rows[0], 2)
     rows[-1].set_xlabel('time in the held-out windows, put together (s)')
     return figure
 

@@ -232,9 +232,21 @@ def _next(page: Page, diagnosis: Diagnosis) -> None:
             'the missing effect.'
         )
     elif diagnosis.experiment is None and UNKNOWN not in diagnosis.verdict:
-        steps.append('Nothing: run the corrected twin, and diagnose again after a change.')
+        steps.append(_nothing(diagnosis))
     page.items(steps)
     page.text(
         '`corrected_twin.yaml` beside this page is the nominal twin with the accepted effects. '
         '`ros2 run stage_twin simulate --twin corrected_twin.yaml` runs it as it is.'
+    )
+
+
+def _nothing(diagnosis: Diagnosis) -> str:
+    """What to do where no question is open: more than half of what is left may not be noise."""
+    if diagnosis.after**2 <= 2.0 * diagnosis.noise_floor**2:
+        return 'Nothing: run the corrected twin, and diagnose again after a change.'
+    seen = 'and has structure' if diagnosis.structured else 'but no structure is seen in it'
+    return (
+        f'The gap that is left, {measure(diagnosis.after)}, is more than noise and resolution '
+        f'make ({measure(diagnosis.noise_floor)}), {seen}. Repeat the session: what repeats is '
+        'the machine, and the rest is how it scatters.'
     )

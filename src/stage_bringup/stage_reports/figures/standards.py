@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from stage_core.drawing import MICRO, MILLI, canvas, styled, thin
 from stage_core.theme import BLUE, INK, MUTED, ORANGE
+from stage_core.wording import measure
 from stage_reports.figures.checks import pairs
 from stage_reports.iso230 import Circular, Positioning
 
@@ -69,16 +70,16 @@ def circular_plot(
     axes.plot(turn, np.zeros_like(turn), color=INK, lw=0.9, label='nominal circle')
     axes.set_ylim(-3.0 * widest, 1.5 * widest)
     axes.set_rlabel_position(67.5)
-    axes.set_title(f'{_circular_figures(result)} µm', fontsize=10, loc='center')
+    axes.set_title(_circular_figures(result), fontsize=10, loc='center')
     figure.legend(loc='outside lower center', ncols=3)
     return figure
 
 
 def _circular_figures(result: Circular) -> str:
-    parts = [f'G {result.G * MICRO:.3g}']
+    parts = [f'G {measure(result.G)}']
     if result.G_b is not None:
-        parts.append(f'G(b) {result.G_b * MICRO:.3g}')
-    parts.append(f'F {result.F_min * MICRO:.3g} to {result.F_max * MICRO:.3g}')
+        parts.append(f'G(b) {measure(result.G_b)}')
+    parts.append(f'F {measure(result.F_min)} to {measure(result.F_max)}')
     if result.H is not None:
-        parts.append(f'H {result.H * MICRO:.3g}')
-    return ', '.join(parts).replace('-', '−')
+        parts.append(f'H {measure(result.H)}')
+    return ', '.join(parts)
