@@ -79,8 +79,8 @@ convergence(
 )
 
 # %% [markdown]
-# The RMS falls from run to run. The maximum is the moment of a reversal, and falls more slowly:
-# friction there changes its sign within a few ticks.
+# The RMS falls from run to run. The largest error falls more slowly. It stands where an axis
+# reverses, and the friction there changes its sign within a few ticks.
 #
 # ## The error on the circle
 
