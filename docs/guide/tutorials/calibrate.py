@@ -2,9 +2,9 @@
 # # Calibrate a stage
 #
 # The screws of a stage are not perfect, so the table rests a few micrometres beside the place that
-# was asked for. This tutorial measures that error of an emulated stage at a grid of positions, fits
-# models of it, and corrects the stage with the best one. You need no hardware and no ROS. It runs
-# in seconds.
+# was asked for. This tutorial measures that error of an emulated stage at a grid of positions,
+# fits models of it, and corrects the stage with the best one. You need no hardware and no ROS. It
+# runs in seconds.
 #
 # On a real stage a laser tracker measures the table. [A real stage and a real
 # tracker](../real_machine.md) does the same steps with the nodes.
