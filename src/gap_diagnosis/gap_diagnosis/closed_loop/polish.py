@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.evidence.describe import plain_values
 from gap_diagnosis.input.data import Record, held_out_windows, inside
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
@@ -144,10 +145,16 @@ def polish(
     fitted = [r for r in records if not r.held_out_session]
     if not any(hooks.couples(split_effect(e)[0]) for e in {**fixed, **found}):
         fitted = [one_axis(r, axis) for r in fitted]
-    names = [(e, k) for e, of in found.items() for k, (_, std) in of.items() if std > 0.0]
+    found, taken = _best_start(fitted, twin, axis, found, fixed)
+    names = [
+        (e, k)
+        for e, of in found.items()
+        for k, (_, std) in of.items()
+        if std > 0.0 and (e, k) not in taken
+    ]
     if not names:
         return found
-    effects = {e: {k: v for k, (v, _) in p.items()} for e, p in {**fixed, **found}.items()}
+    effects = plain_values({**fixed, **found})
     start, own = (np.array([found[e][k][i] for e, k in names]) for i in (0, 1))
     scale = np.maximum(3.0 * own, 0.02 * np.abs(start))
     loop = _Loop(fitted, twin, axis, effects, names, start, scale)
@@ -177,3 +184,28 @@ def polish(
     for (effect, key), value, deviation in zip(names, values, deviations, strict=True):
         refined[effect][key] = (float(value), float(deviation))
     return refined
+
+
+def _best_start(
+    records: list[Record], twin: TwinFile, axis: str, found: Parameters, fixed: Parameters
+) -> tuple[Parameters, set[tuple[str, str]]]:
+    """The parameters with those values that the loop prefers (`Parameter.tried`), and which.
+
+    The distance from what the force balance told is their standard deviation.
+    """
+
+    def gap(values: Parameters) -> float:
+        effects = plain_values({**fixed, **values})
+        loop = _Loop(records, twin, axis, effects, [], np.zeros(0), np.zeros(0))
+        return float(np.sqrt(np.mean(loop.gap(np.zeros(0)) ** 2)))
+
+    taken = set()
+    for effect, of in found.items():
+        for known in EFFECTS[split_effect(effect)[0]].parameters:
+            for value in known.tried if of.get(known.name, (0.0, 0.0))[1] > 0.0 else ():
+                apart = abs(value - of[known.name][0])
+                other = {**found, effect: {**found[effect], known.name: (value, apart)}}
+                if gap(other) < WORTHWHILE * gap(found):
+                    found = other
+                    taken.add((effect, known.name))
+    return found, taken

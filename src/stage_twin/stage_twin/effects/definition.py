@@ -40,6 +40,9 @@ class Parameter:
         of one session cannot determine.
     doubt : float
         Standard deviation, as a share of the value, of what a fit gets wrong beyond what it says.
+    tried : tuple of float
+        Values that the closed loop is run with beside that of the force balance, which cannot
+        tell it well.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Parameter:
     nuisance: bool = False
     fitted: bool = True
     doubt: float = 0.0
+    tried: tuple[float, ...] = ()
 
     def said(self, value: float) -> str:
         """A value with its unit, as a report says it: `12 µm`."""

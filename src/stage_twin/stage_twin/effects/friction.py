@@ -11,6 +11,10 @@ from stage_twin.effects.definition import Parameter
 from stage_twin.effects.rows import ForceRows, Signal
 from stage_twin.effects.term import Array
 
+#: Presliding [m] beside which a friction holds firmly; a longer one may let the loop hunt, and the
+#: low-pass of the force balance hides which it is. Two sessions of a friction with a peak at rest
+#: (`mujoco` and `handmade` 7, case 10): 26 and 28 µm of gap at 4 and 6 µm, 3 and 15 µm here.
+DRY = 1e-7
 PRESLIDING = Parameter(
     'presliding',
     'm',
@@ -20,6 +24,7 @@ PRESLIDING = Parameter(
     'displacement over which the force builds up after a reversal (bristle deflection when it '
     'slides or breaks away); 0 is dry friction',
     neutral=None,
+    tried=(DRY,),
 )
 #: Shortest pre-sliding displacement [m]; below it friction is dry for any encoder.
 SHORTEST_PRESLIDING = 1e-9
