@@ -1,0 +1,30 @@
+"""Parameters that the force balance cannot tell are told by the closed loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from gap_diagnosis.closed_loop.polish import polish
+from gap_diagnosis.input.data import load_record
+from stage_core.session import Session
+from stage_twin.effects.friction import DRY
+from tests.gap_diagnosis.conftest import nominal
+
+Maker = Callable[..., Session]
+
+
+@pytest.mark.parametrize(('presliding', 'dry'), [(1e-7, True), (6e-6, False)])
+def test_a_friction_that_holds_firmly_is_told_from_one_that_lets_the_loop_hunt(
+    planted: Maker, presliding: float, dry: bool
+) -> None:
+    true = {'coulomb': 6.0, 'breakaway': 7.0, 'stribeck_velocity': 6e-3, 'presliding': presliding}
+    twin = nominal()
+    record = load_record(planted({'stribeck_friction.x': true}), twin)
+    found = {'stribeck_friction.x': {k: (v, 0.02 * v) for k, v in true.items()}}
+    found['stribeck_friction.x']['presliding'] = (5e-6, 5e-7)
+    refined = polish([record], twin, 'x', found, {})['stribeck_friction.x']
+    assert (refined['presliding'][0] == DRY) is dry
+    value, deviation = refined['presliding']
+    assert abs(value - presliding) < 3.0 * deviation
