@@ -25,7 +25,6 @@ from gap_diagnosis.evidence.describe import (
     describe,
     plain_values,
     surer,
-    with_model_error,
 )
 from gap_diagnosis.evidence.localise import conditions_of
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
@@ -237,8 +236,6 @@ def _conclude(
     share = max((p.structure.share for p in remaining), default=0.0)
     scene = Scene(before / floor, after / floor, share, structured, turns(scored))
     ranked = with_probabilities(causes, others, scene)
-    for cause in causes:
-        cause.parameters = with_model_error(cause.effect, cause.parameters)
     return Diagnosis(
         sessions=[r.name for r in records],
         twin_name=twin_name,

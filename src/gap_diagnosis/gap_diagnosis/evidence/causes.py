@@ -16,6 +16,7 @@ from gap_diagnosis.evidence.acceptance import (
     shrink_in_balance,
     shrink_of,
 )
+from gap_diagnosis.evidence.describe import with_model_error
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.selection.contained import contained
@@ -55,16 +56,16 @@ def cause_of(
         }
         shrink = shrink_of(name, sides, seed)
     found = part.selection.evidence[name] if part is not None else None
+    stated = with_model_error(name, parameters[name])
     return judge.Cause(
         effect=name,
         probability=0.0,
-        parameters=parameters[name],
+        parameters=stated,
         gap_before=shrink.before,
         gap_after=shrink.after,
         interval=shrink.interval,
         unit=shrink.unit,
-        refuted=_judged(name, showing)
-        and refuted(name, shrink, parameters[name], twin.effects.get(name)),
+        refuted=_judged(name, showing) and refuted(name, shrink, stated, twin.effects.get(name)),
         status='accepted',
         alternatives=list(found.alternatives) if found is not None else [],
         strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
