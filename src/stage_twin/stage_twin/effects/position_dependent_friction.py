@@ -39,6 +39,7 @@ EFFECT = Effect(
     reverses=True,
     excited_by='slow strokes over the whole travel in both directions',
     holds=('coulomb_friction',),
+    excludes=('asymmetric_friction', 'stribeck_friction'),
 )
 
 

@@ -45,6 +45,7 @@ EFFECT = Effect(
     reverses=True,
     excited_by='constant-speed strokes from 0.1 to 20 mm/s',
     holds=('coulomb_friction',),
+    excludes=('asymmetric_friction', 'position_dependent_friction'),
 )
 
 
