@@ -228,11 +228,14 @@ class Selector:
     def barred(self, name: str, accepted: list[str]) -> bool:
         """Whether an accepted effect holds this one as a special case or excludes it."""
         effect, _, axis = name.partition('.')
-        others = [a for a in accepted if a.partition('.')[2] == axis]
-        return any(
-            effect in (*self._held(other), *EFFECTS[other.partition('.')[0]].excludes)
-            for other in others
-        )
+        others = [a.partition('.')[0] for a in accepted if a.partition('.')[2] == axis]
+        excluded = any(effect in EFFECTS[other].excludes for other in others)
+        return excluded or self.contained(name, accepted)
+
+    def contained(self, name: str, accepted: list[str]) -> bool:
+        """Whether an accepted effect holds this one as a special case."""
+        effect, _, axis = name.partition('.')
+        return any(effect in self._held(a) for a in accepted if a.partition('.')[2] == axis)
 
     def _held(self, name: str) -> tuple[str, ...]:
         """Effects that this one, in its present shape, holds as special cases."""

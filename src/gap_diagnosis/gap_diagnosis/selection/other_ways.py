@@ -49,7 +49,7 @@ def _overtaken(selector: Selector, accepted: list[str]) -> list[tuple[str, list[
         for name, passed in selector.passed.items()
         if passed.share >= NEARLY
         and (passed.plainer or name not in accepted)
-        and not selector.barred(name, [a for a in accepted if a != name])
+        and not selector.contained(name, accepted)
         and not selector.replaced(name, accepted)
     ]
     found = sorted(found, key=lambda entry: (-entry[0], entry[1]))[:MOST]
