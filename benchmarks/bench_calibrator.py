@@ -151,7 +151,7 @@ def bench_swarm(full: bool) -> None:
             seconds.append(time.perf_counter() - started)
         print(
             f'least of 100 batches of {len(few)}, {threads} thread(s): '
-            f'{1e6 * min(seconds) / len(few):.0f} us per particle'
+            f'{1e6 * min(seconds) / len(few):.0f} µs per particle'
         )
     if full:
         fitness = SwarmFitness(inputs, targets, 'maclaurin')
@@ -179,8 +179,8 @@ def bench_inference() -> None:
             for k in range(50):
                 function(command[k : k + 1])
             single = (time.perf_counter() - started) / 50
-            print(f'{method} {name}: {1e6 * batch:.2f} us per sample of 2000, '
-                  f'{1e6 * single:.0f} us alone')  # fmt: skip
+            print(f'{method} {name}: {1e6 * batch:.2f} µs per sample of 2000, '
+                  f'{1e6 * single:.0f} µs alone')  # fmt: skip
 
 
 def bench_stepwise() -> None:

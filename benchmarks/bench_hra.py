@@ -64,8 +64,8 @@ def main() -> None:
         before = exact.relative_error(plain(), true)
         after = exact.relative_error(accurate(), true)
         print(
-            f'{size:4d}            {first * 1e6:8.0f} us   {before:.0e}'
-            f'  {second * 1e6:6.0f} us   {after:.0e}  {second / first:15.2f}'
+            f'{size:4d}            {first * 1e6:8.0f} µs   {before:.0e}'
+            f'  {second * 1e6:6.0f} µs   {after:.0e}  {second / first:15.2f}'
         )
     print()
     print('least squares       numpy.linalg.lstsq       HRA (TNQR)           time ratio')
@@ -82,8 +82,8 @@ def main() -> None:
 
         first, second = best_time(plain), best_time(accurate)
         print(
-            f'{rows:4d} x {columns:2d}       {first * 1e6:8.0f} us          '
-            f'{second * 1e6:8.0f} us  {second / first:15.2f}'
+            f'{rows:4d} x {columns:2d}       {first * 1e6:8.0f} µs          '
+            f'{second * 1e6:8.0f} µs  {second / first:15.2f}'
         )
 
 

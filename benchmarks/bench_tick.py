@@ -42,8 +42,8 @@ def main() -> None:
     tracemalloc.stop()
     micro = 1e6 * costs
     print(
-        f'{len(q)} ticks: median {np.median(micro):.1f} us, '
-        f'99 % {np.percentile(micro, 99):.1f} us, max {micro.max():.0f} us; '
+        f'{len(q)} ticks: median {np.median(micro):.1f} µs, '
+        f'99 % {np.percentile(micro, 99):.1f} µs, max {micro.max():.0f} µs; '
         f'kept allocations {kept} bytes; '
         f'compiled during the run: {len(tick.signatures) - compiled}'
     )

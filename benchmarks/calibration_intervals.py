@@ -88,9 +88,7 @@ def main() -> int:
     warnings.simplefilter('ignore')
     stages = {f.__name__: [emulated(f, k) for k in SEEDS] for f in (screw, bowed, still)}
     stages |= recorded()
-    print(
-        f'{"":18s} {"stage":20s} {"within 95 %":>11s} {"+- µm":>9s} {"before":>9s} {"after":>9s}'
-    )
+    print(f'{"":18s} {"stage":20s} {"within 95 %":>11s} {"± µm":>9s} {"before":>9s} {"after":>9s}')
     for method in sys.argv[1:] or SHOWN:
         for name, pairs in stages.items():
             before, after, half = judge(method, pairs)

@@ -68,7 +68,7 @@ def xy_circle(folder: Path) -> None:
         rows = np.array([day2_errors(day2, predict) for predict in trained])
         print_row(name, rows.mean(axis=0))
         if len(rows) > 1:
-            print_row(f' +- {len(rows)} seeds', rows.std(axis=0, ddof=1))
+            print_row(f' ± {len(rows)} seeds', rows.std(axis=0, ddof=1))
 
 
 def day2_errors(day2: list, predict: Callable) -> list[float]:
@@ -125,7 +125,7 @@ def ess_tank(folder: Path) -> None:
         print(f'period {np.degrees(structured.model.state["leads"][0]):.2f} deg; widest terms:')
         rows = sorted(structured.model.parameters(), key=lambda r: -abs(r['value']))[:6]
         for row in rows:
-            print(f'  {row["name"]:16s} {1e6 * row["value"]:9.2f} +- {1e6 * row["std"]:.2f} µrad')
+            print(f'  {row["name"]:16s} {1e6 * row["value"]:9.2f} ± {1e6 * row["std"]:.2f} µrad')
 
 
 def main() -> int:

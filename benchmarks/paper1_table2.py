@@ -91,7 +91,7 @@ def main() -> int:
     parser.add_argument('--paper-swarm', action='store_true', help='1000 x 200, not 30 x 100')
     options = parser.parse_args()
     tables = [one_seed(s, options.samples, options.paper_swarm) for s in range(options.seeds)]
-    print(f'{options.seeds} seeds, {options.samples} samples, 70/30; mean +- 95 % interval [µm]')
+    print(f'{options.seeds} seeds, {options.samples} samples, 70/30; mean ± 95 % interval [µm]')
     print(
         f'{"":18s} {"MAE train":>14s} {"sigma train":>14s} {"MAE test":>14s} {"sigma test":>14s}'
     )
@@ -101,7 +101,7 @@ def main() -> int:
     for method in SHOWN:
         values = np.array([t[method] for t in tables])
         half = 1.96 * values.std(axis=0, ddof=1) / np.sqrt(len(values))
-        cells = [f'{m:8.2f} +-{h:4.2f}' for m, h in zip(values.mean(axis=0), half, strict=True)]
+        cells = [f'{m:8.2f} ± {h:.2f}' for m, h in zip(values.mean(axis=0), half, strict=True)]
         print(f'{method:18s} ' + ' '.join(f'{cell:>14s}' for cell in cells))
     return 0
 

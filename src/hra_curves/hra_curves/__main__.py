@@ -68,8 +68,8 @@ def _table5(twin_file: str | None) -> None:
             f'{row.name} {"HRA IB1" if row.method == "IB1" else row.method}',
             row.paper.definition if row.paper else '',
             format_number(row.definition * 1e6),
-            f'{row.paper.system:.2f} +- {row.paper.deviation:.2f}' if row.paper else '',
-            f'{row.system * 1e6:.2f} +- {row.deviation * 1e6:.2f}',
+            f'{row.paper.system:.2f} ± {row.paper.deviation:.2f}' if row.paper else '',
+            f'{row.system * 1e6:.2f} ± {row.deviation * 1e6:.2f}',
             f'{row.total * 1e6:.2f}',
             f'{100.0 * row.paper.share:.1f} %' if row.paper else '',
             f'{100.0 * row.share:.1f} %',
@@ -92,9 +92,7 @@ def _table5(twin_file: str | None) -> None:
     ]
     header = ['method', 'definition max', 'definition rms', 'total rms', 'share']
     print(format_table(header, moving))
-    print(
-        'Stage: its error along the definition error, size of the mean of a hold +- deviation in'
-    )
+    print('Stage: its error along the definition error, size of the mean of a hold ± deviation in')
     print('it, over 50 placings in the working range. Share: of the squared definition error in')
     print('the mean square of definition and stage together; that of the paper from its columns.')
 

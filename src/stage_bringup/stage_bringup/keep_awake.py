@@ -69,7 +69,7 @@ class KeepAwake:
     def __enter__(self) -> KeepAwake:
         """Keep the processors awake from now on."""
         if self._kernel_agrees():
-            self.how = f'{self._latency_file} is kept at 0 us'
+            self.how = f'{self._latency_file} is kept at 0 µs'
             return self
         if not hasattr(os, 'SCHED_IDLE'):
             return self
