@@ -89,7 +89,7 @@ def test_the_experiment_is_refused_then_run_and_stopped(
 
             message = client.trigger(SERVICE, PATIENCE)
             assert 'before: force_offset.x' in message
-            assert ': coulomb_friction.x: the held-out gap shrinks' in message
+            assert ': Coulomb friction of x: the held-out gap shrinks' in message
             report = json.loads((out / 'report.json').read_text(encoding='utf-8'))
             assert report['verdict'] == ['coulomb_friction.x']
             assert (tmp_path / 'out' / 'experiment' / 'metadata.yaml').is_file()

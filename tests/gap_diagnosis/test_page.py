@@ -8,27 +8,33 @@ from typing import Any
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.report.causes import effect_sentence
 from gap_diagnosis.report.experiment import section
 from gap_diagnosis.report.hysteresis import hysteresis, hysteresis_plot, since_reversal
 from gap_diagnosis.report.leftovers import leftovers
-from gap_diagnosis.report.page import _lacks
+from gap_diagnosis.report.page import _lacks, _unexplained
 from gap_diagnosis.report.response import response_plot, responses
 from stage_core.pages import Page
 from stage_core.twin_file import TwinFile
 
 
-def found_in(after: np.ndarray) -> Any:
-    """Leftovers of one encoder channel at 1 kHz whose reference turns at 1 s and at 3 s."""
+def beside(after: np.ndarray) -> Any:
+    """A diagnosis of one encoder channel at 1 kHz whose reference turns at 1 s and at 3 s."""
     time = 1e-3 * np.arange(len(after))
     position = 0.01 * np.abs(((time + 1.0) % 4.0) - 2.0)
     record = SimpleNamespace(
         axes=('x',), time=time, reference=position[:, None], held_out_session=False
     )
     channel = Channel('encoder.x', 'm', [time], [2.0 * after], [after])
-    diagnosis = SimpleNamespace(
-        channels={'encoder.x': channel}, records=[record], twin=TwinFile.nominal_servo()
-    )
-    return leftovers(diagnosis)  # type: ignore[arg-type]
+    return SimpleNamespace(
+        channels={'encoder.x': channel}, records=[record], twin=TwinFile.nominal_servo(),
+        structured=False, unexplained=0.024,
+    )  # fmt: skip
+
+
+def found_in(after: np.ndarray) -> Any:
+    """Its leftovers."""
+    return leftovers(beside(after))
 
 
 def test_spikes_after_a_reversal_are_found_and_noise_is_not() -> None:
@@ -41,6 +47,9 @@ def test_spikes_after_a_reversal_are_found_and_noise_is_not() -> None:
     assert (found.channel, found.count, found.after_reversal) == ('encoder.x', 2, 1)
     assert abs(found.largest - 15e-6) < 1.5e-6
     np.testing.assert_allclose(found.times, [1.055, 2.0], atol=0.01)
+    quiet = '2.4 % of the squared gap, without structure'
+    assert _unexplained(beside(noise)) == quiet
+    assert _unexplained(beside(spikes)) == f'{quiet}, with short events, see below'
 
 
 def test_a_count_of_the_encoder_is_no_event() -> None:
@@ -124,6 +133,12 @@ def test_an_effect_that_is_rather_not_there_is_named_apart() -> None:
         ],
     )
     assert _lacks(found) == (  # type: ignore[arg-type]
-        'The twin lacks: backlash of x. '
+        'The twin lacks (in brackets: probability) backlash of x (0.96). '
         'Kept, though its probability is below a half: tracker misalignment (0.49).'
     )
+
+
+def test_the_sentence_names_the_offset_that_is_no_chance() -> None:
+    found = {'angle': (-7e-6, 6e-6), 'offset_x': (9e-8, 2.4e-7), 'offset_y': (-7.6e-7, 1.9e-7)}
+    said = effect_sentence('tracker_misalignment', found)
+    assert said.endswith('; the angle may be zero; with offset y \u22120.76 ± 0.19 µm')

@@ -16,7 +16,7 @@ import pytest
 
 from stage_core import theme
 from stage_core.errors import StageError
-from stage_core.pages import Page
+from stage_core.pages import Page, add_conditions
 from stage_core.wording import effect_words, measure, rounded, span, with_interval, with_std
 from stage_reports import figures
 
@@ -38,6 +38,9 @@ def test_the_page_is_self_contained_and_escaped(tmp_path: Path) -> None:
     assert 'alt="a &quot;picture&quot;"' in html
     assert '<a href="report.html">Session</a>' in html
     assert page.brief == '<1 µm brief'
+    add_conditions(tmp_path / 'deep' / 'report.html', [('Model', 'a<b'), ('None', '')])
+    added = (tmp_path / 'deep' / 'report.html').read_text(encoding='utf-8')
+    assert '<dl><div><dt>Model</dt><dd>a&lt;b</dd></div><div><dt>Machine' in added
     # Nothing is loaded: the only addresses are data.
     assert not re.search(r'(src|href)="(?!data:|report\.html)', html)
 

@@ -126,7 +126,10 @@ def test_a_contour_page_leaves_out_approach_and_pauses(tmp_path: Path) -> None:
     assert [len(run.contour) for run in found] == [800, 1100]
     page = session_page(session)
     assert page.brief.startswith('1.00 µm (1.00 to 1.00 µm along the path)')
-    assert '4.00 µm in the first' in words(page.render())
+    told = words(page.render())
+    assert '4.00 µm in the first' in told
+    assert 'The last run lowered the RMS by 75 %' in told
+    assert 'Its largest error is 1.00' in told
 
 
 def test_the_interval_of_an_rms_covers_it() -> None:

@@ -105,6 +105,7 @@ def diagnose(
                     result.channels,
                     seed,
                 )
+            result.started = sessions[0].start_ns
             judge.name_beside_unknown(result.causes, result.parts, barred[len(without) :])
             return result
         name = beside or min(failed, key=lambda c: c.interval[0]).effect

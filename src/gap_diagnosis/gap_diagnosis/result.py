@@ -43,6 +43,8 @@ class Diagnosis:
     link: str
     unexplained: float
     structured: bool
+    #: Stamp of the first reference of the first session [ns].
+    started: int = 0
     warnings: list[str] = field(default_factory=list)
     laws: list[Law] = field(default_factory=list)
     #: What became of the user's own model, where the twin was read from one.

@@ -14,7 +14,7 @@ from gap_diagnosis.report.causes import CLOSES, effect_sentence, parameter_words
 from session_bags.reader import read_session
 from stage_bringup.graph import Options, nominal_twin, reality_twin
 from stage_bringup.steps import SessionResult
-from stage_core.pages import Page, add_navigation
+from stage_core.pages import Page, add_conditions, add_navigation
 from stage_core.quantities import MICROMETRE, split_effect
 from stage_core.session import Session
 from stage_core.wording import effect_words, measure, span, with_interval
@@ -51,6 +51,8 @@ def write_report(options: Options, result: SessionResult) -> Path:
     page.navigation([('Session', ''), *links])
     if found is not None:
         _diagnosis(page, found)
+        machine = [(n, v) for n, v in entries if n in ('Machine', 'Model', 'Clock')]
+        add_conditions(diagnosis.with_name('report.html'), machine)
         back = [(n, '' if a.startswith('diagnosis') else f'../{a}') for n, a in links]
         add_navigation(diagnosis.with_name('report.html'), [('Session', '../report.html'), *back])
     _steps(page, result)

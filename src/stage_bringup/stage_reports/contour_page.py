@@ -8,7 +8,7 @@ from stage_core.metrics import error_figures
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
-from stage_core.wording import measure
+from stage_core.wording import measure, span
 from stage_reports import figures
 from stage_reports.extract import circular_paths
 from stage_reports.figures.contours import Run as Curve
@@ -36,6 +36,7 @@ def contour_page(
     parts = [error_figures(p).rms for p in np.array_split(found[best].contour, STRETCHES)]
     encoder = {item.sensor: item for item in tracking_errors(session)}
     seen = [encoder[s] for s in ('encoder', 'tracker') if s in encoder]
+    deviation = _table_deviation(found, seen)
     page = Page('Following a contour')
     first = f', {measure(rms[0])} in the first' if best else ''
     page.headline(
@@ -44,12 +45,15 @@ def contour_page(
         f'RMS contour error in run {best + 1} of {len(found)}{first}: the distance of the encoder '
         f'from the wanted path. In brackets: the RMS of the calmest and of the worst of '
         f'{STRETCHES} equal stretches. Approach and pauses are left out.'
-        f'{_table_says(found, seen)}',
-        'from the contour, RMS of the best run',
+        f'{_largest(found[best], seen)}{_more_runs(rms)}'
+        f'{"" if deviation is None else _table_says(deviation)}',
+        f'from the contour at the encoder, RMS of the best run'
+        f'{"" if deviation is None else f"; table: G {measure(deviation)}"}',
     )
     page.conditions(
         [
             *condition_entries(session, entries),
+            ('Place', _place(found[0], seen)),
             ('Runs', f'{len(found)} of {found[0].seconds[-1] - found[0].seconds[0]:.2f} s each'),
         ]
     )
@@ -63,17 +67,54 @@ def contour_page(
     return page
 
 
-def _table_says(found: list[Run], seen: list[Tracking]) -> str:
-    """What the tracker makes of the last run, where it is a circle: the encoder sees no table."""
+def _table_deviation(found: list[Run], seen: list[Tracking]) -> float | None:
+    """Circular deviation G of the last run by the tracker [m]; None where it saw no circle."""
     if not seen or seen[-1].sensor != 'tracker' or _circle(found[-1], seen[-1]) is None:
-        return ''
+        return None
     test = circular_test(seen[-1].take(found[-1].within(seen[-1].seconds)))
-    if test is None:
-        return ''
+    return None if test is None else test[0].G
+
+
+def _table_says(deviation: float) -> str:
     return (
         ' The encoder does not see play, pitch and squareness. The tracker sees the table: by it '
-        f'the circular deviation G of the last run is {measure(test[0].G)} (ISO 230-4).'
+        f'the circular deviation G of the last run is {measure(deviation)} (ISO 230-4).'
     )
+
+
+def _largest(run: Run, seen: list[Tracking]) -> str:
+    """The largest error of a run, and at which angle of the circle."""
+    said = f' Its largest error is {measure(error_figures(run.contour).maximum)}'
+    circle = _circle(run, seen[0]) if seen else None
+    known = _places(run, seen[0]) if seen else None
+    if circle is None or known is None:
+        return f'{said}.'
+    x, y = known[1][int(np.argmax(np.abs(run.contour)))] - circle[0]
+    return f'{said}, at {np.degrees(np.arctan2(y, x)) % 360.0:.0f}° of the circle.'
+
+
+def _more_runs(rms: list[float]) -> str:
+    """Whether the error still falls from run to run."""
+    if len(rms) < 2:
+        return ''
+    before, last = rms[-2:]
+    change = f'{100.0 * abs(1.0 - last / before):.0f} %' if before > 0.0 else '0 %'
+    if last < before:
+        return f' The last run lowered the RMS by {change}: another one may lower it further.'
+    return f' In the last run the RMS rose by {change}: more runs do not help.'
+
+
+def _place(run: Run, seen: list[Tracking]) -> str:
+    """Where the circle lies on the stage, and its radius; empty for another contour."""
+    circle = _circle(run, seen[0]) if seen else None
+    if circle is None:
+        return ''
+    (x, y), radius = circle
+    centre = ', '.join(
+        f'{axis} {span(1e3 * at, 1e3 * at, "mm", 1)}'
+        for axis, at in zip('xy', (x, y), strict=True)
+    )
+    return f'circle, radius {measure(radius)}, centre {centre}'
 
 
 def _learning(page: Page, found: list[Run], rms: list[float]) -> None:

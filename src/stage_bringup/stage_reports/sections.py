@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from stage_core.metrics import error_figures
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
-from stage_core.wording import measure, span
+from stage_core.wording import date_words, measure, span
 from stage_reports import figures
 from stage_reports.extract import circular_paths, positioning_runs
 from stage_reports.iso230 import Circular, circular, positioning
@@ -21,8 +20,6 @@ from stage_reports.uncertainty import positioning_uncertainty
 
 #: Both directions of a circle; the second may not have been run.
 Paths = tuple[Array, Array | None]
-#: Stamps before this (s since 1970, September 2001) count from another zero: simulated time.
-FIRST_DATE = 1_000_000_000
 #: The figures of ISO 230-2 that a page shows, with their names in the standard.
 POSITIONING_FIGURES = (
     ('A', 'accuracy, bidirectional'),
@@ -39,15 +36,13 @@ def condition_entries(
     session: Session, known: list[tuple[str, str]] | None = None
 ) -> list[tuple[str, str]]:
     """What is `known` of a session's conditions, and what it tells itself."""
-    start = session.start_ns // 1_000_000_000
-    date = time.strftime('%Y-%m-%d %H:%M', time.localtime(start))
     sensors = session.temperatures()
     values = np.concatenate([s.values['temperature'] for s in sensors.values()] or [np.empty(0)])
     heat = span(values.min(), values.max(), '°C', 1) if values.size else 'not recorded'
     twin = session.twin or {}
     told = {
         'Recording': Path(session.path).name,
-        'Date': date if start > FIRST_DATE else '',
+        'Date': date_words(session.start_ns),
         'Twin': str(twin.get('kind', 'none in the recording')),
         'Temperature': heat,
         'Alignment': 'tracker aligned with the stage' if session.alignment else '',
@@ -139,8 +134,8 @@ def circular_section(page: Page, tracking: Tracking) -> bool:
         'show play or friction, waves the pitch of the screw.',
     )
     page.table(
-        ['figure', 'meaning', 'value (µm)'],
-        [[n, words, f'{v / MICROMETRE:.2f}'] for n, words, v in values if v is not None],
+        ['figure', 'meaning', 'value'],
+        [[n, words, measure(v)] for n, words, v in values if v is not None],
     )
     if second is None:
         page.text(

@@ -129,8 +129,7 @@ class Page:
 
     def conditions(self, entries: Sequence[tuple[str, str]]) -> Page:
         """Under what conditions it was measured: (name, value); empty values are left out."""
-        rows = (f'<div><dt>{_text(n)}</dt><dd>{_text(v)}</dd></div>' for n, v in entries if v)
-        return self._add(f'<dl>{"".join(rows)}</dl>')
+        return self._add(f'<dl>{_conditions(entries)}</dl>')
 
     def heading(self, text: str) -> Page:
         """Start a section."""
@@ -268,6 +267,16 @@ def add_navigation(path: Path, entries: Sequence[Entry]) -> None:
     """Put links into a page that another program has written without any."""
     text = path.read_text(encoding='utf-8')
     write_whole(path, text.replace('<body><main>', f'<body>{_navigation(entries)}<main>', 1))
+
+
+def add_conditions(path: Path, entries: Sequence[tuple[str, str]]) -> None:
+    """Put conditions (name, value) before those of a page that another program has written."""
+    text = path.read_text(encoding='utf-8')
+    write_whole(path, text.replace('<dl>', f'<dl>{_conditions(entries)}', 1))
+
+
+def _conditions(entries: Sequence[tuple[str, str]]) -> str:
+    return ''.join(f'<div><dt>{_text(n)}</dt><dd>{_text(v)}</dd></div>' for n, v in entries if v)
 
 
 def _navigation(entries: Sequence[Entry]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 from stage_core.quantities import split_effect
 
@@ -17,6 +18,9 @@ _SCALES: dict[str, tuple[tuple[float, float, str], ...]] = {
     's/s': ((math.inf, 1e6, 'µs/s'),),
     '1': ((math.inf, 1.0, ''),),
 }
+
+#: Stamps before this (s since 1970, September 2001) count from another zero: simulated time.
+FIRST_DATE = 1_000_000_000
 
 #: Names of persons inside the names of effects.
 _PERSONS = ('coulomb', 'stribeck')
@@ -80,6 +84,13 @@ def with_interval(value: float, low: float, high: float, unit: str = 'm') -> str
     places = _places(factor * (high - low), 2)
     v, a, b = (_plain(factor * x, places) for x in (value, low, high))
     return f'{v} {symbol} (95 %: {a} to {b} {symbol})'
+
+
+def date_words(stamp: int) -> str:
+    """The local date and time of a stamp [ns]; empty where it is one of simulated time."""
+    seconds = stamp // 1_000_000_000
+    known = seconds > FIRST_DATE
+    return time.strftime('%Y-%m-%d %H:%M', time.localtime(seconds)) if known else ''
 
 
 def span(low: float, high: float, unit: str, places: int = 0) -> str:

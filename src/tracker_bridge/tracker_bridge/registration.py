@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform, fit_rigid
+from stage_core.wording import measure
 
 Array = NDArray[np.float64]
 
@@ -49,10 +50,10 @@ class Registration:
         """Return one line for the answer of the service."""
         largest = float(np.linalg.norm(self.residuals, axis=1).max())
         return (
-            f'tracker -> stage from {len(self.residuals)} rests: RMS {self.rms * 1e6:.3f} µm, '
-            f'max {largest * 1e6:.3f} µm, rotation about z known to '
-            f'{self.rotation_std[2] * 1e6:.2f} µrad; eq. 24 with scale and skew free: '
-            f'RMS {self.planar_rms * 1e6:.3f} µm'
+            f'tracker -> stage from {len(self.residuals)} rests: RMS {measure(self.rms)}, '
+            f'max {measure(largest)}, rotation about z known to '
+            f'{measure(self.rotation_std[2], "rad")}; eq. 24 with scale and skew free: '
+            f'RMS {measure(self.planar_rms)}'
         )
 
 

@@ -32,7 +32,8 @@ def parameter_words(effect: str, parameters: Parameters) -> str:
 def effect_sentence(effect: str, parameters: Parameters) -> str:
     """What a machine with this effect does, its values to the digits that are known.
 
-    A value whose 95 % interval holds zero is said to be none.
+    A value whose 95 % interval holds zero is said to be none. One that belongs to the session
+    alone, such as an offset, is named where its interval excludes zero.
     """
     definition = effect_of(effect)
     known = {name: rounded(value, std) for name, (value, std) in parameters.items()}
@@ -43,8 +44,18 @@ def effect_sentence(effect: str, parameters: Parameters) -> str:
         and definition.parameter(name).neutral == 0.0
         and abs(value) < 1.96 * std
     ]
-    doubt = ', '.join(f'the {parameter_name(name)} may be zero' for name in unsure)
-    return definition.says(known) + (f'; {doubt}' if doubt else '')
+    beside = {
+        p.name: parameters[p.name]
+        for p in definition.parameters
+        if p.nuisance
+        and p.fitted
+        and p.neutral == 0.0
+        and p.name in parameters
+        and abs(parameters[p.name][0]) >= 1.96 * parameters[p.name][1]
+    }
+    said = [f'the {parameter_name(name)} may be zero' for name in unsure]
+    said += [f'with {words}' for words in [parameter_words(effect, beside)] if words]
+    return '; '.join([definition.says(known), *said])
 
 
 def _interval(shrink: float, interval: tuple[float, float]) -> str:

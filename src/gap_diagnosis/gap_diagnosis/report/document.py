@@ -14,6 +14,7 @@ from gap_diagnosis.report.experiment import as_dict as as_entry
 from gap_diagnosis.result import Diagnosis
 from stage_core.quantities import split_effect
 from stage_core.whole_file import write_whole
+from stage_core.wording import effect_words
 from stage_twin.effects import EFFECTS
 
 SCHEMA = 'gap-report/1'
@@ -163,7 +164,7 @@ def sentence(diagnosis: Diagnosis) -> str:
             f'{diagnosis.before * micro:.2f} µm RMS, floor '
             f'{diagnosis.noise_floor * micro:.2f} µm)'
         )
-    names = ', '.join(diagnosis.verdict)
+    names = ', '.join(map(effect_words, diagnosis.verdict))
     return (
         f'{names}: the held-out gap shrinks from {diagnosis.before * micro:.2f} to '
         f'{diagnosis.after * micro:.2f} µm RMS ({100.0 * shrink:.0f} %, floor '

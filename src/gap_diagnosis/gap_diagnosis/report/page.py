@@ -16,7 +16,7 @@ from gap_diagnosis.report.words import link_words
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN
-from stage_core.wording import effect_words, measure, span
+from stage_core.wording import date_words, effect_words, measure, span
 
 
 def make(diagnosis: Diagnosis) -> Page:
@@ -71,14 +71,19 @@ def _headline(page: Page, diagnosis: Diagnosis) -> None:
 
 
 def _lacks(diagnosis: Diagnosis) -> str:
-    """The accepted effects; apart, those that are rather not there by their probability."""
+    """The accepted effects with their probabilities; apart, those that are rather not there."""
     sure = {cause.effect: cause.probability for cause in diagnosis.causes}
     likely = [name for name in diagnosis.verdict if sure.get(name, 1.0) >= 0.5]
     others = [name for name in diagnosis.verdict if name not in likely]
-    said = [f'The {_name(diagnosis)} lacks: {", ".join(map(effect_words, likely))}.']
+    named, doubted = (
+        ', '.join(
+            effect_words(name) + (f' ({sure[name]:.2f})' if name in sure else '') for name in names
+        )
+        for names in (likely, others)
+    )
+    said = [f'The {_name(diagnosis)} lacks (in brackets: probability) {named}.']
     if others:
-        named = ', '.join(f'{effect_words(name)} ({sure[name]:.2f})' for name in others)
-        said.append(f'Kept, though its probability is below a half: {named}.')
+        said.append(f'Kept, though its probability is below a half: {doubted}.')
     return ' '.join(said if likely else said[1:])
 
 
@@ -107,18 +112,24 @@ def _heat(diagnosis: Diagnosis) -> str:
     return span(min(t.min() for t in found), max(t.max() for t in found), '°C', 1)
 
 
-def _conditions(page: Page, diagnosis: Diagnosis) -> None:
+def _unexplained(diagnosis: Diagnosis) -> str:
     left = 'with structure' if diagnosis.structured else 'without structure'
+    events = ', with short events, see below' if leftovers(diagnosis) else ''
+    return f'{100 * diagnosis.unexplained:.1f} % of the squared gap, {left}{events}'
+
+
+def _conditions(page: Page, diagnosis: Diagnosis) -> None:
     page.conditions(
         [
             ('Recording', ', '.join(Path(name).name for name in diagnosis.sessions)),
             ('Twin', Path(diagnosis.twin_name).stem),
             *(('Simulator', Path(name).name) for name in diagnosis.simulators),
+            ('Date', date_words(diagnosis.started)),
             ('Diagnosed', time.strftime('%Y-%m-%d %H:%M')),
             ('Temperature', _heat(diagnosis)),
             ('Travel', _travel(diagnosis)),
             ('Judged on', f'{len(diagnosis.windows)} held-out windows'),
-            ('Unexplained', f'{100 * diagnosis.unexplained:.1f} % of the squared gap, {left}'),
+            ('Unexplained', _unexplained(diagnosis)),
         ]
     )
     if diagnosis.warnings:
