@@ -23,7 +23,7 @@ from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import misreads
+from stage_twin.effects import link_of, misreads
 
 
 def cause_of(
@@ -57,6 +57,8 @@ def cause_of(
         shrink = shrink_of(name, sides, seed)
     found = part.selection.evidence[name] if part is not None else None
     stated = with_model_error(name, parameters[name])
+    # Models of forces have errors, so that their effects are judged with them.
+    own = stated if link_of(name) == 'servo' else parameters[name]
     return judge.Cause(
         effect=name,
         probability=0.0,
@@ -65,7 +67,7 @@ def cause_of(
         gap_after=shrink.after,
         interval=shrink.interval,
         unit=shrink.unit,
-        refuted=_judged(name, showing) and refuted(name, shrink, stated, twin.effects.get(name)),
+        refuted=_judged(name, showing) and refuted(name, shrink, own, twin.effects.get(name)),
         status='accepted',
         alternatives=list(found.alternatives) if found is not None else [],
         strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
