@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +41,6 @@ from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of, link_of
 from stage_twin.packing import pack
-
-if TYPE_CHECKING:
-    pass
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,7 @@ from stage_twin.effects.rows import ForceRows, Signal
 from stage_twin.effects.term import Array
 
 #: Presliding [m] beside which a friction holds firmly; a longer one may let the loop hunt, and the
-#: low-pass of the force balance hides which it is. Two sessions of a friction with a peak at rest
-#: (`mujoco` and `handmade` 7, case 10): 26 and 28 µm of gap at 4 and 6 µm, 3 and 15 µm here.
+#: low-pass of the force balance hides which it is (cases 10 of `mujoco` and `handmade`, seed 7).
 DRY = 1e-7
 PRESLIDING = Parameter(
     'presliding',
