@@ -13,7 +13,7 @@ import sys
 import numpy as np
 
 from calibrator.models import METHODS, make_model
-from calibrator.training import Metrics
+from stage_core.metrics import Metrics
 
 SHOWN = (
     'identity',

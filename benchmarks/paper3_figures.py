@@ -23,7 +23,7 @@ DISTURBED = 6
 
 def x_rms(results: list[Figures]) -> np.ndarray:
     """Tracking RMS of X per iteration [µm]."""
-    return np.array([1e6 * f.tracking_rms[0] for f in results])
+    return np.array([1e6 * f.x.rms for f in results])
 
 
 def main() -> None:

@@ -92,14 +92,9 @@ def main() -> None:
     print('\n| feed | LuGre term | X RMS | max | Y RMS | max | contour RMS | max |')
     print('|---|---|---|---|---|---|---|---|')
     for (feed, name), figures in results.items():
-        values = [
-            (*f.tracking_rms, *f.tracking_max, f.contour_rms, f.contour_max) for f in figures
-        ]
-        x, y, x_max, y_max, contour, contour_max = 1e6 * np.mean(values, axis=0)
-        print(
-            f'| {1e3 * feed:g} mm/s | {name} | {x:.2f} | {x_max:.1f} | {y:.2f} | {y_max:.1f} | '
-            f'{contour:.2f} | {contour_max:.1f} |'
-        )
+        values = [[(m.rms, m.max) for m in (f.x, f.y, f.contour)] for f in figures]
+        cells = [f'{rms:.2f} | {top:.1f}' for rms, top in 1e6 * np.mean(values, axis=0)]
+        print(f'| {1e3 * feed:g} mm/s | {name} | {" | ".join(cells)} |')
 
 
 if __name__ == '__main__':

@@ -195,12 +195,12 @@ def tune() -> Tuned:
         for coupling in (0.0, 10.0, 20.0, 40.0, 60.0)
         for rate in (500.0, 1000.0, 2000.0, 4000.0)
     ]
-    scheme_1 = min(candidates, key=lambda gains: last(gains).contour_rms)
+    scheme_1 = min(candidates, key=lambda gains: last(gains).contour.rms)
     forward = [
         replace(base, acceleration_feedforward=(lead, lead))
         for lead in np.arange(0.0, 0.0101, 0.0005)
     ]
-    feed_forward = min(forward, key=lambda gains: float(last(gains).tracking_rms.sum()))
+    feed_forward = min(forward, key=lambda gains: (f := last(gains)).x.rms + f.y.rms)
     return Tuned(base, scheme_1, feed_forward)
 
 
@@ -244,7 +244,7 @@ def change_weight(gains: Gains, iterations: int = ITERATIONS) -> float:
     weights = (1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
 
     def last(weight: float) -> float:
-        return norm_optimal(TUNING_SEED, gains, weight, iterations)[-1].contour_rms
+        return norm_optimal(TUNING_SEED, gains, weight, iterations)[-1].contour.rms
 
     return min(weights, key=last)
 

@@ -33,19 +33,7 @@ def row(name: str, runs: Runs, seeds: int) -> np.ndarray:
     table = []
     for seed in range(seeds):
         f = runs(seed)
-        table.append(
-            [
-                f.tracking_rms[0],
-                f.tracking_aiae[0],
-                f.tracking_max[0],
-                f.tracking_rms[1],
-                f.tracking_aiae[1],
-                f.tracking_max[1],
-                f.contour_rms,
-                f.contour_aiae,
-                f.contour_max,
-            ]
-        )
+        table.append([v for m in (f.x, f.y, f.contour) for v in (m.rms, m.mae, m.max)])
     values = 1e6 * np.array(table)
     mean, std = values.mean(axis=0), values.std(axis=0)
     cells = ' | '.join(f'{value:.2f}' for value in mean)
@@ -109,7 +97,7 @@ def tables(title: str, gains: Gains, tuned: rig.Tuned, seeds: int) -> None:
 
 def best(results: list[Figures]) -> Figures:
     """Iteration with the smallest tracking RMS."""
-    return min(results, key=lambda f: float(f.tracking_rms.sum()))
+    return min(results, key=lambda f: f.x.rms + f.y.rms)
 
 
 def peers(tuned: rig.Tuned, seeds: int) -> None:
@@ -150,7 +138,7 @@ def duel(tuned: rig.Tuned, seeds: int) -> None:
     for name, situation in situations.items():
 
         def rms(results: list[Figures]) -> list[float]:
-            return [1e6 * results[iteration - 1].contour_rms for iteration in shown]
+            return [1e6 * results[iteration - 1].contour.rms for iteration in shown]
 
         third = np.array(
             [

@@ -95,9 +95,9 @@ def show(name: str, record: dict[str, np.ndarray], learned: np.ndarray) -> None:
     before = figures(reference - encoder, contour_of(reference, encoder))
     after = figures(reference - encoder - learned, contour_of(reference, encoder + learned))
     print(
-        f'{name}: X {1e6 * before.tracking_rms[0]:.0f} -> {1e6 * after.tracking_rms[0]:.0f}, '
-        f'Y {1e6 * before.tracking_rms[1]:.0f} -> {1e6 * after.tracking_rms[1]:.0f}, contour '
-        f'{1e6 * before.contour_rms:.0f} -> {1e6 * after.contour_rms:.0f}'
+        f'{name}: X {1e6 * before.x.rms:.0f} -> {1e6 * after.x.rms:.0f}, '
+        f'Y {1e6 * before.y.rms:.0f} -> {1e6 * after.y.rms:.0f}, contour '
+        f'{1e6 * before.contour.rms:.0f} -> {1e6 * after.contour.rms:.0f}'
     )
 
 

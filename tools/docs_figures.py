@@ -62,7 +62,7 @@ def printed(folder: Path) -> str:
     lines = [f'{"error [µm]":<20}' + ''.join(f'{name:>13}' for name in
              ('RMS before', 'max before', 'RMS after', 'max after'))]  # fmt: skip
     for row in rows:
-        values = (row.before.rms, row.before.maximum, row.after.rms, row.after.maximum)
+        values = (row.before.rms, row.before.max, row.after.rms, row.after.max)
         lines.append(f'{row.name:<20}' + ''.join(f'{1e6 * v:>13.2f}' for v in values))
     return f'{_code(lines)}\n\n{said(folder, "diagnosis")}'
 

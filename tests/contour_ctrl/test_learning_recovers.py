@@ -99,8 +99,8 @@ def test_learning_recovers_or_the_loop_is_refused(
         assert not decays(mass, delay, gain, how[0].position[0] + how[0].cross_coupling)
         return
     for rms in (
-        np.array([lap.contour_rms for lap in results]),
-        np.array([lap.tracking_rms.sum() for lap in results]),
+        np.array([lap.contour.rms for lap in results]),
+        np.array([lap.x.rms + lap.y.rms for lap in results]),
     ):
         assert rms[-1] < 0.7 * rms[0]
         # Without learning this one rings at 75 Hz, just below the cutoff.
@@ -125,10 +125,10 @@ def test_a_payload_is_learned_as_well_as_by_norm_optimal_learning(mass: float) -
     rig = machine(mass)
     results, learner = learn(rig, STIFF, 30)
     better = min(norm_optimal(rig, weight) for weight in (1e-4, 1e-6))
-    assert results[-1].contour_rms < 1.1 * better
-    assert results[-1].contour_rms < 0.25 * results[0].contour_rms
+    assert results[-1].contour.rms < 1.1 * better
+    assert results[-1].contour.rms < 0.25 * results[0].contour.rms
     assert any(learner.returns) or mass < 3.0
-    assert max(lap.contour_rms for lap in results) == results[0].contour_rms
+    assert max(lap.contour.rms for lap in results) == results[0].contour.rms
 
 
 def norm_optimal(rig: Rehearsal, change_weight: float) -> float:
@@ -149,4 +149,4 @@ def norm_optimal(rig: Rehearsal, change_weight: float) -> float:
                 change_weight,
                 1e-6,
             )
-    return float(figures.contour_rms)
+    return float(figures.contour.rms)

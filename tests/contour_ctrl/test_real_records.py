@@ -28,8 +28,8 @@ def test_contour_error_and_friction_of_the_recorded_stage(data_root: Path) -> No
     # Counter-clockwise, a point outside the circle has a positive contour error.
     assert contour == pytest.approx(np.hypot(*(encoder - centre).T) - radius, abs=1e-9)
     found = figures(reference - encoder, contour)
-    assert found.tracking_rms[0] == pytest.approx(366e-6, rel=0.01)
-    assert found.contour_rms < np.linalg.norm(found.tracking_rms)
+    assert found.x.rms == pytest.approx(366e-6, rel=0.01)
+    assert found.contour.rms < np.hypot(found.x.rms, found.y.rms)
     x, y = (
         identify(
             encoder[:, axis],

@@ -57,19 +57,19 @@ def test_schemes_improve_in_the_order_of_the_paper() -> None:
     # Lead and cutoff of `ilc.design` for this position gain, and a rate equal to it.
     designed = LearningSettings((160.0, 160.0), 80.0, 7, divergence=0.0)
     ours = iterate(SCHEME_1, designed, 26)
-    assert coupled[-1].tracking_rms[0] > 14.0 * ours[-1].tracking_rms[0]
+    assert coupled[-1].x.rms > 14.0 * ours[-1].x.rms
     # Against a CMAC that has learned for as many laps.
-    assert coupled[-1].contour_rms > 1.9 * ours[-1].contour_rms
+    assert coupled[-1].contour.rms > 1.9 * ours[-1].contour.rms
     # As printed, without lead: a fixed rate over-learns, the regulated one does not.
     fixed = iterate(SCHEME_1, LearningSettings((110.0, 110.0), 50.0, 0, False, divergence=0.0), 26)
     fuzzy = iterate(
         SCHEME_1, LearningSettings((110.0, 110.0), 50.0, 0, floor=0.1, divergence=0.0), 26
     )
-    assert coupled[0].tracking_rms[0] > 14.0 * fuzzy[-1].tracking_rms[0]
-    assert coupled[0].contour_rms > 1.9 * fuzzy[-1].contour_rms
-    over_learned = [f.tracking_rms.sum() for f in fixed]
+    assert coupled[0].x.rms > 14.0 * fuzzy[-1].x.rms
+    assert coupled[0].contour.rms > 1.9 * fuzzy[-1].contour.rms
+    over_learned = [f.x.rms + f.y.rms for f in fixed]
     assert over_learned[-1] > 1.5 * min(over_learned)
-    learned = [f.tracking_rms.sum() for f in fuzzy]
+    learned = [f.x.rms + f.y.rms for f in fuzzy]
     assert learned[-1] < 1.2 * min(learned)
     assert learned[-1] < 0.7 * over_learned[-1]
 
@@ -78,15 +78,16 @@ def test_divergence_protection_holds_a_rate_that_is_far_too_large() -> None:
     wild = LearningSettings((200.0, 200.0), 50.0, 0, False, divergence=0.0)
     loose = iterate(SCHEME_1, wild, 16)
     held = iterate(SCHEME_1, replace(wild, divergence=1.2), 16)
-    assert loose[-1].tracking_rms.max() > 20e-6
-    assert held[-1].tracking_rms.max() < 0.5 * loose[-1].tracking_rms.max()
+    worst = max(loose[-1].x.rms, loose[-1].y.rms)
+    assert worst > 20e-6
+    assert max(held[-1].x.rms, held[-1].y.rms) < 0.5 * worst
 
 
 def test_cross_coupling_and_cmac_reduce_the_contour_error() -> None:
     alone = iterate(replace(SCHEME_1, cross_coupling=0.0, cmac=None), None, 6)[-1]
     coupled = iterate(replace(SCHEME_1, cmac=None), None, 6)[-1]
     cmac = iterate(SCHEME_1, None, 6)[-1]
-    assert cmac.contour_rms < 0.8 * coupled.contour_rms < 0.8 * alone.contour_rms
+    assert cmac.contour.rms < 0.8 * coupled.contour.rms < 0.8 * alone.contour.rms
 
 
 def test_tick_neither_allocates_nor_compiles() -> None:
@@ -126,7 +127,7 @@ def test_tick_neither_allocates_nor_compiles() -> None:
 def test_figures_follow_their_definitions() -> None:
     tracking = np.array([[3.0, 0.0], [-4.0, 1.0]])
     found = figures(tracking, np.array([1.0, -2.0]))
-    assert found.tracking_rms == pytest.approx([np.sqrt(12.5), np.sqrt(0.5)])
-    assert found.tracking_aiae == pytest.approx([3.5, 0.5])
-    assert found.tracking_max == pytest.approx([4.0, 1.0])
-    assert (found.contour_aiae, found.contour_max) == (1.5, 2.0)
+    assert (found.x.rms, found.y.rms) == pytest.approx((np.sqrt(12.5), np.sqrt(0.5)))
+    assert (found.x.mae, found.y.mae) == pytest.approx((3.5, 0.5))
+    assert (found.x.max, found.y.max) == pytest.approx((4.0, 1.0))
+    assert (found.contour.mae, found.contour.max) == (1.5, 2.0)

@@ -68,7 +68,7 @@ def test_iterations_learn_and_end_with_a_position() -> None:
     stage.take(run.begin(stage.stamp))
     stage.drive(run)
     assert run.success and seen == [1, 2, 3, 4, 5, 6]
-    assert run.results[-1].tracking_rms[0] < 0.2 * run.results[0].tracking_rms[0]
+    assert run.results[-1].x.rms < 0.2 * run.results[0].x.rms
     assert 'first: tracking RMS' in run.message and 'best, iteration' in run.message
     assert stage.sent[0].velocity is None and stage.sent[-1].velocity is None
     assert stage.sent[-1].position == pytest.approx(tuple(REFERENCE.position[-1]))
@@ -197,7 +197,7 @@ def test_same_course_at_fifty_hertz() -> None:
         stage.take(run.on_state(stage.stamp, *reading))
         stage.q = stage.q + 0.02 * stage.velocity
         stage.stamp += 20 * MS
-    assert run.success and run.results[0].contour_max < 2e-5
+    assert run.success and run.results[0].contour.max < 2e-5
 
 
 def test_learned_signals_belong_to_a_contour_and_a_machine(tmp_path: Path) -> None:

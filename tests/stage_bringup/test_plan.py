@@ -14,7 +14,7 @@ from stage_bringup.plan import (
 from stage_bringup.session import parse
 from stage_bringup.table import heldout_rows, render
 from stage_core.errors import StageError
-from stage_core.metrics import error_figures
+from stage_core.metrics import Metrics
 
 
 def test_grid_approaches_from_both_sides() -> None:
@@ -47,12 +47,12 @@ def test_table_states_micrometres() -> None:
 
 
 def test_figures_against_definition() -> None:
-    figures = error_figures([1.0, -3.0])
-    assert (figures.rms, figures.mae, figures.maximum) == (pytest.approx(5**0.5), 2.0, 3.0)
+    figures = Metrics.of([1.0, -3.0])
+    assert (figures.rms, figures.mae, figures.max) == (pytest.approx(5**0.5), 2.0, 3.0)
     assert figures.sigma == 2.0
     for bad in ([], [np.nan]):
         with pytest.raises(StageError):
-            error_figures(bad)
+            Metrics.of(bad)
 
 
 @pytest.mark.parametrize(

@@ -159,7 +159,7 @@ def test_a_late_tick_is_told_and_latches_nothing(within, late, delay):
     ended = [text for _, text in bench.events if 'the stage stops' in text]
     if delay <= 20:
         assert course.success and ended == []
-        assert course.results[0].contour_rms < 20e-6
+        assert course.results[0].contour.rms < 20e-6
     if late == 'controller':
         assert bool(ended) is (delay > 100)
     elif delay > 20:

@@ -70,11 +70,11 @@ learner = Learner(len(plan), plan.period, LearningSettings())
 results = Rehearsal(real).iterate(controller, learner, 6)
 records['sixth run'] = contour_error(controller)
 for number, result in enumerate(results, 1):
-    print(f'run {number}: contour error {1e6 * result.contour_rms:5.2f} µm RMS')
+    print(f'run {number}: contour error {1e6 * result.contour.rms:5.2f} µm RMS')
 convergence(
     {
-        'contour, RMS': [result.contour_rms for result in results],
-        'contour, maximum': [result.contour_max for result in results],
+        'contour, RMS': [result.contour.rms for result in results],
+        'contour, maximum': [result.contour.max for result in results],
     }
 )
 

@@ -16,9 +16,10 @@ from calibrator.gain import Gain
 from calibrator.gather import ARRAYS
 from calibrator.models import METHODS
 from calibrator.samples import Samples
-from calibrator.training import Metrics, Training, train
+from calibrator.training import Training, train
 from session_bags.archive import Where, map_items
 from stage_core.errors import StageError
+from stage_core.metrics import Metrics
 from stage_core.whole_file import replacing
 
 _NUMBERS = ('seconds', 'samples', 'held_out', 'wild')

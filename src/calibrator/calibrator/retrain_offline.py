@@ -18,7 +18,6 @@ from calibrator.prepare import INPUTS, TARGETS, prepare
 from calibrator.restarts import train_restarts
 from calibrator.samples import Samples
 from calibrator.training import (
-    Metrics,
     Training,
     default_options,
     find_bags,
@@ -27,6 +26,7 @@ from calibrator.training import (
 from calibrator.training_job import Data, Job, run_job
 from session_bags.archive import add_arguments, where_from
 from stage_core.errors import command_line
+from stage_core.metrics import Metrics
 from stage_core.untrusted import json_object
 
 

@@ -20,6 +20,7 @@ from calibrator.outliers import wild
 from calibrator.places import judged_places
 from calibrator.prepare import splits
 from calibrator.samples import Samples
+from stage_core.metrics import Metrics
 from stage_core.quantities import AXES
 from stage_core.session import Session
 
@@ -27,26 +28,6 @@ Array = NDArray[np.float64]
 
 LEAST_WARMING = 0.3
 """Change of a sensor [K] from which its temperature is a regressor."""
-
-
-@dataclass(frozen=True)
-class Metrics:
-    """Errors of all axes together [m]: root mean square, mean absolute, largest, deviation."""
-
-    rms: float
-    mae: float
-    max: float
-    sigma: float
-
-    @classmethod
-    def of(cls, error: Array) -> Metrics:
-        """Metrics of errors of shape (n, axes) [m]; sigma is about each axis' mean."""
-        return cls(
-            float(np.sqrt(np.mean(error**2))),
-            float(np.mean(np.abs(error))),
-            float(np.max(np.abs(error))),
-            float(np.sqrt(np.mean((error - error.mean(axis=0)) ** 2))),
-        )
 
 
 @dataclass(frozen=True)

@@ -7,37 +7,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stage_core.metrics import Metrics
+
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Errors of one run [m]: tracking per axis (2,), contour; RMS, AIAE (eq. 31), maximum."""
+    """Errors of one run [m]: tracking of each axis, contour. The AIAE of eq. 31 is `mae`."""
 
-    tracking_rms: FloatArray
-    tracking_aiae: FloatArray
-    tracking_max: FloatArray
-    contour_rms: float
-    contour_aiae: float
-    contour_max: float
+    x: Metrics
+    y: Metrics
+    contour: Metrics
 
     def sentence(self) -> str:
         """One line in micrometres."""
-        rms, largest = 1e6 * self.tracking_rms, 1e6 * self.tracking_max
         return (
-            f'tracking RMS x {rms[0]:.2f} y {rms[1]:.2f} µm, max x {largest[0]:.1f} '
-            f'y {largest[1]:.1f} µm, contour RMS {1e6 * self.contour_rms:.2f} µm, '
-            f'max {1e6 * self.contour_max:.1f} µm'
+            f'tracking RMS x {1e6 * self.x.rms:.2f} y {1e6 * self.y.rms:.2f} µm, '
+            f'max x {1e6 * self.x.max:.1f} y {1e6 * self.y.max:.1f} µm, '
+            f'contour RMS {1e6 * self.contour.rms:.2f} µm, max {1e6 * self.contour.max:.1f} µm'
         )
 
 
 def figures(tracking: FloatArray, contour: FloatArray) -> Figures:
     """Eqs. 13, 31 and 32 of tracking errors (n, 2) and contour errors (n,) [m]."""
-    return Figures(
-        np.sqrt(np.mean(tracking**2, axis=0)),
-        np.mean(np.abs(tracking), axis=0),
-        np.max(np.abs(tracking), axis=0),
-        float(np.sqrt(np.mean(contour**2))),
-        float(np.mean(np.abs(contour))),
-        float(np.max(np.abs(contour))),
-    )
+    return Figures(Metrics.of(tracking[:, 0]), Metrics.of(tracking[:, 1]), Metrics.of(contour))

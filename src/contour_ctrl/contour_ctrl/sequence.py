@@ -280,7 +280,7 @@ class ContourRun:
         contour = of_record(reference.path, reference.arc, record[:, QX : QX + 2])
         result = figures(record[:, EX : EX + 2], contour)
         self.results.append(result)
-        if result.contour_rms <= self.results[self.best].contour_rms:
+        if result.contour.rms <= self.results[self.best].contour.rms:
             self.best = len(self.results) - 1
             self.best_weights[:] = self.controller.weights
         if self.learner is not None:

@@ -116,7 +116,7 @@ def _session_page(
         [
             [
                 f'{row.name.removeprefix("held-out ")}, {when}',
-                *(f'{v / MICROMETRE:.2f}' for v in (f.rms, f.mae, f.maximum, f.sigma)),
+                *(f'{v / MICROMETRE:.2f}' for v in (f.rms, f.mae, f.max, f.sigma)),
             ]
             for row in result.rows
             for when, f in (('before', row.before), ('after', row.after))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stage_core.metrics import ErrorFigures, error_figures
+from stage_core.metrics import Metrics
 from stage_core.quantities import MICROMETRE
 
 Array = NDArray[np.float64]
@@ -18,21 +18,21 @@ class Row:
     """One quantity of the table, in metres."""
 
     name: str
-    before: ErrorFigures
-    after: ErrorFigures
+    before: Metrics
+    after: Metrics
 
 
-def distance_figures(errors: Array) -> ErrorFigures:
-    """Figures of the distance between wanted and measured points, errors (n, 2) [m]."""
-    return error_figures(np.hypot(errors[:, 0], errors[:, 1]))
+def distance_metrics(errors: Array) -> Metrics:
+    """Metrics of the distance between wanted and measured points, errors (n, 2) [m]."""
+    return Metrics.of(np.hypot(errors[:, 0], errors[:, 1]))
 
 
 def heldout_rows(before: Array, after: Array) -> list[Row]:
     """Rows of the held-out points: per axis and distance, errors (n, 2) [m]."""
     return [
-        Row('held-out x', error_figures(before[:, 0]), error_figures(after[:, 0])),
-        Row('held-out y', error_figures(before[:, 1]), error_figures(after[:, 1])),
-        Row('held-out distance', distance_figures(before), distance_figures(after)),
+        Row('held-out x', Metrics.of(before[:, 0]), Metrics.of(after[:, 0])),
+        Row('held-out y', Metrics.of(before[:, 1]), Metrics.of(after[:, 1])),
+        Row('held-out distance', distance_metrics(before), distance_metrics(after)),
     ]
 
 
@@ -48,7 +48,7 @@ def render(rows: list[Row]) -> str:
         figures = [
             value / MICROMETRE
             for f in (row.before, row.after)
-            for value in (f.rms, f.mae, f.maximum, f.sigma)
+            for value in (f.rms, f.mae, f.max, f.sigma)
         ]
         lines.append(f'{row.name:<26}' + ''.join(f'{v:>13.2f}' for v in figures))
     return '\n'.join(lines)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stage_core.metrics import error_figures
+from stage_core.metrics import Metrics
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
@@ -31,9 +31,9 @@ def contour_page(
     session: Session, found: list[Run], entries: list[tuple[str, str]] | None = None
 ) -> Page:
     """Page of a session with a contour; `found` are its runs, see `tracking.runs`."""
-    rms = [error_figures(run.contour).rms for run in found]
+    rms = [Metrics.of(run.contour).rms for run in found]
     best = int(np.argmin(rms))
-    parts = [error_figures(p).rms for p in np.array_split(found[best].contour, STRETCHES)]
+    parts = [Metrics.of(p).rms for p in np.array_split(found[best].contour, STRETCHES)]
     encoder = {item.sensor: item for item in tracking_errors(session)}
     seen = [encoder[s] for s in ('encoder', 'tracker') if s in encoder]
     deviation = _table_deviation(found, seen)
@@ -84,7 +84,7 @@ def _table_says(deviation: float) -> str:
 
 def _largest(run: Run, seen: list[Tracking]) -> str:
     """The largest error of a run, and at which angle of the circle."""
-    said = f' Its largest error is {measure(error_figures(run.contour).maximum)}'
+    said = f' Its largest error is {measure(Metrics.of(run.contour).max)}'
     circle = _circle(run, seen[0]) if seen else None
     known = _places(run, seen[0]) if seen else None
     if circle is None or known is None:
@@ -118,7 +118,7 @@ def _place(run: Run, seen: list[Tracking]) -> str:
 
 
 def _learning(page: Page, found: list[Run], rms: list[float]) -> None:
-    largest = [error_figures(run.contour).maximum for run in found]
+    largest = [Metrics.of(run.contour).max for run in found]
     page.heading('Better from run to run')
     if len(found) > 1:
         page.figure(
@@ -199,12 +199,12 @@ def _table(page: Page, found: list[Run], encoder: Tracking | None) -> None:
     header += [f'encoder: RMS of {axis} (µm)' for axis in 'xy'[:axes]]
     rows: list[list[object]] = []
     for run in found:
-        f = error_figures(run.contour)
-        row: list[object] = [run.number, f'{f.rms * MICRO:.2f}', f'{f.maximum * MICRO:.1f}']
+        f = Metrics.of(run.contour)
+        row: list[object] = [run.number, f'{f.rms * MICRO:.2f}', f'{f.max * MICRO:.1f}']
         if encoder is not None:
             part = encoder.errors[run.within(encoder.seconds)]
             row += (
-                [f'{error_figures(column).rms * MICRO:.2f}' for column in part.T]
+                [f'{Metrics.of(column).rms * MICRO:.2f}' for column in part.T]
                 if len(part)
                 else [None] * axes
             )

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stage_core import topics
-from stage_core.metrics import error_figures
+from stage_core.metrics import Metrics
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
@@ -187,7 +187,7 @@ def axis_rows(errors: np.ndarray, axes: tuple[str, ...]) -> list[list[object]]:
     """Rows of a table: RMS, mean |e|, largest and standard deviation of each axis, in µm."""
     rows: list[list[object]] = []
     for column, axis in enumerate(axes):
-        f = error_figures(errors[:, column])
-        values = (f.rms, f.mae, f.maximum, f.sigma)
+        f = Metrics.of(errors[:, column])
+        values = (f.rms, f.mae, f.max, f.sigma)
         rows.append([axis, *(f'{v / MICROMETRE:.2f}' for v in values)])
     return rows

@@ -8,7 +8,7 @@ from pathlib import Path
 from contour_ctrl.reinforcement import LearningRate
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_core.metrics import error_figures
+from stage_core.metrics import Metrics
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
@@ -77,7 +77,7 @@ def _regulated_rates(page: Page, axes: tuple[str, ...], tracked: list[list[Track
     for column, axis in enumerate(axes):
         regulator = LearningRate()
         for trial in tracked:
-            rate = regulator.after(error_figures(trial[0].errors[:, column]).rms)
+            rate = regulator.after(Metrics.of(trial[0].errors[:, column]).rms)
             curves.setdefault(f'rate of {axis}', []).append(rate)
             curves.setdefault(f'reward of {axis}', []).append(regulator.reward)
     page.figure(

@@ -11,34 +11,31 @@ from stage_core.errors import StageError
 
 
 @dataclass(frozen=True)
-class ErrorFigures:
+class Metrics:
     """RMS, mean absolute error, largest absolute error and standard deviation (k = 1)."""
 
     rms: float
     mae: float
-    maximum: float
+    max: float
     sigma: float
-    count: int
 
+    @classmethod
+    def of(cls, errors: ArrayLike) -> Metrics:
+        """Metrics of signed errors (n,) or (n, axes), in their unit; sigma is about each mean.
 
-def error_figures(errors: ArrayLike) -> ErrorFigures:
-    """Figures of signed errors (n,), in their unit.
-
-    Raises
-    ------
-    StageError
-        Without an error, or with one that is not a number.
-    """
-    e = np.asarray(errors, dtype=float).ravel()
-    if e.size == 0:
-        raise StageError('there is no error to state: nothing was measured')
-    if not np.isfinite(e).all():
-        raise StageError('an error is not a number: look for NaN in what was measured')
-    magnitude = np.abs(e)
-    return ErrorFigures(
-        rms=float(np.sqrt(np.mean(e**2))),
-        mae=float(magnitude.mean()),
-        maximum=float(magnitude.max()),
-        sigma=float(e.std()),
-        count=int(e.size),
-    )
+        Raises
+        ------
+        StageError
+            Without an error, or with one that is not a number.
+        """
+        e = np.asarray(errors, dtype=float)
+        if e.size == 0:
+            raise StageError('there is no error to state: nothing was measured')
+        if not np.isfinite(e).all():
+            raise StageError('an error is not a number: look for NaN in what was measured')
+        return cls(
+            rms=float(np.sqrt(np.mean(e**2))),
+            mae=float(np.abs(e).mean()),
+            max=float(np.abs(e).max()),
+            sigma=float(np.sqrt(e.var(axis=0).mean())),
+        )
