@@ -57,8 +57,9 @@ soak: kernels
 reference: venv
 	$(PYTHON_ENV) -m stage_bringup.reference docs/reference/reference.md
 
-# Figures and pictures of the newest session in bags/, into README and docs.
-docs-figures: venv
+# Figures of cheap commands, and those of the newest session in bags/, into README and docs.
+docs-figures: kernels
+	$(PYTHON_ENV) tools/printed.py
 	$(PYTHON_ENV) tools/docs_figures.py
 
 # Chromium draws the pages of the newest session and the live view, into docs/images.

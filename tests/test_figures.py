@@ -5,15 +5,15 @@ Expensive figures carry their commit and date on the page instead.
 
 from __future__ import annotations
 
-import contextlib
 import re
 import runpy
-import sys
 from pathlib import Path
 
 import pytest
 
-DOCS = Path(__file__).resolve().parents[1] / 'docs'
+ROOT = Path(__file__).resolve().parents[1]
+TOOL = runpy.run_path(str(ROOT / 'tools' / 'printed.py'))
+PLACES = list(TOOL['places']())
 NUMBER = re.compile(r'(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
 #: How long a step took, on the machine that wrote the page.
 SECONDS = re.compile(r'\d+\.\d+ s\b')
@@ -33,44 +33,33 @@ def alike(line: str, other: str) -> bool:
     return words == others and numbers == pytest.approx(theirs, rel=0.01, abs=ROUNDING)
 
 
-def missing(printed: str, page: str) -> list[str]:
-    """Lines with a number that the page does not have."""
-    lines = page.splitlines()
+def different(printed: str, page: str) -> list[str]:
+    """Lines that are printed and that the page does not have at that place."""
+    lines, others = printed.splitlines(), page.splitlines()
+    others += [''] * (len(lines) - len(others))
+    extra = others[len(lines) :]
     return [
-        line
-        for line in printed.splitlines()
-        if NUMBER.search(line) and not any(alike(line, other) for other in lines)
-    ]
+        line for line, other in zip(lines, others, strict=False) if not alike(line, other)
+    ] + extra
 
 
 def test_a_figure_of_another_state_is_seen() -> None:
     page = 'held-out RMS 0.703 µm (15 t 0.10 s)\nround-off 1.7e-16'
-    assert missing('held-out RMS 0.704 µm (15 t 0.55 s)\nround-off 2.9e-17', page) == []
-    assert missing('held-out RMS 0.753 µm (15 t 0.10 s)', page) != []
-    assert missing('held-out MAE 0.703 µm (15 t 0.10 s)', page) != []
+    assert different('held-out RMS 0.704 µm (15 t 0.55 s)\nround-off 2.9e-17', page) == []
+    assert different('held-out RMS 0.753 µm (15 t 0.10 s)\nround-off 1.7e-16', page) != []
+    assert different('held-out MAE 0.703 µm (15 t 0.10 s)\nround-off 1.7e-16', page) != []
+    assert different('held-out RMS 0.703 µm (15 t 0.10 s)', page) != []
 
 
 @pytest.mark.parametrize(
-    ('page', 'command'),
-    [
-        ('results/hra.md', '-m hra_curves table3'),
-        ('results/hra.md', '-m hra_curves table4'),
-        ('results/calibration.md', 'benchmarks/paper5_examples.py'),
-        ('results/calibration.md', 'benchmarks/paper2_figure11.py'),
-        ('results/contour.md', 'benchmarks/contour_estimators.py'),
-    ],
+    'place', PLACES, ids=[f'{page.stem}: {found[2]}' for page, found in PLACES]
 )
-def test_the_page_holds_what_the_command_prints(
-    page: str, command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = (DOCS / page).read_text(encoding='utf-8')
-    assert f'python {command}' in text
-    first, *arguments = command.split()
-    module = arguments.pop(0) if first == '-m' else ''
-    monkeypatch.setattr(sys, 'argv', [first, *arguments])
-    run = runpy.run_module if module else runpy.run_path
-    with contextlib.suppress(SystemExit):
-        run(module or str(DOCS.parent / first), run_name='__main__')
-    printed = capsys.readouterr().out
-    assert NUMBER.search(printed)
-    assert missing(printed, text) == []
+def test_the_page_holds_what_the_command_prints(place: tuple[Path, re.Match[str]]) -> None:
+    _, found = place
+    assert different(TOOL['printed'](found), found[3]) == []
+
+
+def test_every_table_of_the_papers_is_written() -> None:
+    papers = (ROOT / 'docs' / 'results' / 'papers.md').read_text(encoding='utf-8')
+    written = [found[3] for _, found in PLACES if found.string == papers]
+    assert sum(text.count('\n') + 1 for text in written) == len(re.findall(r'^\|', papers, re.M))

@@ -9,10 +9,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
 import sys
 import textwrap
-import time
 from pathlib import Path
 
 import numpy as np
@@ -98,13 +96,13 @@ def example(folder: Path) -> str:
     return '\n'.join(lines)
 
 
-def _commit(path: Path) -> str:
-    """The commit on which a session was run: the newest one before its file."""
-    before = f'--before={int(path.stat().st_mtime)}'
-    command = ['git', 'log', '-1', '--format=%h', before]
-    return subprocess.run(
-        command, cwd=ROOT, check=True, capture_output=True, text=True
-    ).stdout.strip()
+def source(folder: Path) -> str:
+    """The sentence that says which session the figures are of."""
+    session = json.loads((folder / 'session.json').read_text())
+    changes = ' with changes' if session['changed'] else ''
+    state = f'{session["recorded"][:10]}, commit {session["commit"]}{changes}'
+    tests = ' with `--standard-tests`' if (folder / 'positioning').exists() else ''
+    return textwrap.fill(f'Written by `make docs-figures` from a session{tests} of {state}.', 100)
 
 
 def main() -> None:
@@ -114,16 +112,12 @@ def main() -> None:
     if named is None and not sessions:
         raise SystemExit('bags/ holds no session: run make session first')
     folder = named or sessions[-1].parent
-    date = time.strftime('%Y-%m-%d', time.localtime((folder / 'session.json').stat().st_mtime))
-    state = f'{date}, commit {_commit(folder / "session.json")}'
-    tests = ' with `--standard-tests`' if (folder / 'positioning').exists() else ''
-    written = f'Written by `make docs-figures` from a session{tests} of {state}.'
-    source = f'\n\n{textwrap.fill(written, 100)}'
-    replace(ROOT / 'README.md', printed(folder) + source)
+    said_by = f'\n\n{source(folder)}'
+    replace(ROOT / 'README.md', printed(folder) + said_by)
     guide = ROOT / 'docs' / 'guide'
-    replace(guide / 'diagnosis_reading.md', example(folder) + source)
+    replace(guide / 'diagnosis_reading.md', example(folder) + said_by)
     for page, step in STEPS.items():
-        replace(guide / page, said(folder, step) + source)
+        replace(guide / page, said(folder, step) + said_by)
     images = ROOT / 'docs' / 'images'
     shutil.copyfile(folder / 'picture_01.png', images / 'session.png')
     print(f'figures of {folder.name} are in README.md and docs/')

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,7 @@ def write_report(options: Options, result: SessionResult) -> Path:
     diagnosis = options.out / 'diagnosis' / 'report.json'
     if diagnosis.exists():
         links.append(('Diagnosis', 'diagnosis/report.html'))
-    entries = _conditions(options)
+    entries = _conditions(options, result)
     cards: list[Link] = []
     for name, bag in result.bags.items():
         session = read_session(bag)
@@ -51,8 +50,11 @@ def write_report(options: Options, result: SessionResult) -> Path:
     page.navigation([('Session', ''), *links])
     if found is not None:
         _diagnosis(page, found)
-        machine = [(n, v) for n, v in entries if n in ('Machine', 'Model', 'Clock')]
-        add_conditions(diagnosis.with_name('report.html'), machine)
+        told = [(n, v) for n, v in entries if n in ('Machine', 'Model', 'Clock')]
+        if options.clock == 'lockstep':
+            # The stamps of its bags are simulated time: the diagnosis cannot know the date.
+            told.append(('Recorded', dict(entries)['Date']))
+        add_conditions(diagnosis.with_name('report.html'), told)
         back = [(n, '' if a.startswith('diagnosis') else f'../{a}') for n, a in links]
         add_navigation(diagnosis.with_name('report.html'), [('Session', '../report.html'), *back])
     _steps(page, result)
@@ -60,12 +62,12 @@ def write_report(options: Options, result: SessionResult) -> Path:
     return page.save(options.out / 'report.html')
 
 
-def _conditions(options: Options) -> list[tuple[str, str]]:
+def _conditions(options: Options, result: SessionResult) -> list[tuple[str, str]]:
     return [
         ('Machine', f'emulated: {reality_twin(options).stem}, {options.backend}'),
         ('Twin', nominal_twin(options).stem),
         ('Model', options.method),
-        ('Date', time.strftime('%Y-%m-%d %H:%M')),
+        ('Date', result.data['recorded'].replace('T', ' ')[:16]),
         ('Clock', f'{options.clock}, seed {options.seed}'),
     ]
 
@@ -143,6 +145,7 @@ def _diagnosis(page: Page, report: dict[str, Any]) -> None:
         rows.append(
             [
                 effect_words(cause['effect']),
+                f'{cause["probability"]:.2f}',
                 effect_sentence(cause['effect'], values) if known else '',
                 parameter_words(cause['effect'], values),
                 f'{100 * cause["shrink"]:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)',
@@ -155,7 +158,11 @@ def _diagnosis(page: Page, report: dict[str, Any]) -> None:
         f'noise and resolution alone make {measure(gap["noise_floor"])}.'
     )
     if rows:
-        page.table(['effect', 'what it does', 'parameters ± 1 σ', 'closes (95 %)'], rows, CLOSES)
+        page.table(
+            ['effect', 'probability', 'what it does', 'parameters ± 1 σ', 'closes (95 %)'],
+            rows,
+            CLOSES,
+        )
 
 
 def _steps(page: Page, result: SessionResult) -> None:

@@ -16,6 +16,7 @@ from stage_bringup.graph import CONTROL, Options, commands, config_folder
 from stage_bringup.keep_awake import KeepAwake
 from stage_bringup.processes import Processes
 from stage_bringup.progress import Progress
+from stage_bringup.provenance import provenance
 from stage_core.errors import StageError, command_line
 from stage_core.whole_file import write_whole
 
@@ -100,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     # Ctrl-C and SIGTERM take the same way out: the graph is ended before this process is.
     signal.signal(signal.SIGTERM, interrupt)
-    begin = time.monotonic()
+    begin, origin = time.monotonic(), provenance()
     processes = Processes(options.out / 'log')
     status = 0
     awake = ExitStack()
@@ -115,6 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from stage_bringup.steps import run_steps
 
         result = run_steps(options, processes)
+        result.data.update(origin)
         print(result.text)
         found = {**result.data, 'lines': result.lines}
         write_whole(options.out / 'session.json', json.dumps(found, indent=1))

@@ -155,7 +155,7 @@ def _parameters(
 
 
 def sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in one sentence, as the command prints it."""
+    """The verdict in one sentence, with the probability p of each effect, as commands print it."""
     micro = 1e6
     shrink = 1.0 - diagnosis.after / diagnosis.before if diagnosis.before > 0.0 else 0.0
     if not diagnosis.verdict:
@@ -164,7 +164,11 @@ def sentence(diagnosis: Diagnosis) -> str:
             f'{diagnosis.before * micro:.2f} µm RMS, floor '
             f'{diagnosis.noise_floor * micro:.2f} µm)'
         )
-    names = ', '.join(map(effect_words, diagnosis.verdict))
+    sure = {cause.effect: cause.probability for cause in diagnosis.causes}
+    names = ', '.join(
+        effect_words(name) + (f' (p {sure[name]:.2f})' if name in sure else '')
+        for name in diagnosis.verdict
+    )
     return (
         f'{names}: the held-out gap shrinks from {diagnosis.before * micro:.2f} to '
         f'{diagnosis.after * micro:.2f} µm RMS ({100.0 * shrink:.0f} %, floor '

@@ -124,7 +124,7 @@ def _conditions(page: Page, diagnosis: Diagnosis) -> None:
             ('Recording', ', '.join(Path(name).name for name in diagnosis.sessions)),
             ('Twin', Path(diagnosis.twin_name).stem),
             *(('Simulator', Path(name).name) for name in diagnosis.simulators),
-            ('Date', date_words(diagnosis.started)),
+            ('Recorded', date_words(diagnosis.started)),
             ('Diagnosed', time.strftime('%Y-%m-%d %H:%M')),
             ('Temperature', _heat(diagnosis)),
             ('Travel', _travel(diagnosis)),
