@@ -16,6 +16,8 @@ PAGES = [
     ROOT / 'CONTRIBUTING.md',
     *sorted((ROOT / 'docs').rglob('*.md')),
     *sorted((ROOT / 'src').glob('*/**/README.md')),
+    *sorted((ROOT / 'benchmarks').rglob('README.md')),
+    ROOT / 'ros_ws' / 'README.md',
 ]
 LINK = re.compile(r'\]\(([^)\s]+)\)')
 RUN = re.compile(r'ros2 run (\w+) (\w+)')
@@ -106,16 +108,46 @@ def test_the_readme_is_short() -> None:
     assert len(lines) <= 120
 
 
-#: What commands print has its own width: results, parameters, effects.
-PRINTED = (ROOT / 'docs' / 'results', ROOT / 'docs' / 'reference', ROOT / 'src')
+def prose(page: Path) -> list[str]:
+    """Lines without what cannot be wrapped: blocks of code and rows of tables become empty."""
+    text = re.sub(r'^```.*?^```', '', page.read_text(encoding='utf-8'), flags=re.DOTALL | re.M)
+    # Four spaces after an empty line are code, after text they are a list in a list.
+    text = re.sub(r'(?<=\n\n)(?: {4}.*\n+)+', '\n', text)
+    return re.sub(r'^\|.*$', '', text, flags=re.M).splitlines()
 
 
 @each_page
 def test_lines_fit_the_screen(page: Path) -> None:
+    assert [line for line in prose(page) if len(line) > 100] == []
+
+
+#: Its items are the parameters that the command has found.
+FOUND = ROOT / 'docs' / 'results' / 'real_records.md'
+
+
+@each_page
+def test_paragraphs_are_short(page: Path) -> None:
+    length = 0
+    for line in prose(page) if page != FOUND else []:
+        begins = re.match(r' *([-*]|\d+\.) ', line)
+        ends = not line.strip() or line.startswith(('#', '<!--'))
+        length = 0 if ends else 1 if begins else length + 1
+        assert length <= 5, line
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as GitHub makes them; headings of one page differ."""
     text = re.sub(r'^```.*?^```', '', page.read_text(encoding='utf-8'), flags=re.DOTALL | re.M)
-    if page.name == 'twin.md' or any(page.is_relative_to(folder) for folder in PRINTED):
-        text = re.sub(r'^(    |\|).*$', '', text, flags=re.M)
-    assert [line for line in text.splitlines() if len(line) > 100] == []
+    headings = [h.lower() for h in re.findall(r'^#+ (.+)$', text, re.M)]
+    return {re.sub(r'[^\w\- ]', '', heading).replace(' ', '-') for heading in headings}
+
+
+@each_page
+def test_anchors_exist(page: Path) -> None:
+    for target in LINK.findall(page.read_text(encoding='utf-8')):
+        name, _, anchor = target.partition('#')
+        if anchor and not re.match(r'\w+:', target):
+            assert anchor in anchors(page.parent / name if name else page), target
 
 
 @each_page

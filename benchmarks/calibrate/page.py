@@ -18,9 +18,10 @@ HEAD = """# What the stated probabilities and intervals of the diagnosis are wor
 `make calibrate-diagnosis` writes this page and the weights of the probabilities
 (`src/gap_diagnosis/gap_diagnosis/evidence/calibrated.py`). The sessions come from three machines
 that share no code: `own` is that of the blind suite (`benchmarks/blind`), `mujoco` and `handmade`
-are those of `benchmarks/generators`. All seeds are development seeds. The command is made for 300
-sessions of each (`--sessions 300`). This page says how many there were: figures of fewer than 30
-cases say little.
+are those of `benchmarks/generators`. All seeds are development seeds.
+
+The command is made for 300 sessions of each (`--sessions 300`). This page says how many there
+were: figures of fewer than 30 cases say little.
 """
 RULES = """A verdict is exact if it holds the true names and no other, or is one of the other right
 verdicts that the truth lists. A refused session has no report and is not exact. The first pair of
@@ -50,11 +51,11 @@ fitted to the two other generators."""
 INTERVALS = """A deviation is widened by what models of its kind get wrong: by a factor, and
 by a share of the value (added in squares) for all but places and phases. Both are the narrowest
 that hold 95 % of the truths in sessions with an exact verdict (of a handful of intervals, all).
-The second table is of right names, all generators together: how
-often the stated 95 % interval holds the truth, its median width over the true value, the median
-error in standard deviations, and the share of parameters that are stated without a deviation (not
-identifiable). Phases and offsets of a session are not counted, nor parameters whose truth the
-machines do not state."""
+
+The second table is of right names, all generators together: how often the stated 95 % interval
+holds the truth, its median width over the true value, the median error in standard deviations, and
+the share of parameters that are stated without a deviation (not identifiable). Phases and offsets
+of a session are not counted, nor parameters whose truth the machines do not state."""
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
