@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
@@ -68,22 +69,59 @@ def training_bag(folder: Path) -> Path:
     )
 
 
+class _Told:
+    """What the nodes say of themselves: what they counted, and how far the training is."""
+
+    def __init__(self) -> None:
+        self.counts: dict[str, int] = {}
+        self._training = ''
+
+    def keep(self, message: DiagnosticArray) -> None:
+        """Take what a node has published."""
+        for part in message.status:
+            node = part.name.split(':')[0]
+            for pair in part.values:
+                if pair.key in COUNTED and node in NODES:
+                    self.counts[f'{node} {pair.key}'] = int(float(pair.value))
+                if part.name == 'calibrator: model' and pair.key == 'training':
+                    self._training = pair.value
+
+    def step(self) -> int:
+        """Iteration of the training, of its status `(iteration, error)`; 0 where there is none."""
+        digits = self._training.strip('(').split(',')[0]
+        return int(digits) if digits.isdigit() else 0
+
+
+def _begin_training(client: GraphClient, bag: Path, told: _Told) -> Future:
+    """A training that would last for hours, once it has done an iteration."""
+    client.set_parameters(
+        '/calibrator',
+        bag=str(bag),
+        method='it2fls',
+        target='encoder',
+        options='{"rules": 5, "particles": 200, "iterations": 1000000}',
+    )
+    retrain = client.node.create_client(Trigger, '/calibrator/retrain')
+    answer = retrain.call_async(Trigger.Request())
+    client.wait_for(lambda: told.step() > 0, PATIENCE, 'the training')
+    return answer
+
+
+def _end_training(client: GraphClient, answer: Future, told: _Told, begun: int) -> int:
+    """A later iteration of the training than `begun`, 0 if it had ended by itself."""
+    client.wait_for(lambda: told.step() > begun, PATIENCE, 'a later iteration')
+    later = 0 if answer.done() else told.step()
+    client.trigger('/calibrator/abort', PATIENCE)
+    client.wait_for(answer.done, PATIENCE, 'the abort')
+    return later
+
+
 def follow(
     folder: Path, bag: Path, clock: str, iterations: int, retrain: bool
 ) -> tuple[str, dict[str, int], tuple[int, int]]:
     """Result of the run, what the nodes counted, and the swarm's iteration before and after it."""
     folder.mkdir()
-    counts: dict[str, int] = {}
-    status: dict[str, str] = {}
-
-    def keep(message: DiagnosticArray) -> None:
-        for part in message.status:
-            for pair in part.values:
-                if pair.key in COUNTED and part.name.split(':')[0] in NODES:
-                    counts[f'{part.name.split(":")[0]} {pair.key}'] = int(float(pair.value))
-                if part.name == 'calibrator: model' and pair.key == 'training':
-                    status['training'] = pair.value
-
+    told = _Told()
     processes = Processes(folder / 'log')
     options = Options(clock=clock, out=folder / 'out', iterations=iterations)
     try:
@@ -92,49 +130,23 @@ def follow(
                 changed = {**command.parameters, **CHANGED.get(command.name, {})}
                 processes.start(replace(command, parameters=changed))
         with GraphClient('retrain_while_moving', use_sim_time=clock == 'lockstep') as client:
-            client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=keep)
+            client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=told.keep)
             for service in ('/contour_ctrl/run', '/stage_driver/home', '/calibrator/retrain'):
                 client.wait_for_service(service, PATIENCE)
             client.wait_for(
                 lambda: client.node.get_clock().now().nanoseconds > 0, PATIENCE, 'a plant'
             )
             client.trigger('/stage_driver/home', PATIENCE)
-            answer = None
-            steps = (0, 0)
-            if retrain:
-                client.set_parameters(
-                    '/calibrator',
-                    bag=str(bag),
-                    method='it2fls',
-                    target='encoder',
-                    options='{"rules": 5, "particles": 200, "iterations": 1000000}',
-                )
-                answer = client.node.create_client(Trigger, '/calibrator/retrain').call_async(
-                    Trigger.Request()
-                )
-                client.wait_for(lambda: _step(status) > 0, PATIENCE, 'the training')
-                steps = (_step(status), 0)
+            answer = _begin_training(client, bag, told) if retrain else None
+            begun = told.step()
             message = client.trigger('/contour_ctrl/run', PATIENCE)
-            if answer is not None:
-                begun = steps[0]
-                client.wait_for(lambda: _step(status) > begun, PATIENCE, 'a later iteration')
-                steps = (begun, _step(status))
-                if answer.done():
-                    steps = (begun, 0)
-                client.trigger('/calibrator/abort', PATIENCE)
-                client.wait_for(answer.done, PATIENCE, 'the abort')
+            later = 0 if answer is None else _end_training(client, answer, told, begun)
         for line in (folder / 'log' / 'stage_driver.log').read_text(errors='replace').splitlines():
             if 'stream ended' in line:
                 print(f'  driver: {line}')
-        return message, counts, steps
+        return message, told.counts, (begun, later)
     finally:
         processes.end()
-
-
-def _step(status: dict[str, str]) -> int:
-    """Iteration of a training from its status `(iteration, error)`; 0 where there is none."""
-    digits = status.get('training', '').strip('(').split(',')[0]
-    return int(digits) if digits.isdigit() else 0
 
 
 def main() -> int:

@@ -47,6 +47,17 @@ def test_no_module_grows_too_long() -> None:
     assert {path: n for path, n in lengths.items() if n > 350} == {}
 
 
+def test_no_function_grows_too_long() -> None:
+    written = (p for name in ('src', 'benchmarks', 'tools') for p in (ROOT / name).rglob('*.py'))
+    lengths = {
+        f'{path}: {node.name}': node.end_lineno - node.lineno + 1
+        for path in written
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.end_lineno
+    }
+    assert {name: n for name, n in lengths.items() if n > 60} == {}
+
+
 @pytest.mark.parametrize('package', PACKAGES, ids=lambda p: p.name)
 def test_package_metadata(package: Path) -> None:
     """Name, licence, build type, marker, README; what is imported is declared."""

@@ -59,6 +59,52 @@ CONTROLLER = (
 
 
 @njit(cache=True, nogil=True)
+def _acting(force: float, x: float, swing: float, plant: tuple[float, ...]) -> float:
+    """Force on the motor beside friction and payload; `swing` is the disturbance's angle."""
+    _, _, _, _, _, _, _, _, offset, ripple, phase, ripple_period, cable, centre, gain = plant[:15]
+    saturation, disturb, bump = plant[15], plant[20], plant[22]
+    applied = gain * min(max(force, -saturation), saturation)
+    applied -= offset + cable * (x - centre)
+    applied -= ripple * math.sin(2.0 * math.pi * x / ripple_period + phase)
+    applied -= bump * math.exp(-(((x - centre) / 0.008) ** 2))
+    return applied + disturb * math.sin(swing)
+
+
+@njit(cache=True, nogil=True)
+def _friction(
+    x: float, v: float, anchors: Array, reach: Array, plant: tuple[float, ...]
+) -> float:  # fmt: skip
+    """Friction at a position and speed; the elements' `anchors` (ELEMENTS,) follow."""
+    _, bp, bn, cp, cn, extra, vs = plant[:7]
+    level = cp if v >= 0.0 else cn
+    if extra > 0.0:
+        level += extra * math.exp(-((v / vs) ** 2))
+    friction = 0.0
+    if level > 0.0:
+        for e in range(ELEMENTS):
+            stretch = min(max(x - anchors[e], -reach[e]), reach[e])
+            if abs(stretch) == reach[e]:
+                anchors[e] = x - stretch
+            friction += level * stretch / reach[e] / ELEMENTS
+    return friction + (bp if v >= 0.0 else bn) * v
+
+
+@njit(cache=True, nogil=True)
+def _move(motion: Array, force: float, h: float, plant: tuple[float, ...]) -> None:
+    """Advance motor and payload, `motion` their positions and speeds (x, v, xl, vl)."""
+    x, v, xl, vl = motion
+    mass, pm, w, pz = plant[0], plant[17], 2.0 * math.pi * plant[18], plant[19]
+    if pm > 0.0:
+        spring = pm * (w * w * (x - xl) + 2.0 * pz * w * (v - vl))
+        motion[3] = vl + h * spring / pm
+        motion[2] = xl + h * motion[3]
+        motion[1] = v + h * (force - spring) / (mass - pm)
+    else:
+        motion[1] = v + h * force / mass
+    motion[0] = x + h * motion[1]
+
+
+@njit(cache=True, nogil=True)
 def run_axis(
     period: float,
     reference: Array,
@@ -72,39 +118,22 @@ def run_axis(
     Returns the motor position at the ticks, encoder, filtered velocity, velocity command and
     force, each of shape (n,).
     """
-    (
-        mass, bp, bn, cp, cn, extra, vs, presliding, offset, ripple, phase, ripple_period, cable,
-        centre, gain, saturation, delay, pm, pf, pz, disturb, disturb_f, bump,
-    ) = plant  # fmt: skip
     _, kp, ff, kv, ki, wf, limit = control
     n = len(reference)
     h = period / SUBSTEPS
-    late = int(round(delay / h))
+    late = int(round(plant[16] / h))
     history = np.zeros(late + 1)
-    motor = np.empty(n)
-    encoder = np.empty(n)
-    filtered = np.empty(n)
-    command = np.empty(n)
-    force_out = np.empty(n)
-    x = reference[0]
-    v = 0.0
-    xl = x
-    vl = 0.0
-    anchors = np.full(ELEMENTS, x)
-    shares = np.empty(ELEMENTS)
-    reach = np.empty(ELEMENTS)
-    for e in range(ELEMENTS):
-        shares[e] = 1.0 / ELEMENTS
-        # Elements yield one after the other up to twice the mean presliding distance.
-        reach[e] = presliding * 2.0 * (e + 0.5) / ELEMENTS
+    out = np.empty((5, n))
+    motion = np.array([reference[0], 0.0, reference[0], 0.0])
+    anchors = np.full(ELEMENTS, reference[0])
+    # Elements yield one after the other up to twice the mean presliding distance.
+    reach = plant[7] * 2.0 * (np.arange(ELEMENTS) + 0.5) / ELEMENTS
     decay = math.exp(-period * wf)
-    integral = 0.0
-    q_before = round(x / resolution) * resolution
-    vf = 0.0
-    w = 2.0 * math.pi * pf
+    integral = vf = 0.0
+    q_before = round(reference[0] / resolution) * resolution
     step = 0
     for k in range(n):
-        q = round(x / resolution) * resolution
+        q = round(motion[0] / resolution) * resolution
         vf = decay * vf + (1.0 - decay) * (q - q_before) / period
         q_before = q
         vc = ff * reference_velocity[k] + kp * (reference[k] - q)
@@ -113,44 +142,15 @@ def run_axis(
         force = min(max(wanted, -limit), limit)
         if not ((wanted > limit and ev > 0.0) or (wanted < -limit and ev < 0.0)):
             integral += ki * ev * period
-        motor[k] = x
-        encoder[k] = q
-        filtered[k] = vf
-        command[k] = vc
-        force_out[k] = force
+        out[0, k], out[1, k], out[2, k], out[3, k], out[4, k] = motion[0], q, vf, vc, force
         for _ in range(SUBSTEPS):
             history[step % (late + 1)] = force
-            applied = history[(step + 1) % (late + 1)] if late > 0 else force
             step += 1
-            applied = gain * min(max(applied, -saturation), saturation)
-            applied -= offset + cable * (x - centre)
-            applied -= ripple * math.sin(2.0 * math.pi * x / ripple_period + phase)
-            applied -= bump * math.exp(-(((x - centre) / 0.008) ** 2))
-            applied += disturb * math.sin(2.0 * math.pi * disturb_f * step * h)
-            level = cp if v >= 0.0 else cn
-            if extra > 0.0:
-                level += extra * math.exp(-((v / vs) ** 2))
-            friction = 0.0
-            if level > 0.0:
-                for e in range(ELEMENTS):
-                    stretch = x - anchors[e]
-                    if stretch > reach[e]:
-                        anchors[e] = x - reach[e]
-                        stretch = reach[e]
-                    elif stretch < -reach[e]:
-                        anchors[e] = x + reach[e]
-                        stretch = -reach[e]
-                    friction += shares[e] * level * stretch / reach[e]
-            friction += (bp if v >= 0.0 else bn) * v
-            if pm > 0.0:
-                spring = pm * (w * w * (x - xl) + 2.0 * pz * w * (v - vl))
-                vl += h * spring / pm
-                xl += h * vl
-                v += h * (applied - friction - spring) / (mass - pm)
-            else:
-                v += h * (applied - friction) / mass
-            x += h * v
-    return motor, encoder, filtered, command, force_out
+            # The oldest of the ring is the one that the next step overwrites.
+            x, late_force = motion[0], history[step % (late + 1)]
+            applied = _acting(late_force, x, 2.0 * math.pi * plant[21] * step * h, plant)
+            _move(motion, applied - _friction(x, motion[1], anchors, reach, plant), h, plant)
+    return out[0], out[1], out[2], out[3], out[4]
 
 
 @njit(cache=True, nogil=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -91,6 +92,116 @@ def _solve(matrix: Array, right: Array, theta: Array) -> None:
         theta[i] = total * matrix[i, i]
 
 
+class Room(NamedTuple):
+    """Arrays that the particles of a part share one after the other.
+
+    Strengths of the rules and inverses of their sums, a row per block of samples; then normal
+    equations of the plain weights and of the signed ones, and what solving them takes.
+    """
+
+    lower: Array
+    upper: Array
+    inverses: Array
+    weights: Array
+    strongest: Array
+    moments: Array
+    right: Array
+    signed_moments: Array
+    signed_right: Array
+    first: Array
+    matrix: Array
+    theta: Array
+
+
+@njit(cache=True, nogil=True)
+def _room(rules: Tag, axes: Tag, pairs: Array, targets: Array) -> Room:
+    count, terms, outputs, blocks = len(rules), len(axes) + 1, targets.shape[1], len(pairs)
+    moments = np.empty((count * (count + 1) // 2, len(pairs[0]) // BLOCK))
+    right = np.empty((outputs, count, -(-terms // 3) * 3))
+    return Room(
+        np.empty(blocks * count * BLOCK).reshape(blocks, -1),
+        np.empty(blocks * count * BLOCK).reshape(blocks, -1),
+        np.empty(blocks * 2 * BLOCK).reshape(blocks, -1),
+        np.empty(2 * count * BLOCK),
+        np.empty(BLOCK),
+        moments,
+        right,
+        np.empty_like(moments),
+        np.empty_like(right[0]),
+        np.empty((terms * count, terms * count)),
+        np.empty((terms * count, terms * count)),
+        np.empty(terms * count),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _fire(
+    rules: Tag,
+    axes: Tag,
+    particle: Array,
+    pairs: Array,
+    targets: Array,
+    samples: int,
+    code: int,
+    room: Room,
+) -> None:
+    """Strengths of a particle's rules at every sample, and the plain normal equations."""
+    room.moments[:] = 0.0
+    room.right[:] = 0.0
+    sets = particle.reshape(3, -1)
+    wide = np.exp(-2.0 * sets[1])
+    narrow = wide * np.exp(-2.0 * np.minimum(sets[2], 0.0))
+    strongest, weights = room.strongest, room.weights
+    for b in range(len(pairs)):
+        size = np.uint64(min(BLOCK, samples - b * BLOCK))
+        low, up, inverse = room.lower[b], room.upper[b], room.inverses[b]
+        exponents(rules, axes, sets[0], wide, narrow, pairs[b], low, up, strongest, size)
+        strengths(rules, low, strongest, size)
+        strengths(rules, up, strongest, size)
+        inverse_sums(rules, low, up, inverse, size)
+        plain_weights(rules, 2 if code == 2 else 0, low, up, inverse, weights, size)
+        add_products(weights, weights, True, pairs[b], room.moments, size)
+        for o in range(targets.shape[1]):
+            add_products(weights, targets[b, o], False, pairs[b], room.right[o], size)
+
+
+@njit(cache=True, nogil=True)
+def _squares(
+    rules: Tag,
+    axes: Tag,
+    output: int,
+    pairs: Array,
+    targets: Array,
+    samples: int,
+    code: int,
+    again: bool,
+    room: Room,
+) -> float:
+    """Sum of the squared errors of one output with the consequents `theta` of the room.
+
+    With signed weights their normal equations are summed on the way, unless they are what
+    `theta` comes from already (`again`).
+    """
+    theta, weights = room.theta, room.weights
+    room.signed_moments[:] = 0.0
+    room.signed_right[:] = 0.0
+    total = 0.0
+    for b in range(len(pairs)):
+        size = np.uint64(min(BLOCK, samples - b * BLOCK))
+        low, up, inverse = room.lower[b], room.upper[b], room.inverses[b]
+        x, target = pairs[b], targets[b, output]
+        if code != 1:
+            plain_weights(rules, code, low, up, inverse, weights, size)
+            total += plain_error(rules, axes, weights, x, target, theta, size)
+        elif again:
+            total += signed_error(rules, axes, low, up, inverse, x, target, theta, None, size)
+        else:
+            total += signed_error(rules, axes, low, up, inverse, x, target, theta, weights, size)
+            add_products(weights, weights, True, x, room.signed_moments, size)
+            add_products(weights, target, False, x, room.signed_right, size)
+    return total
+
+
 @njit(cache=True, nogil=True)
 def swarm_errors(
     rules: Tag,
@@ -120,69 +231,20 @@ def swarm_errors(
     errors
         (K,), written.
     """
-    rule_count, terms = len(rules), len(axes) + 1
-    outputs = targets.shape[1]
-    block_count = len(pairs)
-    lower = np.empty(block_count * rule_count * BLOCK).reshape(block_count, -1)
-    upper = np.empty(block_count * rule_count * BLOCK).reshape(block_count, -1)
-    inverses = np.empty(block_count * 2 * BLOCK).reshape(block_count, -1)
-    weights = np.empty(2 * rule_count * BLOCK)
-    strongest = np.empty(BLOCK)
-    moments = np.empty((rule_count * (rule_count + 1) // 2, len(pairs[0]) // BLOCK))
-    right = np.empty((outputs, rule_count, -(-terms // 3) * 3))
-    signed_moments = np.empty_like(moments)
-    signed_right = np.empty_like(right[0])
-    first = np.empty((terms * rule_count, terms * rule_count))
-    matrix = np.empty((terms * rule_count, terms * rule_count))
-    theta = np.empty(terms * rule_count)
+    room = _room(rules, axes, pairs, targets)
     for p in range(len(particles)):
+        _fire(rules, axes, particles[p], pairs, targets, samples, code, room)
+        _factorise(rules, room.moments, room.first)
         errors[p] = 0.0
-        moments[:] = 0.0
-        right[:] = 0.0
-        sets = particles[p].reshape(3, -1)
-        wide = np.exp(-2.0 * sets[1])
-        narrow = wide * np.exp(-2.0 * np.minimum(sets[2], 0.0))
-        for b in range(block_count):
-            size = np.uint64(min(BLOCK, samples - b * BLOCK))
-            low, up = lower[b], upper[b]
-            exponents(rules, axes, sets[0], wide, narrow, pairs[b], low, up, strongest, size)
-            strengths(rules, low, strongest, size)
-            strengths(rules, up, strongest, size)
-            inverse_sums(rules, low, up, inverses[b], size)
-            plain_weights(rules, 2 if code == 2 else 0, low, up, inverses[b], weights, size)
-            add_products(weights, weights, True, pairs[b], moments, size)
-            for o in range(outputs):
-                add_products(weights, targets[b, o], False, pairs[b], right[o], size)
-        _factorise(rules, moments, first)
-        for o in range(outputs):
-            _solve(first, right[o], theta)
-            best = np.inf
-            for attempt in range(2 if code == 1 else 1):
-                if attempt == 1:
-                    _factorise(rules, signed_moments, matrix)
-                    _solve(matrix, signed_right, theta)
-                signed_moments[:] = 0.0
-                signed_right[:] = 0.0
-                total = 0.0
-                for b in range(block_count):
-                    size = np.uint64(min(BLOCK, samples - b * BLOCK))
-                    low, up, x, target = lower[b], upper[b], pairs[b], targets[b, o]
-                    inverse = inverses[b]
-                    if code == 1 and attempt == 0:
-                        total += signed_error(
-                            rules, axes, low, up, inverse, x, target, theta, weights, size
-                        )
-                        add_products(weights, weights, True, x, signed_moments, size)
-                        add_products(weights, target, False, x, signed_right, size)
-                    elif code == 1:
-                        total += signed_error(
-                            rules, axes, low, up, inverse, x, target, theta, None, size
-                        )
-                    else:
-                        plain_weights(rules, code, low, up, inverse, weights, size)
-                        total += plain_error(rules, axes, weights, x, target, theta, size)
-                best = min(best, total / samples)
-            errors[p] += best
+        for o in range(targets.shape[1]):
+            _solve(room.first, room.right[o], room.theta)
+            best = _squares(rules, axes, o, pairs, targets, samples, code, False, room)
+            if code == 1:
+                _factorise(rules, room.signed_moments, room.matrix)
+                _solve(room.matrix, room.signed_right, room.theta)
+                second = _squares(rules, axes, o, pairs, targets, samples, code, True, room)
+                best = min(best, second)
+            errors[p] += best / samples
 
 
 def input_pairs(inputs: Array) -> Array:

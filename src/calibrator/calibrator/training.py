@@ -119,22 +119,17 @@ def train(
     """
     samples, left_out = _usable(samples)
     pairs = splits(samples, seed=seed, by=by)
-    settings = _with_seed(method, options or {}, seed)
-    if 'derivatives' in METHODS[method].defaults and samples.heat is not None:
-        settings = {'derivatives': samples.rates is not None, **settings}
+    settings = _settings(method, options or {}, seed, samples)
 
     def fit(part: Samples) -> CalibrationModel:
-        model = make_model(method, **settings)
-        model.progress = progress
-        heat = part.heat_for(model)
-        return model.fit(part.command, part.measured, part.direction, heat, part.session)
+        return _fitted(make_model(method, **settings), part, progress)
 
     started = time.perf_counter()
     models = [fit(training) for training, _ in pairs]
     seconds = (time.perf_counter() - started) / len(pairs)
     before, after, gain = _judged(models, pairs, seed)
     if apart := splits(samples, seed=seed, by='session'):
-        other = _judged([fit(training) for training, _ in apart], apart, seed)[2]
+        other = _judged([fit(part) for part, _ in apart], apart, seed)[2]
         gain = min(gain, replace(other, sessions=True), key=lambda found: found.low)
     training, model = (pairs[0][0], models[0]) if len(pairs) == 1 else (samples, fit(samples))
     return Training(
@@ -150,6 +145,14 @@ def train(
         samples.sensors if model.sensors else (),
         speeds(samples),
     )
+
+
+def _fitted(
+    model: CalibrationModel, part: Samples, progress: Callable[[int, float], None] | None
+) -> CalibrationModel:
+    model.progress = progress
+    heat = part.heat_for(model)
+    return model.fit(part.command, part.measured, part.direction, heat, part.session)
 
 
 def _usable(samples: Samples) -> tuple[Samples, int]:
@@ -257,8 +260,10 @@ def _names(bags: list[Path]) -> list[str]:
     return [n if names.count(n) == 1 else str(b) for n, b in zip(names, bags, strict=True)]
 
 
-def _with_seed(method: str, options: dict[str, Any], seed: int) -> dict[str, Any]:
-    cls = METHODS.get(method)
-    if cls is not None and 'seed' in cls.defaults:
-        return {'seed': seed, **options}
-    return options
+def _settings(method: str, options: dict[str, Any], seed: int, samples: Samples) -> dict[str, Any]:
+    """The options, and what the method takes beside them: the seed, derivatives if there are."""
+    known = METHODS[method].defaults
+    settings: dict[str, Any] = {'seed': seed} if 'seed' in known else {}
+    if 'derivatives' in known and samples.heat is not None:
+        settings['derivatives'] = samples.rates is not None
+    return {**settings, **options}

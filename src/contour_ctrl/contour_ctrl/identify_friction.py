@@ -21,6 +21,7 @@ from scipy.optimize import least_squares, minimize_scalar
 from contour_ctrl.friction import LuGre, lugre_force
 from stage_core import topics
 from stage_core.errors import StageError, command_line
+from stage_core.metrics import Metrics
 from stage_core.session import Session
 
 FloatArray = NDArray[np.float64]
@@ -118,31 +119,35 @@ def identify(
     shape = _shape_of_sliding(balance)
     matrix = balance.design(shape, TYPICAL_PRESLIDING, sliding)
     solution = _solve(matrix, target[sliding])
+    spreads = _spreads(matrix, target[sliding] - matrix @ solution, balance.width)
     coulomb = float(solution[-1])
     if coulomb <= 0.0:
         raise StageError('no Coulomb friction is visible in this record: none can be identified')
-    left = target[sliding] - matrix @ solution
 
     def left_over(log_presliding: float) -> float:
-        rest = target[inside] - balance.design(shape, np.exp(log_presliding), inside) @ solution
-        return float(np.sqrt(np.mean(rest**2)))
+        design = balance.design(shape, np.exp(log_presliding), inside)
+        return Metrics.of(target[inside] - design @ solution).rms
 
     excess, stribeck = np.exp(shape).tolist()
     static = coulomb * (1.0 + excess)
     friction = target - balance.base @ solution[:-1]
     ways = _presliding(balance, friction, static, SLOW_SPEED * stribeck * period)
     stiffness, share = _stiffness(ways, static, coulomb, left_over)
-    plain = _solve(balance.base[sliding], target[sliding])
-    without = target[inside] - balance.base[inside] @ plain
     return FrictionEstimate(
         LuGre(coulomb, static, stribeck, stiffness, 0.0, max(float(solution[1]), 0.0)),
         float(solution[0]),
         float(solution[2]),
         tuple(solution[3:-1].tolist()),
-        _spreads(matrix, left, balance.width) | {'stiffness': share * stiffness},
+        spreads | {'stiffness': share * stiffness},
         left_over(np.log(coulomb / stiffness)),
-        float(np.sqrt(np.mean(without**2))),
+        _left_without(balance),
     )
+
+
+def _left_without(balance: _Balance) -> float:
+    """RMS of the force that mass and viscous part alone leave [N]."""
+    plain = _solve(balance.base[balance.sliding], balance.target[balance.sliding])
+    return Metrics.of(balance.target[balance.inside] - balance.base[balance.inside] @ plain).rms
 
 
 def _stiffness(

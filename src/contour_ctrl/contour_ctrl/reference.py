@@ -170,12 +170,8 @@ def plan(
     bounds = AxisLimits() if limits is None else limits
     arc = ArcLength(curve)
     path = PathTable.from_curve(arc)
-
-    def ticks(wanted: float) -> float:
-        return laps * arc.length / (wanted * period)
-
     if feed > 0.0:
-        _refuse_endless(feed, ticks(feed))
+        _refuse_endless(feed, laps * arc.length / (feed * period))
 
     def attempt(wanted: float) -> Reference:
         profile = SCurve.plan(laps * arc.length, wanted, path_acceleration, path_jerk)
@@ -185,14 +181,20 @@ def plan(
     excess, name, tick = _excess(reference, bounds)
     if excess <= 1.0:
         return reference
+    where = f'{name} at arc {np.mod(reference.arc[tick], arc.length):.4g} m'
     # Nothing falls faster than the jerk, with the third power of the feed.
     least = feed * excess ** (-1.0 / 3.0)
     low, high = _highest_feed(
         feed,
-        lambda wanted: ticks(min(wanted, least)) > SLOWEST,
+        lambda wanted: laps * arc.length / (min(wanted, least) * period) > SLOWEST,
         lambda wanted: _excess(attempt(wanted), bounds)[0] <= 1.0,
     )
-    where = f'{name} at arc {np.mod(reference.arc[tick], arc.length):.4g} m'
+    _refuse_feed(feed, low, high, where, reduce_feed)
+    return attempt(low)
+
+
+def _refuse_feed(feed: float, low: float, high: float, where: str, reduce_feed: bool) -> None:
+    """Refuse a feed that exceeds what binds `where`: always if none is possible (`low` is 0)."""
     if low == 0.0:
         raise StageError(
             f'no feed of {high:.2g} m/s or more keeps the {where}: smooth the curve there, or '
@@ -202,7 +204,6 @@ def plan(
         raise StageError(
             f'the feed of {feed:g} m/s exceeds the {where}: the highest feed is {low:.4g} m/s'
         )
-    return attempt(low)
 
 
 def _refuse_endless(feed: float, ticks: float) -> None:

@@ -36,6 +36,19 @@ RECORD = 6
 
 
 @njit(cache=True)
+def _against_friction(
+    axis: int, velocity: float, settings: FloatArray, friction: FloatArray, memory: FloatArray
+) -> float:
+    """Velocity that makes the PI velocity loop put out exactly the force of the LuGre model."""
+    memory[BRISTLE + axis], force = lugre_step(
+        friction[axis], memory[BRISTLE + axis], velocity, settings[PERIOD]
+    )
+    extra = (force - memory[INTEGRAL + axis]) / settings[KV + axis]
+    memory[INTEGRAL + axis] += settings[KI + axis] * extra * settings[PERIOD]
+    return extra
+
+
+@njit(cache=True)
 def tick(
     k: int,
     qx: float,
@@ -90,13 +103,7 @@ def tick(
         value += normal_x if axis == 0 else normal_y
         if settings[FRICTION] > 0.5:
             # The encoder's speed has steps of a count per tick: the command drives the model.
-            memory[BRISTLE + axis], force = lugre_step(
-                friction[axis], memory[BRISTLE + axis], table[k, VX + axis], settings[PERIOD]
-            )
-            # Velocity that makes the PI velocity loop put out exactly this force.
-            extra = (force - memory[INTEGRAL + axis]) / settings[KV + axis]
-            memory[INTEGRAL + axis] += settings[KI + axis] * extra * settings[PERIOD]
-            value += extra
+            value += _against_friction(axis, table[k, VX + axis], settings, friction, memory)
         command[axis] = value
 
 

@@ -184,12 +184,27 @@ def _allowed(
     return {n: v for n, v in found.items() if not set(without) & {n, split_effect(n)[0]}}
 
 
-def _far(twin: TwinFile, channels: dict[str, Channel], floor: float, named: bool) -> bool:
+def _far(
+    prepared: Prepared,
+    parts: list[Part],
+    channels: dict[str, Channel],
+    effects: dict[str, dict[str, float]],
+    speeds: dict[str, float],
+) -> bool:
     """Whether the positions are left far from explained; rests scatter by themselves."""
-    if not channels or twin.kind == 'stepper':
+    # The gap of an axis that swings at a phase of its own stays.
+    swinging = {name[-1] for name in swings(parts)}
+    calm = {n: c for n, c in channels.items() if n[-1] not in swinging}
+    if not calm or prepared.twin.kind == 'stepper':
         return False
-    before, after = position_rms(channels, 'before'), position_rms(channels, 'after')
-    return far_from_explained(before, after, floor, named)
+    before, after = position_rms(calm, 'before'), position_rms(calm, 'after')
+    floor = judge.noise_floor(prepared.seen, calm, effects, speeds)
+    return far_from_explained(before, after, floor, bool(effects))
+
+
+def _windows(scored: list[Record]) -> list[tuple[float, float]]:
+    """Starts and ends of what was held out [s from each session's start]."""
+    return [(r.session_time(a), r.session_time(b)) for r in scored for a, b in held_out_windows(r)]
 
 
 def _conclude(
@@ -215,24 +230,19 @@ def _conclude(
     # The largest contribution to the gap first.
     causes.sort(key=lambda c: -(c.gap_before - c.gap_after))
     accepted = [c.effect for c in causes]
-    remaining = [p for p in parts if p.structure.structured]
-    shown = any(shown_by_encoder(p, channels, floors, twin, accepted) for p in remaining)
     speeds = tracker_speeds(records)
     floor = judge.noise_floor(seen, channels, effects, speeds)
-    swinging = swings(parts)
-    # The gap of an axis that swings at a phase of its own stays.
-    calm = {n: c for n, c in channels.items() if n[-1] not in {s[-1] for s in swinging}}
-    calm_floor = judge.noise_floor(seen, calm, effects, speeds) if calm else 0.0
-    far = _far(twin, calm, calm_floor, bool(accepted))
-    structured = shown or far or not prepared.laws_known
-    verdict = accepted + ([UNKNOWN] if structured else [])
+    remaining = [p for p in parts if p.structure.structured]
+    structured = (
+        any(shown_by_encoder(p, channels, floors, twin, accepted) for p in remaining)
+        or _far(prepared, parts, channels, effects, speeds)
+        or not prepared.laws_known
+    )
     progress('where the gap lies')
-    found = conditions_of(scored, records, twin, parts, seed)
     shares, worst = axis_shares(records[0].axes, channels, seen)
     others = judge.rejected_causes(parts, accepted, structured, before, after)
     share = max((p.structure.share for p in remaining), default=0.0)
     scene = Scene(before / floor, after / floor, share, structured, turns(scored))
-    ranked = with_probabilities(causes, others, scene)
     return Diagnosis(
         sessions=[r.name for r in records],
         twin_name=twin_name,
@@ -240,25 +250,20 @@ def _conclude(
         records=records,
         parts=parts,
         channels=channels,
-        windows=[
-            (r.session_time(a), r.session_time(b)) for r in scored for a, b in held_out_windows(r)
-        ],
+        windows=_windows(scored),
         before=before,
         after=after,
         noise_floor=floor,
         accepted=accepted,
         parameters=parameters,
-        causes=ranked,
-        verdict=verdict,
-        conditions=found,
+        causes=with_probabilities(causes, others, scene),
+        verdict=accepted + ([UNKNOWN] if structured else []),
+        conditions=conditions_of(scored, records, twin, parts, seed),
         axes_share=shares,
         link=link_of(accepted[0]) if accepted else worst,
         unexplained=float(np.clip(max(after**2 - floor**2, 0.0) / max(before**2, 1e-30), 0, 1)),
         structured=structured,
-        warnings=[
-            *(w for r in records for w in r.warnings),
-            *prepared.notes,
-            *swing_notes(swinging),
-        ],
+        warnings=[w for r in records for w in r.warnings]
+        + [*prepared.notes, *swing_notes(swings(parts))],
         drives=prepared.laws,
     )

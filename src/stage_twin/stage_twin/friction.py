@@ -33,6 +33,45 @@ def slide_bristle(
 
 
 @compiled
+def _settle(
+    speed: float,
+    target: float,
+    pull: float,
+    reach: float,
+    missing: float,
+    to_end: float,
+    step: float,
+) -> tuple[float, float]:
+    """Newton's steps of `solve_bristle` in the direction of sliding, from a first `speed` [m/s].
+
+    `target` is the speed without friction, `pull` what the deflection takes off it [1/s], `reach`
+    the deflection of sliding [m], `missing` what the bristles lack of it at the start, `to_end`
+    the weight of the end. Returns mean deflection that gives the force, and that at the end.
+    """
+    held = 0.0
+    end = 0.0
+    for _ in range(FRICTION_STEPS):
+        slip = speed * step / reach
+        decay = math.exp(-slip)
+        if slip > 1e-4:
+            mean = (1.0 - decay) / slip
+            mean_slope = (decay - mean) / slip
+        else:
+            mean = 1.0 - slip * (0.5 - slip / 6.0)
+            mean_slope = -0.5 + slip / 3.0
+        held = reach - missing * (to_end * decay + (1.0 - to_end) * mean)
+        end = reach - missing * decay
+        falls = to_end * decay - (1.0 - to_end) * mean_slope
+        balance = speed + pull * held - target
+        slope = 1.0 + pull * missing * falls * step / reach
+        new_speed = max(0.0, speed - balance / slope)
+        if abs(new_speed - speed) <= 1e-12 + 1e-9 * speed:
+            break
+        speed = new_speed
+    return held, end
+
+
+@compiled
 def solve_bristle(
     row: np.ndarray,
     state: np.ndarray,
@@ -82,24 +121,5 @@ def solve_bristle(
     target = sign * coasting
     missing = reach - sign * bristle
     speed = max(0.0, sign * velocity)
-    held = 0.0
-    end = 0.0
-    for _ in range(FRICTION_STEPS):
-        slip = speed * step / reach
-        decay = math.exp(-slip)
-        if slip > 1e-4:
-            mean = (1.0 - decay) / slip
-            mean_slope = (decay - mean) / slip
-        else:
-            mean = 1.0 - slip * (0.5 - slip / 6.0)
-            mean_slope = -0.5 + slip / 3.0
-        held = reach - missing * (to_end * decay + (1.0 - to_end) * mean)
-        end = reach - missing * decay
-        falls = to_end * decay - (1.0 - to_end) * mean_slope
-        balance = speed + pull * held - target
-        slope = 1.0 + pull * missing * falls * step / reach
-        new_speed = max(0.0, speed - balance / slope)
-        if abs(new_speed - speed) <= 1e-12 + 1e-9 * speed:
-            break
-        speed = new_speed
+    held, end = _settle(speed, target, pull, reach, missing, to_end, step)
     return sign * held, sign * end

@@ -41,6 +41,38 @@ def follow(
 
 
 @compiled
+def _moved(
+    move: np.ndarray, state: np.ndarray, start: float, velocity: float, force: float
+) -> float:
+    """One row of the discretised linear part times the state, added to `start`."""
+    deflection, rate = state[at.DEFLECTION], state[at.DEFLECTION_RATE]
+    return start + move[1] * velocity + move[2] * deflection + move[3] * rate + move[4] * force
+
+
+@compiled
+def _step_linear(move: np.ndarray, state: np.ndarray, force: float) -> None:
+    """Masses, viscous friction and spring under a force held over a step [N]."""
+    velocity = state[at.VELOCITY]
+    position = _moved(move[0], state, state[at.POSITION], velocity, force)
+    after = _moved(move[1], state, 0.0, velocity, force)
+    deflection = _moved(move[2], state, 0.0, velocity, force)
+    state[at.DEFLECTION_RATE] = _moved(move[3], state, 0.0, velocity, force)
+    state[at.POSITION], state[at.VELOCITY] = position, after
+    state[at.DEFLECTION] = deflection
+
+
+@compiled
+def _behind(row: np.ndarray, state: np.ndarray, velocity: float, step: float, time: float) -> None:
+    """What follows the motor over a step that began at `velocity`: the play and the screw."""
+    output = state[at.POSITION] + row[at.TABLE_SHARE] * state[at.DEFLECTION]
+    if row[at.FOLLOW_COLUMN] != 0.0:
+        output = hooks.follow(row, state, output, velocity, step, time)
+    state[at.PLAYED] = output
+    if row[at.HEAT_COLUMN] != 0.0:
+        state[at.RISE] = hooks.heat(row, state, velocity, step)
+
+
+@compiled
 def advance_axis(
     row: np.ndarray,
     transitions: np.ndarray,
@@ -67,89 +99,29 @@ def advance_axis(
         Of the other axis, at the tick's start and over the tick before [m/s, m/s²].
     """
     stiffness = schedule[at.BRISTLES]
-    # Asked here, as a call costs more than all else of a tick without effects.
-    driven = row[at.DRIVE_COLUMN] != 0.0
-    forced = row[at.FORCE_COLUMN] != 0.0
-    followed = row[at.FOLLOW_COLUMN] != 0.0
-    heated = row[at.HEAT_COLUMN] != 0.0
     for piece in range(at.PIECES):
-        count = int(schedule[at.FIRST_PIECE + 2 * piece])
         step = schedule[at.FIRST_PIECE + 2 * piece + 1]
-        commanded = before if piece == 0 else after
-        for _ in range(count):
-            position = state[at.POSITION]
-            velocity = state[at.VELOCITY]
-            deflection = state[at.DEFLECTION]
-            rate = state[at.DEFLECTION_RATE]
-            acting = commanded
-            if driven:
-                acting = hooks.drive(row, state, acting, position, velocity, step, time)
-            acting += external
-            force = acting
-            if forced:
-                force += hooks.force(
-                    row,
-                    state,
-                    position + 0.5 * step * velocity,
-                    velocity,
-                    acting,
-                    step,
-                    time,
-                    other_velocity,
-                    other_acceleration,
-                )
+        for _ in range(int(schedule[at.FIRST_PIECE + 2 * piece])):
+            position, velocity = state[at.POSITION], state[at.VELOCITY]
+            force = before if piece == 0 else after
+            # Asked here, as a call costs more than all else of a tick without effects.
+            if row[at.DRIVE_COLUMN] != 0.0:
+                force = hooks.drive(row, state, force, position, velocity, step, time)
+            force += external
+            if row[at.FORCE_COLUMN] != 0.0:
+                middle = position + 0.5 * step * velocity
+                other = other_velocity, other_acceleration
+                force += hooks.force(row, state, middle, velocity, force, step, time, *other)
             move = transitions[piece, 1 if velocity >= 0.0 else 0]
             if stiffness > 0.0:
-                free = (
-                    move[1, 1] * velocity
-                    + move[1, 2] * deflection
-                    + move[1, 3] * rate
-                    + move[1, 4] * force
-                )
+                free = _moved(move[1], state, 0.0, velocity, force)
+                bristle, gain = state[at.BRISTLE], move[1, 4]
                 held, state[at.BRISTLE] = solve_bristle(
-                    row,
-                    state,
-                    stiffness,
-                    state[at.BRISTLE],
-                    position,
-                    velocity,
-                    free,
-                    move[1, 4],
-                    step,
+                    row, state, stiffness, bristle, position, velocity, free, gain, step
                 )
                 force -= stiffness * held
-            state[at.POSITION] = (
-                position
-                + move[0, 1] * velocity
-                + move[0, 2] * deflection
-                + move[0, 3] * rate
-                + move[0, 4] * force
-            )
-            state[at.VELOCITY] = (
-                move[1, 1] * velocity
-                + move[1, 2] * deflection
-                + move[1, 3] * rate
-                + move[1, 4] * force
-            )
-            state[at.DEFLECTION] = (
-                move[2, 1] * velocity
-                + move[2, 2] * deflection
-                + move[2, 3] * rate
-                + move[2, 4] * force
-            )
-            state[at.DEFLECTION_RATE] = (
-                move[3, 1] * velocity
-                + move[3, 2] * deflection
-                + move[3, 3] * rate
-                + move[3, 4] * force
-            )
-            output = state[at.POSITION] + row[at.TABLE_SHARE] * state[at.DEFLECTION]
-            if followed:
-                state[at.PLAYED] = hooks.follow(row, state, output, velocity, step, time)
-            else:
-                state[at.PLAYED] = output
-            if heated:
-                state[at.RISE] = hooks.heat(row, state, velocity, step)
+            _step_linear(move, state, force)
+            _behind(row, state, velocity, step, time)
             time += step
 
 

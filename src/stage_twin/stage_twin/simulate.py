@@ -10,7 +10,7 @@ from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 from stage_twin import hooks
 from stage_twin.geometry import table_path
-from stage_twin.packing import columns, pack
+from stage_twin.packing import KernelArrays, columns, pack
 from stage_twin.session_kernel import run_session
 from stage_twin.tracker import measure
 
@@ -42,6 +42,45 @@ class SimulationResult:
     temperatures: np.ndarray
     tracker_stamps: np.ndarray
     tracker_points: np.ndarray
+
+
+def _run(
+    arrays: KernelArrays,
+    reference: np.ndarray,
+    velocity: np.ndarray,
+    compensation: np.ndarray | None,
+    measured_force: np.ndarray | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Channels (6, n, n_axes) of `run_session`, and the forces (n, n_axes) [N] as recorded."""
+    count = len(reference)
+    zeros = np.zeros_like(reference)
+    channels = np.zeros((6, *reference.shape))
+    force = np.zeros(reference.shape[::-1])
+    if measured_force is not None:
+        force[:] = columns('measured_force', measured_force, count, arrays).T
+    run_session(
+        arrays.axes,
+        arrays.transitions,
+        arrays.schedule,
+        arrays.period,
+        reference[0].copy(),
+        reference,
+        velocity,
+        zeros if compensation is None else columns('compensation', compensation, count, arrays),
+        force,
+        measured_force is not None,
+        zeros,
+        channels,
+    )
+    recorded = [hooks.recorded(row, own) for row, own in zip(arrays.axes, force, strict=True)]
+    return channels, np.column_stack(recorded)
+
+
+def _table(arrays: KernelArrays, channels: np.ndarray, rise: np.ndarray) -> np.ndarray:
+    """Table positions (n, n_axes) [m] where the screws are warmer by `rise` (n, n_axes) [K]."""
+    table = np.zeros_like(rise)
+    table_path(arrays.axes, arrays.common, channels[3], channels[4], rise, table)
+    return table
 
 
 def simulate(
@@ -85,41 +124,20 @@ def simulate(
         raise StageError(f'a session can be simulated with a servo twin, this one is {twin.kind}')
     arrays = pack(twin)
     reference = columns('reference', reference, None, arrays)
-    count = reference.shape[0]
+    count = len(reference)
     reference_velocity = columns('reference_velocity', reference_velocity, count, arrays)
-    zeros = np.zeros_like(reference)
-    channels = np.zeros((6, *reference.shape))
-    force = np.zeros((len(arrays.names), count))
-    if measured_force is not None:
-        force[:] = columns('measured_force', measured_force, count, arrays).T
-    run_session(
-        arrays.axes,
-        arrays.transitions,
-        arrays.schedule,
-        arrays.period,
-        reference[0].copy(),
-        reference,
-        reference_velocity,
-        zeros if compensation is None else columns('compensation', compensation, count, arrays),
-        force,
-        measured_force is not None,
-        zeros,
-        channels,
-    )
+    channels, force = _run(arrays, reference, reference_velocity, compensation, measured_force)
     rise = channels[5]
     if temperatures is not None:
         rise = columns('temperatures', temperatures, count, arrays) - twin.temperature_reference
-    table = np.zeros_like(reference)
-    table_path(arrays.axes, arrays.common, channels[3], channels[4], rise, table)
+    table = _table(arrays, channels, rise)
     stamps, points = measure(twin, arrays, table, tracker_times, seed, noise)
     return SimulationResult(
         times=hooks.tick_stamp(arrays.common, np.arange(count) * arrays.period),
         encoder=channels[0],
         velocity=channels[1],
         velocity_command=channels[2],
-        force=np.column_stack(
-            [hooks.recorded(row, own) for row, own in zip(arrays.axes, force, strict=True)]
-        ),
+        force=force,
         table=table,
         temperatures=rise + twin.temperature_reference,
         tracker_stamps=stamps,

@@ -90,8 +90,6 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
     encoded = by_encoder(session)
     if encoded:
         session = _measured_by_encoder(session, axes, twin)
-    topic = topics.JOINT_STATES if session.has(topics.JOINT_STATES) else topics.REFERENCE
-    series = finite(session.require(topic, 'holds the counted motion'), session.path)
     if not session.has(topics.TRACKER_POINT):
         raise StageError(
             f'{session.path} holds no message of {topics.TRACKER_POINT}: a stepper stage is '
@@ -99,11 +97,7 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
             f'{topics.JOINT_STATES} beside the command in {topics.REFERENCE}'
         )
     points = finite(session.series[topics.TRACKER_POINT], session.path)
-    stamps = to_seconds(series.stamps, session.start_ns)
-    counted, first = np.unique(stamps, return_index=True)
-    motion = _metres(series, axes, twin)[first]
-    if len(counted) < 3:
-        raise StageError(f'{session.path} is too short: it holds {len(counted)} counts; {HINT}')
+    series, counted, motion = _counted(session, axes, twin)
     rests = _rests(session, twin, counted, motion, [AXES.index(axis) for axis in axes])
     time = np.arange(counted[0], counted[-1], twin.control_period)
     encoder = np.column_stack([np.interp(time, counted, column) for column in motion.T])
@@ -173,6 +167,18 @@ def _measured_by_encoder(session: Session, axes: tuple[str, ...], twin: TwinFile
     series = {k: s for k, s in session.series.items() if k != topics.JOINT_STATES}
     series[topics.TRACKER_POINT] = Series(topics.TRACKER_POINT, states.stamps, points)
     return replace(session, series=series, alignment=None)
+
+
+def _counted(
+    session: Session, axes: tuple[str, ...], twin: TwinFile
+) -> tuple[Series, Array, Array]:
+    """What was counted, its times (n,) [s] each once, and the motion then (n, axes) [m]."""
+    topic = topics.JOINT_STATES if session.has(topics.JOINT_STATES) else topics.REFERENCE
+    series = finite(session.require(topic, 'holds the counted motion'), session.path)
+    times, first = np.unique(to_seconds(series.stamps, session.start_ns), return_index=True)
+    if len(times) < 3:
+        raise StageError(f'{session.path} is too short: it holds {len(times)} counts; {HINT}')
+    return series, times, _metres(series, axes, twin)[first]
 
 
 def _at_rests(record: Record, rests: _Rests, step: Array) -> Record:
