@@ -57,8 +57,8 @@ soak: kernels
 reference: venv
 	$(PYTHON_ENV) -m stage_bringup.reference docs/reference/reference.md
 
-# Figures of cheap commands, and those of the newest session in bags/, into README and docs.
-docs-figures: kernels
+# Figures of notebooks, of cheap commands and of the newest session in bags/, into README and docs.
+docs-figures: tutorials
 	$(PYTHON_ENV) tools/printed.py
 	$(PYTHON_ENV) tools/docs_figures.py
 

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Calibrate a stage
+# # Notebook: calibrate a stage
 #
 # The screws of a stage are not perfect, so the table rests a few micrometres beside the place that
 # was asked for. This tutorial measures that error of an emulated stage at a grid of positions,

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Find the missing effect
+# # Notebook: find the missing effect
 #
 # A simulator and its machine differ, and one would like to know why. This tutorial records a
 # session of an emulated machine with two effects that its nominal twin lacks. The diagnosis then

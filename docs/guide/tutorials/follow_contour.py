@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Follow a contour
+# # Notebook: follow a contour
 #
 # Two axes that lag behind leave the path where they reverse. This tutorial drives a circle on the
 # emulated stage, couples the axes through the contour error, and lets the controller learn from

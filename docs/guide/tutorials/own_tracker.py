@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Bring your own tracker
+# # Notebook: bring your own tracker
 #
 # Your instrument measures points and sends them in a form that this software does not know. This
 # tutorial writes the two parts that are missing, a decoder and a source, and tries them against an
