@@ -55,7 +55,7 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
                     (m := client.latest(topics.SETPOINT)) is not None
                     and m.header.stamp.sec == stamp // 10**9
                 ),
-                30.0,
+                PATIENCE,
                 'a set-point',
             )
             return np.array(client.latest(topics.SETPOINT).position)
@@ -165,7 +165,7 @@ def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
             states.clear()
             client.wait_for(
                 lambda: any(s.level == level and words in s.message for s in states),
-                60.0,
+                PATIENCE,
                 f'a status with {words}',
             )
 
@@ -244,7 +244,7 @@ def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
             lambda: any(
                 v.key == 'refused targets' and int(v.value) > 0 for s in states for v in s.values
             ),
-            60.0,
+            PATIENCE,
             'a refused target',
         )
         assert client.latest(topics.SETPOINT).header.stamp.sec == before

@@ -154,7 +154,7 @@ def test_rests_at_few_places_are_refused(grid_session, tmp_path):
 def test_training_process_writes_the_model_or_says_why_not(grid_session, tmp_path):
     trainer = Trainer()
     wanted = job(tmp_path, grid_session(40))
-    message = trainer.start(wanted, tmp_path / 'job.json').result(60.0)
+    message = trainer.start(wanted, tmp_path / 'job.json').result(PATIENCE)
     assert message.startswith('structured: held-out RMS')
     loaded = model_file.load(wanted.out, 'm1')
     assert loaded.version == 3
@@ -165,7 +165,7 @@ def test_training_process_writes_the_model_or_says_why_not(grid_session, tmp_pat
         trainer.start(
             job(tmp_path, grid_session(20), method='polynomial', options={'degree': 6}),
             tmp_path / 'job.json',
-        ).result(60.0)
+        ).result(PATIENCE)
     assert not trainer.running
 
 
@@ -189,7 +189,7 @@ def test_training_reports_progress_and_is_aborted(grid_session, tmp_path):
     assert trainer.progress is not None
     assert trainer.abort()
     with pytest.raises(StageError, match='aborted'):
-        future.result(30.0)
+        future.result(PATIENCE)
     assert not trainer.running and not json.loads((tmp_path / 'job.json').read_text())['bags']
 
 

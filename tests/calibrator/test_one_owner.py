@@ -55,7 +55,7 @@ def test_a_training_that_ends_within_an_adaptation_waits_for_it(
     spinning = threading.Thread(target=spin, args=(executor, ended))
     spinning.start()
     try:
-        assert 'held-out RMS' in answer.result(60.0)
+        assert 'held-out RMS' in answer.result(PATIENCE)
         # The step that the training ended in still had the old model; the new one came after it.
         assert overlaps == [old.version]
         assert node._correction.stored.version == 1

@@ -82,7 +82,7 @@ class Contour:
 
 def test_kill_of_bystanders_during_moves(ready: tuple[Nodes, Watch]) -> None:
     nodes, watch = ready
-    path = Path(watch.client.trigger('/session_recorder/start'))
+    path = Path(watch.client.trigger('/session_recorder/start', PATIENCE))
     target = 0.03
     victims = ('tracker_bridge', 'calibrator', 'gap_diagnosis', 'session_recorder')
     for victim in victims:
@@ -104,9 +104,9 @@ def test_kill_of_bystanders_during_moves(ready: tuple[Nodes, Watch]) -> None:
     watch.move_until_moving(target, 0.0)
     watch.wait(lambda: len(watch.tracker) > count + 20, 'tracker points of the new bridge')
     watch.wait(watch.arrived(target, 0.0), 'the move')
-    again = Path(watch.client.trigger('/session_recorder/start'))
+    again = Path(watch.client.trigger('/session_recorder/start', PATIENCE))
     assert again != path and path.exists()
-    watch.client.trigger('/session_recorder/stop')
+    watch.client.trigger('/session_recorder/stop', PATIENCE)
 
 
 def test_kill_of_bystanders_during_a_stream(ready: tuple[Nodes, Watch]) -> None:

@@ -56,7 +56,7 @@ def calibrator(graph: Callable[..., Any]) -> Iterator[tuple[Nodes, Watch]]:
                 watch.targets.get_subscription_count() > 0
                 and watch.client.node.count_publishers(topics.SETPOINT) > 1
             ),
-            60.0,
+            PATIENCE,
             'discovery',
         )
         yield nodes, watch
@@ -113,7 +113,7 @@ def test_bad_model_files_leave_the_old_model(
     good, bad = tmp_path / 'good.json', tmp_path / 'bad.json'
     model_file.save(affine(1e-3), good)
     client.set_parameters('/calibrator', model_file=str(good))
-    client.trigger('/calibrator/load')
+    client.trigger('/calibrator/load', PATIENCE)
     client.set_bool('/calibrator/activate', True)
     before = corrected(watch, 0.1)
     assert before == pytest.approx(0.1 / 1.001, abs=1e-9)
@@ -127,7 +127,7 @@ def test_bad_model_files_leave_the_old_model(
         damage(bad, kind)
     client.set_parameters('/calibrator', model_file=str(bad))
     with pytest.raises(StageError, match=words):
-        client.trigger('/calibrator/load')
+        client.trigger('/calibrator/load', PATIENCE)
     assert corrected(watch, 0.1) == before
     assert not witness.exists()
     assert nodes.dead() == []
@@ -165,7 +165,7 @@ def test_failed_and_aborted_training_leave_the_old_model(
     client = watch.client
     model_file.save(affine(2e-3), tmp_path / 'good.json')
     client.set_parameters('/calibrator', model_file=str(tmp_path / 'good.json'))
-    client.trigger('/calibrator/load')
+    client.trigger('/calibrator/load', PATIENCE)
     client.set_bool('/calibrator/activate', True)
     before = corrected(watch, 0.1)
     bag = noise_bag(tmp_path)

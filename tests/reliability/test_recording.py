@@ -64,7 +64,7 @@ def test_full_disk_keeps_what_was_written(
         publisher = client.node.create_publisher(JointState, topics.REFERENCE, STATE_QOS)
         client.wait_for_service('/session_recorder/start', PATIENCE)
         client.wait_for(lambda: publisher.get_subscription_count() > 1, PATIENCE, 'the recorder')
-        path = Path(client.trigger('/session_recorder/start'))
+        path = Path(client.trigger('/session_recorder/start', PATIENCE))
         sent = 0
         while not watch.says('session_recorder: recording', 'free space')() and sent < 200_000:
             publish(publisher, sent, 1000)
@@ -73,7 +73,7 @@ def test_full_disk_keeps_what_was_written(
         # The node lives and says why it cannot go on.
         assert nodes.dead() == []
         with pytest.raises(StageError, match='free space'):
-            client.trigger('/session_recorder/stop')
+            client.trigger('/session_recorder/stop', PATIENCE)
         rest = small_disk.parent / 'rest'
         subprocess.run(['cp', '-r', str(path), str(rest)], check=True)
     repair(rest)
@@ -115,7 +115,7 @@ def test_nothing_overwrites_a_bag(graph: Callable[..., Any], tmp_path: Path) -> 
         client.wait_for(lambda: publisher.get_subscription_count() > 1, PATIENCE, 'the recorder')
         known: dict[Path, str] = {}
         for round_number in range(4):
-            path = Path(client.trigger('/session_recorder/start'))
+            path = Path(client.trigger('/session_recorder/start', PATIENCE))
             assert path not in known
             publish(publisher, 100 * round_number, 100)
             if round_number == 1:
@@ -125,7 +125,7 @@ def test_nothing_overwrites_a_bag(graph: Callable[..., Any], tmp_path: Path) -> 
                 nodes.run('session_recorder')
                 client.wait_for(lambda: _answers(client), PATIENCE, 'the recorder')
             else:
-                client.trigger('/session_recorder/stop')
+                client.trigger('/session_recorder/stop', PATIENCE)
             known[path] = digest(path)
         for path, before in known.items():
             assert digest(path) == before

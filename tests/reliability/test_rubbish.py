@@ -94,7 +94,7 @@ def test_rubbish_on_every_topic_ends_no_node_and_moves_nothing(
 ) -> None:
     nodes, watch = whole
     client = watch.client
-    bag = client.trigger('/session_recorder/start').split()[-1]
+    bag = client.trigger('/session_recorder/start', PATIENCE).split()[-1]
     watch.silent(watch.encoder)
     ticks = watch.value('stage_driver: state', 'tick')
     publishers: dict[str, Any] = {}

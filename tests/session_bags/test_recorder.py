@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,13 +21,17 @@ from stage_core import topics
 from stage_core.session import Session
 
 from ..patience import PATIENCE
-from .conftest import PLAYER, RECORDER, assert_same, random_session
+from .conftest import PLAYER, RECORDER, START, assert_same, random_session
 
-rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('rclpy')
+
+from diagnostic_msgs.msg import DiagnosticArray
+
+from stage_core.ros.client_node import GraphClient
 
 Start = Callable[..., 'subprocess.Popen[str]']
 
-#: Publishes COUNT messages on each of six topics at 500 Hz, then waits.
+#: Once somebody listens, COUNT messages on each of six topics at 500 Hz; then it waits.
 PUBLISHER = """
 import sys, time, rclpy
 from geometry_msgs.msg import PointStamped, TransformStamped, Vector3Stamped
@@ -49,6 +52,8 @@ transform.header.frame_id = 'stage'
 transform.transform.rotation.w = 1.0
 transform.transform.translation.x = 0.25
 alignment.publish(transform)
+while any(p.get_subscription_count() == 0 for p in (*joints, point, error, alignment)):
+    time.sleep(0.01)
 print('ready', flush=True)
 sys.stdin.readline()
 begin = time.time_ns()
@@ -98,24 +103,21 @@ def wait_done(process: subprocess.Popen[str]) -> None:
     assert process.stdout.readline().strip() == 'done'
 
 
-def wait_matched(client, topic_names: tuple[str, ...], subscribers: int = 1) -> None:
-    """Wait until every topic has a publisher and the recorder's subscription."""
-    client.wait_for(
-        lambda: all(
-            client.node.count_publishers(name)
-            and client.node.count_subscribers(name) >= subscribers
-            for name in topic_names
-        ),
-        30.0,
-        'discovery of the publishers and the recorder',
-    )
+def wait_recorded(client: GraphClient, counts: dict[str, int]) -> None:
+    """Wait until the recorder says that it holds so many messages of each topic."""
+
+    def recorded() -> bool:
+        message = client.latest(topics.DIAGNOSTICS)
+        told = {p.key: p.value for s in (message.status if message else ()) for p in s.values}
+        return all(int(told.get(name, '0').split()[0]) >= n for name, n in counts.items())
+
+    client.watch(DiagnosticArray, topics.DIAGNOSTICS)
+    client.wait_for(recorded, PATIENCE, 'the recorder')
 
 
 def test_recorder_loses_no_message_and_repeats_the_alignment(
     start_process: Start, tmp_path: Path
 ) -> None:
-    from stage_core.ros.client_node import GraphClient
-
     twin = tmp_path / 'twin.yaml'
     from stage_core.twin_file import TwinFile
 
@@ -124,17 +126,15 @@ def test_recorder_loses_no_message_and_repeats_the_alignment(
     count = 700
     publisher = publish(start_process, count)
     with GraphClient('test_client') as client:
-        wait_matched(client, (*SIX, topics.ALIGNMENT))
-        time.sleep(1.0)
-        first = Path(client.trigger('/session_recorder/start'))
+        first = Path(client.trigger('/session_recorder/start', PATIENCE))
         with pytest.raises(Exception, match='already recording'):
-            client.trigger('/session_recorder/start')
+            client.trigger('/session_recorder/start', PATIENCE)
         go(publisher)
         wait_done(publisher)
-        time.sleep(0.5)
-        message = client.trigger('/session_recorder/stop')
-        second = Path(client.trigger('/session_recorder/start'))
-        client.trigger('/session_recorder/stop')
+        wait_recorded(client, dict.fromkeys(SIX, count))
+        message = client.trigger('/session_recorder/stop', PATIENCE)
+        second = Path(client.trigger('/session_recorder/start', PATIENCE))
+        client.trigger('/session_recorder/stop', PATIENCE)
         with pytest.raises(Exception, match='another|letters'):
             client.set_parameters('/session_recorder', name='../outside')
     assert '0 dropped' in message
@@ -156,18 +156,17 @@ def test_recorder_loses_no_message_and_repeats_the_alignment(
 
 
 def test_kill_loses_at_most_a_second(start_process: Start, tmp_path: Path) -> None:
-    from stage_core.ros.client_node import GraphClient
-
     recorder = start_recorder(start_process, tmp_path, '-p', 'name:=killed')
     publisher = publish(start_process, 1000)
     with GraphClient('test_client') as client:
-        wait_matched(client, SIX)
-        time.sleep(0.5)
-        path = Path(client.trigger('/session_recorder/start'))
+        path = Path(client.trigger('/session_recorder/start', PATIENCE))
         go(publisher)
         wait_done(publisher)
+        wait_recorded(client, dict.fromkeys(SIX, 1000))
         # Messages that have arrived must be on the disk a chunk period later.
-        time.sleep(1.0)
+        client.wait_for(
+            lambda: len([*raw_messages(open_bag(path), SIX)]) == 6000, PATIENCE, 'the last chunk'
+        )
     os.kill(recorder.pid, signal.SIGKILL)
     recorder.wait()
     session = read_session(path)
@@ -179,8 +178,6 @@ def test_kill_loses_at_most_a_second(start_process: Start, tmp_path: Path) -> No
 
 
 def test_player_round_trip(start_process: Start, tmp_path: Path) -> None:
-    from stage_core.ros.client_node import GraphClient
-
     session = random_session(300)
     bag = write_session(tmp_path / 'bag', session)
     played = [name for name in session.series if ':' not in name]
@@ -190,15 +187,16 @@ def test_player_round_trip(start_process: Start, tmp_path: Path) -> None:
     with GraphClient('test_client') as client:
         client.wait_for_service('/session_recorder/start', PATIENCE)
 
-        def copy(parameter: str) -> Session:
-            path = Path(client.trigger('/session_recorder/start'))
+        def copy(parameter: str, since: int = 0) -> Session:
+            path = Path(client.trigger('/session_recorder/start', PATIENCE))
             arguments = [word for value in (*common, parameter) for word in ('-p', value)]
             assert start_process(PLAYER, '--ros-args', *arguments).wait() == 0
-            time.sleep(0.5)
-            client.trigger('/session_recorder/stop')
+            stamps = {name: session.series[name].stamps for name in played}
+            wait_recorded(client, {n: int((s >= START + since).sum()) for n, s in stamps.items()})
+            client.trigger('/session_recorder/stop', PATIENCE)
             return read_session(path)
 
-        whole, end = copy('rate:=0.5'), copy('start:=0.2')
+        whole, end = copy('rate:=0.5'), copy('start:=0.2', 200_000_000)
     assert_same(session, whole)
     stamps = session.series[topics.REFERENCE].stamps
     np.testing.assert_array_equal(end.series[topics.REFERENCE].stamps, stamps[200:])

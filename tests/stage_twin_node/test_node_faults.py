@@ -39,7 +39,7 @@ class NodeProcess:
         if self.process.poll() is None:
             self.process.send_signal(number)
         try:
-            return self.process.wait(20.0)
+            return self.process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             self.process.kill()
             raise
@@ -117,7 +117,7 @@ def test_tracker_absent_then_there_faulty_killed_and_back(ros_env):
             'the jump being told',
         )
         client.set_parameters('/stage_twin', tracker_fault='none')
-        client.trigger('/tracker_bridge/reset')
+        client.trigger('/tracker_bridge/reset', PATIENCE)
         growing('points after ~/reset')
 
         first.end(signal.SIGKILL)

@@ -191,7 +191,7 @@ class GraphClient:
             raise StageError(f'{name} failed: {response.message}')
         return str(response.message)
 
-    def set_parameters(self, node: str, timeout: float = 10.0, **values: Any) -> None:
+    def set_parameters(self, node: str, timeout: float = 30.0, **values: Any) -> None:
         """Set parameters of another node (``__`` in a name stands for a dot).
 
         Raises
