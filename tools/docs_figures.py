@@ -71,8 +71,8 @@ def said(folder: Path, step: str) -> str:
     (line,) = (text for text in lines if text.startswith(f'{step}: '))
     if step != 'diagnosis':
         line = line.removeprefix(f'{step}: ')
-    # A number and its unit stay in one line.
-    line = line.replace(' µm', '\u00a0µm')
+    # A number and its unit or name stay in one line.
+    line = line.replace(' µm', '\u00a0µm').replace('(p ', '(p\u00a0')
     wrapped = textwrap.wrap(line, 92, subsequent_indent='  ')
     return _code([part.replace('\u00a0', ' ') for part in wrapped])
 

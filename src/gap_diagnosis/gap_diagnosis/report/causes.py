@@ -99,7 +99,7 @@ def causes_section(page: Page, diagnosis: Diagnosis) -> None:
          'cannot be told from'],
         [
             [
-                cause.effect,
+                effect_words(cause.effect),
                 f'{cause.probability:.3f}',
                 status_words(cause.status),
                 parameter_words(cause.effect, cause.parameters),
@@ -108,7 +108,7 @@ def causes_section(page: Page, diagnosis: Diagnosis) -> None:
             ]
             for cause in diagnosis.causes[:MOST_CANDIDATES]
         ],
-        'names as twin files and `report.json` spell them',
+        'twin files and `report.json` write `backlash.x` for backlash of x',
     )  # fmt: skip
 
 
