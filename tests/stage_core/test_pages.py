@@ -52,6 +52,8 @@ def test_a_picture_has_the_colours_of_both_themes() -> None:
     assert 'var(--blue)' in drawing and 'var(--ink)' in drawing
     assert not set(re.findall(r'#[0-9a-f]{6}\b', drawing)) & {c for c, _ in theme.COLOURS.values()}
     assert '@media screen and (prefers-color-scheme:dark)' in text
+    # Paper is light, and pictures follow the scheme of the page.
+    assert '@media print{html{color-scheme:light}' in text
     assert theme.svg(figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm')) == text
 
 
