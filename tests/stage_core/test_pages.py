@@ -38,6 +38,8 @@ def test_the_page_is_self_contained_and_escaped(tmp_path: Path) -> None:
     assert 'alt="a &quot;picture&quot;"' in html
     assert '<a href="report.html">Session</a>' in html
     assert page.brief == '<1 µm brief'
+    # Paper is light, and pictures follow the scheme of the page.
+    assert '@media print{html{color-scheme:light}' in html
     add_conditions(tmp_path / 'deep' / 'report.html', [('Model', 'a<b'), ('None', '')])
     added = (tmp_path / 'deep' / 'report.html').read_text(encoding='utf-8')
     assert '<dl><div><dt>Model</dt><dd>a&lt;b</dd></div><div><dt>Machine' in added
@@ -52,8 +54,6 @@ def test_a_picture_has_the_colours_of_both_themes() -> None:
     assert 'var(--blue)' in drawing and 'var(--ink)' in drawing
     assert not set(re.findall(r'#[0-9a-f]{6}\b', drawing)) & {c for c, _ in theme.COLOURS.values()}
     assert '@media screen and (prefers-color-scheme:dark)' in text
-    # Paper is light, and pictures follow the scheme of the page.
-    assert '@media print{html{color-scheme:light}' in text
     assert theme.svg(figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm')) == text
 
 
