@@ -94,7 +94,7 @@ contour_polar(
 # %% [markdown]
 # The spikes stand where an axis reverses: at 90° and 270° it is y, at 180° it is x. At 0° the run
 # begins and ends, which the picture leaves out. Coupling makes the spikes smaller. Learning takes
-# them away but for their tips.
+# them away except their tips.
 #
 # ## Next
 #
