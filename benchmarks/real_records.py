@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.blind.run import commit
+from benchmarks.rows import commit, kept
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.report.causes import parameter_words
@@ -271,12 +271,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parsed = parser.parse_args(arguments)
     parsed.out.mkdir(parents=True, exist_ok=True)
     for name in parsed.only:
-        path = parsed.out / f'{name}.json'
-        if not path.exists():
-            print(name, file=sys.stderr, flush=True)
-            path.write_text(json.dumps(diagnosed(ROWS[name], data_folder())), encoding='utf-8')
-    kept = {n: parsed.out / f'{n}.json' for n in ROWS}
-    rows = {n: json.loads(p.read_text(encoding='utf-8')) for n, p in kept.items() if p.exists()}
+        print(name, file=sys.stderr, flush=True)
+        kept(parsed.out / f'{name}.json', lambda n=name: diagnosed(ROWS[n], data_folder()))
+    files = {n: parsed.out / f'{n}.json' for n in ROWS}
+    rows = {n: json.loads(p.read_text(encoding='utf-8')) for n, p in files.items() if p.exists()}
     parsed.page.write_text(page(rows) + '\n', encoding='utf-8')
     return 0
 

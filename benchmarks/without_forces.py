@@ -10,6 +10,7 @@ too) is not asked for: it may be passed over, or leave `unknown`. A run that was
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import sys
 from collections.abc import Sequence
@@ -18,16 +19,15 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.blind.machine import NOMINAL
-from benchmarks.blind.run import commit
 from benchmarks.blind.session import as_session, run_machine, visible
 from benchmarks.blind.suites import case
+from benchmarks.rows import commit, kept
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.residuals.without_forces import NOT_TOLD
 from stage_core import topics
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import GAINS, TwinFile
-from stage_core.whole_file import write_whole
 
 OPTIONAL = {*NOT_TOLD, 'viscous_friction'}
 #: Of an asymmetric friction without its mean level the difference of the levels is left.
@@ -93,9 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = []
     for number in range(options.cases):
         path = options.out / f'case_{number:04d}.json'
-        if not path.exists():
-            write_whole(path, json.dumps(run_case(number)))
-        rows.append(json.loads(path.read_text(encoding='utf-8')))
+        rows.append(kept(path, functools.partial(run_case, number)))
         print(json.dumps({**rows[-1], 'score': judged(rows[-1])}), flush=True)
     print(table(rows))
     return 0

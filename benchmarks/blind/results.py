@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from benchmarks.rows import table
+
 Scores = dict[str, Any]
 
 #: Key of a score -> how it is called, and its target.
@@ -50,12 +52,6 @@ def value(figure: dict[str, float]) -> str:
         f'{figure["mean"]:.{digits}f} [{figure["low"]:.{digits}f}, '
         f'{figure["high"]:.{digits}f}] ({figure["count"]})'
     )
-
-
-def table(head: list[str], rows: list[list[str]]) -> str:
-    """A Markdown table."""
-    lines = [head, ['---'] * len(head), *rows]
-    return '\n'.join('| ' + ' | '.join(cells) + ' |' for cells in lines)
 
 
 def _main(scores: Scores) -> list[str]:

@@ -20,7 +20,6 @@ import functools
 import hashlib
 import json
 import os
-import subprocess
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -33,7 +32,8 @@ from benchmarks.blind.machine import NOMINAL
 from benchmarks.blind.score import score
 from benchmarks.blind.session import visible
 from benchmarks.blind.suites import SIZES, case
-from benchmarks.blind.trial import ROOT, run_case
+from benchmarks.blind.trial import run_case
+from benchmarks.rows import commit
 from session_bags.archive import add_arguments, map_items, where_from
 from stage_core.twin_file import TwinFile
 
@@ -55,17 +55,6 @@ def seal(cases: list[Case], directory: Path) -> str:
     path.chmod(0o600)
     published.write_text(digest + '\n', encoding='utf-8')
     return digest
-
-
-def commit() -> str:
-    """Hash of the code that is run, with a mark where files differ from it."""
-
-    def git(*words: str) -> str:
-        done = subprocess.run(['git', *words], cwd=ROOT, capture_output=True, text=True)
-        return done.stdout.strip()
-
-    changed = git('status', '--porcelain', '--untracked-files=no')
-    return git('rev-parse', '--short=12', 'HEAD') + (' with changes' if changed else '')
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

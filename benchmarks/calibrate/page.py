@@ -9,6 +9,7 @@ from typing import Any
 from benchmarks.calibrate.figures import bins, coverage, unseen, verdicts, without_doubtful
 from benchmarks.calibrate.sessions import GENERATORS
 from benchmarks.calibrate.spread import Spread, spread_of, widened
+from benchmarks.rows import table
 
 Row = dict[str, Any]
 Weights = dict[str, dict[str, float]]
@@ -56,12 +57,6 @@ The second table is of right names, all generators together: how often the state
 holds the truth, its median width over the true value, the median error in standard deviations, and
 the share of parameters that are stated without a deviation (not identifiable). Phases and offsets
 of a session are not counted, nor parameters whose truth the machines do not state."""
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [head, ['---'] * len(head), *rows]
-    return '\n'.join('| ' + ' | '.join(cells) + ' |' for cells in lines)
 
 
 def _stamp(facts: Row) -> str:

@@ -11,6 +11,7 @@ and new session are diagnosed together. A run that was stopped goes on where it 
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import sys
 from collections.abc import Sequence
@@ -19,14 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.blind.run import commit
 from benchmarks.experiment.machine import PERIOD, Array, Case, draw, nominal, poor_motion, record
+from benchmarks.rows import commit, kept
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.experiment.motions import Limits, Motion, sample
 from gap_diagnosis.experiment.propose import limits_of, propose
 from gap_diagnosis.result import Diagnosis
 from stage_core.errors import StageError
-from stage_core.whole_file import write_whole
 
 TRAVEL = {'x': (-0.04, 0.04), 'y': (-0.04, 0.04)}
 #: Of the experiment [s].
@@ -106,9 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = []
     for seed in range(options.first, options.first + options.cases):
         path = options.out / f'case_{seed:04d}.json'
-        if not path.exists():
-            write_whole(path, json.dumps(run_case(seed)))
-        rows.append(json.loads(path.read_text(encoding='utf-8')))
+        rows.append(kept(path, functools.partial(run_case, seed)))
         print(json.dumps(rows[-1]), flush=True)
     print(f'code {commit()}\n{table(rows)}')
     return 0

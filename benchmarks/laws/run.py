@@ -10,6 +10,7 @@ gate. `planted`: the ten laws of `planted.py` with the whole library.
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -21,10 +22,10 @@ import numpy as np
 
 from benchmarks.blind.cases import draw_single
 from benchmarks.blind.machine import NOMINAL, Recording, moves, record
-from benchmarks.blind.run import commit
 from benchmarks.blind.session import as_session, run_machine
 from benchmarks.blind.suites import SAME
 from benchmarks.laws import planted, written
+from benchmarks.rows import kept
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.law.judged import law_of
@@ -256,10 +257,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for part in options.part:
         for function, words in jobs[part]:
             path = options.out / f'{part}_{"_".join(map(str, words))}.json'
-            if not path.exists():
-                row = {**function(*words), 'code': commit()}
-                path.write_text(json.dumps(row, default=float), encoding='utf-8')
-                print(json.dumps(row, default=float), flush=True)
+            row = kept(path, functools.partial(function, *words))
+            print(json.dumps(row), flush=True)
     if options.page is not None:
         command = (
             f'python -m benchmarks.laws.run --first {options.first} --seeds {options.seeds} '

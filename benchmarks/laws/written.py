@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.blind.run import commit
+from benchmarks.rows import commit
 
 PARTS = {
     'effects': 'effects',
