@@ -30,6 +30,7 @@ from hra_curves import (
 )
 from hra_curves.arc_length import ArcLength
 from hra_curves.cycloid import cycloid
+from hra_curves.fitting import overshoot
 from stage_core.errors import StageError
 
 ALL = [Bernstein(), Trigonometric(1.57), Hyperbolic(2.0), Rational(0.5, 3.0), Monomial(2.0)]
@@ -140,6 +141,16 @@ def test_runge_is_warned_about_and_smooth_data_are_not() -> None:
             interpolate(cycloid(np.linspace(0.0, TURN, count)), Trigonometric())
     fine = np.linspace(-1.0, 1.0, 501)
     assert np.abs(curve.evaluate(fine)[:, 1] - 1.0 / (1.0 + 25.0 * fine**2)).max() < 0.02
+
+
+def test_the_departure_from_the_chord_of_a_line_and_of_a_parabola() -> None:
+    nodes = np.linspace(0.0, 1.0, 5)
+    line = np.column_stack([nodes, 2.0 * nodes])
+    assert overshoot(HraCurve(Bernstein(), line[[0, -1]]), nodes, line) < 1e-12
+    # From (0, 0) to (1, 0) by way of (1/2, 1/2): half a chord length away.
+    ends = np.array([[0.0, 0.0], [1.0, 0.0]])
+    parabola = HraCurve(Bernstein(), np.array([[0.0, 0.0], [0.5, 1.0], [1.0, 0.0]]))
+    assert overshoot(parabola, np.array([0.0, 1.0]), ends) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize('basis', [Trigonometric(), Hyperbolic()])

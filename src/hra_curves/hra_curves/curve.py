@@ -49,11 +49,6 @@ class HraCurve:
         elif not (math.isfinite(first) and math.isfinite(last) and first < last):
             raise StageError(f'the domain {self.domain} is empty: give first < last')
 
-    @property
-    def degree(self) -> int:
-        """Degree n; there are n + 1 control points."""
-        return self.control_points.shape[0] - 1
-
     def _basis_parameter(self, u: Array) -> Array:
         first, last = self.domain
         lower, upper = self.basis.domain
