@@ -48,3 +48,14 @@ def test_the_noise_of_other_channels_hides_no_effect() -> None:
     found = shrink_of('axis_crosstalk.x', sides, seed=0)
     assert found.share < 0.2  # of all positions together, as the report says
     assert found.matters
+
+
+@pytest.mark.parametrize(('closed', 'stands'), [(0.004, False), (0.02, True)])
+def test_what_closes_nearly_nothing_of_its_axis_is_the_error_of_other_models(
+    closed: float, stands: bool
+) -> None:
+    left, gap = np.full(6000, 1e-12), 5e-10
+    encoder = Sides(left + closed * gap, left, 'm', 1e-6, gap)
+    other = Sides(left, left, 'm', 1e-6, 1e-12)
+    found = shrink_of('coulomb_friction.x', {'encoder.x': encoder, 'encoder.y': other}, seed=0)
+    assert found.matters is stands

@@ -102,3 +102,13 @@ def test_the_load_that_the_tracker_sees_swing(planted: Maker) -> None:
     for name, value in swing.items():
         estimate, _ = found.parameters['structural_resonance.x'][name]
         assert estimate == pytest.approx(value, rel=0.1)
+
+
+def test_a_viscous_friction_that_grows_with_the_speed(planted: Maker) -> None:
+    truth = {'viscous': 20.0, 'quadratic': 300.0}
+    found = diagnose([planted({'viscous_friction.x': truth})], [], ALONE)
+    assert found.verdict == ['viscous_friction.x']
+    for name, value in truth.items():
+        estimate, deviation = found.parameters['viscous_friction.x'][name]
+        assert abs(estimate - value) < 4.0 * deviation
+        assert deviation < 0.1 * value

@@ -18,7 +18,7 @@ from gap_diagnosis.closed_loop.channels import (
 from gap_diagnosis.closed_loop.misread import misread
 from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.acceptance import far_from_explained
+from gap_diagnosis.evidence.acceptance import Sides, far_from_explained, shrink_of
 from gap_diagnosis.evidence.causes import cause_of, shown_by_encoder, swing_notes, swings
 from gap_diagnosis.evidence.describe import (
     describe,
@@ -104,9 +104,36 @@ def diagnose(
             result.started = sessions[0].start_ns
             judge.name_beside_unknown(result.causes, result.parts, barred[len(without) :])
             return result
-        name = beside or min(failed, key=lambda c: c.interval[0]).effect
-        progress(f'{name} does not hold in the twin as it is run: without it')
-        barred.append(name)
+        out = [beside] if beside else _first_out(result, failed, prepared.seen, seed)
+        progress(f'{", ".join(out)}: does not hold in the twin as it is run, is left out')
+        barred += out
+
+
+def _first_out(
+    result: Diagnosis, failed: list[judge.Cause], seen: TwinFile, seed: int
+) -> list[str]:
+    """The refuted effect that shrinks the gap least, or all of its axis that nothing needs.
+
+    These are the servo effects of an axis if each of them is refuted, and all together close
+    nothing either. Two that stand for one another are refuted, too, but not together.
+    """
+    worst = min(failed, key=lambda c: c.interval[0]).effect
+    axis = split_effect(worst)[1]
+    own = [n for n in result.accepted if link_of(n) == 'servo' and split_effect(n)[1] == axis]
+    if worst not in own or not set(own) <= {c.effect for c in failed}:
+        return [worst]
+    sides = {
+        n: Sides(
+            np.concatenate(c.before) ** 2,
+            np.concatenate(c.after) ** 2,
+            c.unit,
+            judge.channel_floor(seen, n),
+            c.rms('before') ** 2,
+        )
+        for n, c in result.channels.items()
+        if n in (f'encoder.{axis}', f'force.{axis}')
+    }
+    return [worst] if shrink_of(worst, sides, seed).matters else own
 
 
 def _excluded_by_tracker(result: Diagnosis) -> str | None:
@@ -123,7 +150,7 @@ def _excluded_by_tracker(result: Diagnosis) -> str | None:
 def _misread(result: Diagnosis, prepared: Prepared) -> str | None:
     """A wave of the table that is what the encoder reads."""
     floors = {n: judge.channel_floor(prepared.seen, n) for n in result.channels}
-    return misread(result.records, result.twin, result.effects, result.channels, floors)
+    return misread(result.records, result.twin, result.parameters, result.channels, floors)
 
 
 def _diagnose(

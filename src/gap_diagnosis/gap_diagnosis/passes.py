@@ -43,6 +43,7 @@ from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
+from stage_twin.effects import seen_by_tracker
 
 #: Relative difference of a fitted velocity gain that is none: where a filter of the speed and the
 #: mass are hardly told apart, it is up to 12 % off (12 s of a machine without friction, seed 4 of
@@ -260,7 +261,9 @@ def tracker_part(
     movable = not set(without) & {'tracker_misalignment', 'tracker_latency'}
     records = memory.once(('points', movable), lambda: _in_place(before, movable))
     found = [describe(p.selection, p.selector.regression) for p in servo]
-    values = plain_values({k: v for f in found for k, v in f.items()})
+    # Only what the tracker sees makes another fit of it.
+    values = plain_values({k: v for f in found for k, v in f.items() if seen_by_tracker(k)})
+    without = [n for n in without if seen_by_tracker(n)]
 
     def fit() -> Part:
         progress('encoder -> table -> tracker: residual of the measurement')

@@ -13,13 +13,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.closed_loop.polish import Parameters, polish
 from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.evidence.describe import plain_values
 from gap_diagnosis.input.data import Record, scored_ticks
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
+from stage_twin.effects import link_of
 from stage_twin.effects.encoder_interpolation import LONGEST
-
-Effects = Mapping[str, Mapping[str, float]]
 
 #: Share of the squared gap. The right wave closed 0.35 of it beside a friction that was fitted
 #: without it, on a session of a foreign simulator.
@@ -31,15 +32,17 @@ TABLE, ENCODER = 'cyclic_pitch_error', 'encoder_interpolation'
 def misread(
     records: Sequence[Record],
     twin: TwinFile,
-    effects: Effects,
+    parameters: Parameters,
     channels: Mapping[str, Channel],
     floors: Mapping[str, float],
 ) -> str | None:
     """A named wave of the table that the encoder's gap shows to be the encoder's, if there is one.
 
     It is, if the same wave read by the encoder closes some of the squared gap above the floor that
-    the encoder is left with (`CLOSES`). Nothing is fitted: a wrong wave adds to the gap.
+    the encoder is left with (`CLOSES`). The wave is not fitted: a wrong one adds to the gap. The
+    forces of the axis are, as they were without it: a friction makes up for a wave, too.
     """
+    effects = plain_values(parameters)
     scored = [r for r in records if r.held_out_session] or list(records)
     for name, values in effects.items():
         effect, axis = split_effect(name)
@@ -49,7 +52,12 @@ def misread(
         wave = _read(values, twin.servo(axis).lead)
         if wave['period'] >= LONGEST:
             continue
-        other = {**{n: v for n, v in effects.items() if n != name}, f'{ENCODER}.{axis}': wave}
+        read = {f'{ENCODER}.{axis}': wave}
+        rest = {n: v for n, v in parameters.items() if n != name}
+        forces = {n: v for n, v in rest.items() if link_of(n) == 'servo' and n[-1] == axis}
+        exact = {n: {k: (v, 0.0) for k, v in of.items()} for n, of in read.items()}
+        refitted = polish(list(records), twin, axis, forces, exact) if forces else {}
+        other = {**plain_values({**rest, **refitted}), **read}
         gaps = [replay(r, twin, other)[encoder.name][scored_ticks(r)] for r in scored]
         floor = floors[encoder.name] ** 2
         left = float(np.mean(np.concatenate(gaps) ** 2)) - floor

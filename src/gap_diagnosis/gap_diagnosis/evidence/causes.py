@@ -51,6 +51,7 @@ def cause_of(
                 np.concatenate([a**2 for a in channel.after]),
                 channel.unit,
                 floors[n],
+                channel.rms('before') ** 2,
             )
             for n, channel in channels.items()
         }

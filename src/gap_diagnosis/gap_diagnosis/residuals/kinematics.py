@@ -13,12 +13,16 @@ from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import Record, held_out_windows, inside, motion_step
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
-from gap_diagnosis.residuals.operators import band_limited, smooth, sure_turns
+from gap_diagnosis.residuals.operators import (
+    Spline,
+    band_limited,
+    smooth,
+    sure_turns,
+)
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.stands import stands_of
 from stage_core.twin_file import TwinFile
@@ -48,6 +52,10 @@ class Kinematics:
         self.rests = any(r.points_per_row > 1.0 for r in self.records)
         self.both_move = len(self.axes) == 2 and any(all(r.moving) for r in self.records)
         self._points = [r.encoder_at(_required(r.tracker_time)) for r in self.records]
+        self._splines = [
+            Spline.at((_required(r.tracker_time) - r.time[0]) / r.period, len(r.time))
+            for r in self.records
+        ]
 
     def rows(self, parts: list[list[Array]]) -> Array:
         """Columns from parts[session][axis], each (m, k): sessions below one another."""
@@ -220,11 +228,8 @@ class Kinematics:
         return out
 
     def smooth_at_points(self, signal: list[Array]) -> list[Array]:
-        """The same by a cubic spline, for a signal without corners."""
-        return [
-            np.asarray(CubicSpline(r.time, one)(_required(r.tracker_time)))
-            for r, one in zip(self.records, signal, strict=True)
-        ]
+        """The same by a cubic spline, for signals (n, k) without corners."""
+        return [spline(one) for spline, one in zip(self._splines, signal, strict=True)]
 
     def points(self) -> list[Array]:
         """Encoder of all axes (m, a) at the points [m]."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.signal import butter, lfilter, sosfiltfilt
+from scipy.ndimage import spline_filter1d
+from scipy.signal import butter, sosfiltfilt
 
 Array = NDArray[np.float64]
 
@@ -20,11 +22,21 @@ def smooth(signal: Array, period: float, corner: float) -> Array:
     corner [Hz]. `signal` has shape (n,) or (n, k).
     """
     decay = math.exp(-2.0 * math.pi * corner * period)
-    b, a = [1.0 - decay], [1.0, -decay]
-    start = signal[:1] * decay
-    forward = lfilter(b, a, signal, axis=0, zi=start)[0]
-    end = forward[-1:] * decay
-    return np.asarray(lfilter(b, a, forward[::-1], axis=0, zi=end)[0][::-1])
+    columns = np.array(signal, dtype=np.float64, order='C').reshape(len(signal), -1)
+    _both_ways(columns, decay)
+    return columns.reshape(signal.shape)
+
+
+@njit(cache=True)
+def _both_ways(columns: Array, decay: float) -> None:
+    """Smooth columns (n, k) in place, forwards and then backwards, each from its first value."""
+    rows, count = columns.shape
+    for i in range(1, rows):
+        for j in range(count):
+            columns[i, j] += decay * (columns[i - 1, j] - columns[i, j])
+    for i in range(rows - 2, -1, -1):
+        for j in range(count):
+            columns[i, j] += decay * (columns[i + 1, j] - columns[i, j])
 
 
 def second_difference(position: Array, period: float) -> Array:
@@ -79,6 +91,35 @@ def band_limited(signal: Array, period: float, corner: float = 90.0) -> Array:
 @lru_cache
 def _sections(corner: float) -> Array:
     return np.asarray(butter(4, corner, output='sos'))
+
+
+@dataclass(frozen=True)
+class Spline:
+    """Cubic spline of any signal of evenly spaced ticks, at places (m,) that stay.
+
+    Attributes
+    ----------
+    ticks, weights : coefficients of the spline that count at each place, and their weights (m, 4)
+    """
+
+    ticks: NDArray[np.int64]
+    weights: Array
+
+    @classmethod
+    def at(cls, place: Array, count: int) -> Spline:
+        """The spline at places counted in ticks from the first of `count`."""
+        before = np.clip(np.floor(place).astype(np.int64), 0, count - 2)
+        u = (place - before)[:, None]
+        weights = np.hstack(
+            [(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, 1 + 3 * u + 3 * u**2 - 3 * u**3, u**3]
+        )
+        ticks = np.abs(before[:, None] + np.arange(-1, 3))
+        return cls(np.where(ticks < count, ticks, 2 * (count - 1) - ticks), weights / 6.0)
+
+    def __call__(self, signal: Array) -> Array:
+        """A signal (n, k) of the ticks at the places (m, k)."""
+        coefficients = spline_filter1d(signal, axis=0, mode='mirror')
+        return np.einsum('mt,mt...->m...', self.weights, coefficients[self.ticks])
 
 
 @njit(cache=True)

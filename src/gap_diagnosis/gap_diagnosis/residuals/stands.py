@@ -10,9 +10,9 @@ Fuller and Battese, Journal of Econometrics 2, 1974).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
@@ -30,22 +30,23 @@ class Stands:
     count: Numbers
     share: Array
 
-    @cached_property
-    def rows(self) -> Numbers:
-        """Numbers of all rows that stand."""
-        before = np.cumsum(self.count) - self.count
-        return np.arange(self.count.sum()) + np.repeat(self.first - before, self.count)
-
     def freed(self, rows: Array) -> Array:
         """Rows (n,) or (n, k) with the share of each stand's mean taken away."""
         if not len(self.first):
             return rows
-        out = rows.copy()
-        own = rows[self.rows]
-        sums = np.add.reduceat(own, np.cumsum(self.count) - self.count, axis=0)
-        weight = self.share / self.count
-        out[self.rows] = own - np.repeat((sums.T * weight).T, self.count, axis=0)
+        out = np.array(rows, dtype=np.float64, order='C')
+        _free(out.reshape(len(out), -1), self.first, self.count, self.share)
         return out
+
+
+@njit(cache=True)
+def _free(rows: Array, first: Numbers, count: Numbers, share: Array) -> None:
+    """Take the share of each stand's mean out of rows (n, k) in place."""
+    for stand in range(len(first)):
+        start, stop = first[stand], first[stand] + count[stand]
+        for j in range(rows.shape[1]):
+            mean = rows[start:stop, j].sum() / count[stand]
+            rows[start:stop, j] -= share[stand] * mean
 
 
 def stands_of(records: list[Record], tracker_noise: float) -> Stands:

@@ -81,7 +81,7 @@ class Selector:
                 # A set in which one effect takes an impossible value explains nothing.
                 if all(self.admissible(joint, n) for n in joint.thetas):
                     if not first:
-                        self._note_passed(*was, name)
+                        self._note_passed(*was, name, trials)
                     accepted, base = self._grown(accepted, joint, name)
                     if name.partition('.')[0] in EXACT:
                         # What they explain is no measure for the errors of other models.
@@ -105,11 +105,19 @@ class Selector:
         accepted, fit = self._simplify([*accepted, name], fit)
         return accepted, grow(self, fit, [name])
 
-    def _note_passed(self, accepted: list[str], good: list[tuple[float, str]], taken: str) -> None:
-        """Effects that another one is taken before."""
+    def _note_passed(
+        self,
+        accepted: list[str],
+        good: list[tuple[float, str]],
+        taken: str,
+        trials: dict[str, Trial],
+    ) -> None:
+        """Effects that another one is taken before, without those that no machine has at θ."""
         most = max(good)[0]
         for gain, name in good:
             known = self.passed.get(name)
+            if trials[name].odd:
+                continue
             if name != taken and (known is None or gain / most > known.share):
                 plainer = self._size(name) < self._size(taken)
                 self.passed[name] = Passed(gain / most, accepted, plainer)
@@ -200,11 +208,8 @@ class Selector:
         """
         most = max(good)[0]
 
-        def odd(name: str) -> bool:
-            return not self.problem.terms[name].usual(trials[name].thetas[name])
-
         near = [
-            (odd(name), self._size(name), -gain, name)
+            (trials[name].odd, self._size(name), -gain, name)
             for gain, name in good
             if gain >= ABOUT_THE_SAME * most
         ]

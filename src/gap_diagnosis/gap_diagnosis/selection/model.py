@@ -67,6 +67,11 @@ class Trial(NamedTuple):
     thetas: dict[str, Theta]
     shape: Term
 
+    @property
+    def odd(self) -> bool:
+        """Whether no machine has the effect at the θ that explains most."""
+        return not self.shape.usual(self.thetas[self.evidence.name])
+
 
 @dataclass
 class Selection:

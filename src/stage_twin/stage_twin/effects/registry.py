@@ -75,6 +75,11 @@ def misreads(name: str) -> bool:
     return hasattr(MODULES[split_effect(name)[0]], 'read')
 
 
+def seen_by_tracker(name: str) -> bool:
+    """Whether a tracker may see the effect beside what the encoder reads, axis or not."""
+    return link_of(name) != 'servo' or hasattr(MODULES[split_effect(name)[0]], 'table_term')
+
+
 def terms(candidates: Mapping[str, Any]) -> dict[str, Term]:
     """What effects add to a residual; one that these rows cannot show is left out.
 

@@ -16,6 +16,8 @@ from stage_twin.effects.term import Array, Term, Theta
 #: (`base_resonance`), which makes the same force: mounts of machines have 3 to 15 Hz (Rivin,
 #: "Vibration isolation of precision objects", 2006).
 HIGHEST_MOUNT = 14.0
+#: A reflector on a load that rocks moves by more than the spring gives way.
+MOST_SHARE = 5.0
 
 EFFECT = Effect(
     name='structural_resonance',
@@ -35,8 +37,8 @@ EFFECT = Effect(
         Parameter(
             'table_share',
             '',
-            -2.0,
-            2.0,
+            -MOST_SHARE,
+            MOST_SHARE,
             0.0,
             "share of the spring's deflection that the table makes; 0: the table is the motor, "
             'below it: the load rocks and the table goes the other way',
@@ -131,7 +133,7 @@ def table_term(rows: TrackerRows) -> Term | None:
         grid=((known['frequency'], known['damping']),) if known else _GRID,
         lower=_LOWER,
         upper=_UPPER,
-        admissible=lambda theta, c: abs(c[0]) < 2.0 and _inside(theta),
+        admissible=lambda theta, c: abs(c[0]) < MOST_SHARE and _inside(theta),
     )
 
 
