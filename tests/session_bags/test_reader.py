@@ -159,6 +159,24 @@ def test_live_writer_keeps_times_and_sequence(tmp_path: Path) -> None:
         writer.add_topic(topics.REFERENCE)
 
 
+def test_a_session_in_simulated_time_knows_its_date(tmp_path: Path) -> None:
+    first = 1_795_471_828_442_919_356
+    with SessionWriter(tmp_path / 'bag') as writer:
+        for k in range(3):
+            stamp = 7_278_000_000 + k
+            text = STORE.types['std_msgs/msg/String']('model')
+            data = bytes(STORE.serialize_cdr(text, 'std_msgs/msg/String'))
+            writer.write(topics.MODEL, data, stamp, first + k, k)
+    assert read_session(tmp_path / 'bag', topics=[topics.REFERENCE]).recorded_ns == first
+
+
+def test_a_session_of_real_time_begins_with_its_first_message(tmp_path: Path) -> None:
+    session = random_session(5)
+    path = write_session(tmp_path / 'bag', session)
+    earliest = min(int(series.stamps[0]) for series in session.series.values())
+    assert read_session(path).recorded_ns == earliest
+
+
 def test_twin_travels_with_the_bag(tmp_path: Path) -> None:
     from stage_core.twin_file import TwinFile
 

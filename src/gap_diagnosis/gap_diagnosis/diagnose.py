@@ -101,7 +101,7 @@ def diagnose(
                     result.channels,
                     seed,
                 )
-            result.started = sessions[0].start_ns
+            result.started = sessions[0].recorded_ns
             judge.name_beside_unknown(result.causes, result.parts, barred[len(without) :])
             return result
         out = [beside] if beside else _first_out(result, failed, prepared.seen, seed)

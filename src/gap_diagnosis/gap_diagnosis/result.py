@@ -43,7 +43,7 @@ class Diagnosis:
     link: str
     unexplained: float
     structured: bool
-    #: Stamp of the first reference of the first session [ns].
+    #: Wall time at which the first session begins [ns].
     started: int = 0
     warnings: list[str] = field(default_factory=list)
     laws: list[Law] = field(default_factory=list)

@@ -10,6 +10,7 @@ from session_bags.bag import Bag, open_bag
 from session_bags.cdr import NUMERIC_TYPES
 from session_bags.columns import TopicDecoder
 from session_bags.decoding import Decoders, read_foreign, read_places
+from session_bags.messages import raw_messages
 from session_bags.window import read_window, window_stamps
 from session_bags.writer import TWIN_KEY
 from stage_core import topics as names
@@ -78,7 +79,18 @@ def read_session(
             series[key] = part if window is None else part.between(*window)
     if not any(decoder.count for decoder in decoders.values()) and topics is None:
         raise StageError(f'{path} holds no message of a session: record it again')
-    return Session(str(path), series, _twin(bag, warnings), alignment, tuple(warnings))
+    return Session(
+        str(path), series, _twin(bag, warnings), alignment, tuple(warnings), _recorded(bag)
+    )
+
+
+def _recorded(bag: Bag) -> int:
+    """Wall time of the first message [ns]; zero where the bag holds none.
+
+    In simulated time, which begins in 1970, it is that of the message's publication.
+    """
+    first = next(raw_messages(bag), None)
+    return 0 if first is None else max(first.log_time, first.publish_time)
 
 
 def _numeric(

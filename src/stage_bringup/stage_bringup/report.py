@@ -51,9 +51,6 @@ def write_report(options: Options, result: SessionResult) -> Path:
     if found is not None:
         _diagnosis(page, found)
         told = [(n, v) for n, v in entries if n in ('Machine', 'Model', 'Clock')]
-        if options.clock == 'lockstep':
-            # The stamps of its bags are simulated time: the diagnosis cannot know the date.
-            told.append(('Recorded', dict(entries)['Date']))
         add_conditions(diagnosis.with_name('report.html'), told)
         back = [(n, '' if a.startswith('diagnosis') else f'../{a}') for n, a in links]
         add_navigation(diagnosis.with_name('report.html'), [('Session', '../report.html'), *back])

@@ -42,7 +42,7 @@ def condition_entries(
     twin = session.twin or {}
     told = {
         'Recording': Path(session.path).name,
-        'Date': date_words(session.start_ns),
+        'Date': date_words(session.recorded_ns),
         'Twin': str(twin.get('kind', 'none in the recording')),
         'Temperature': heat,
         'Alignment': 'tracker aligned with the stage' if session.alignment else '',

@@ -66,6 +66,8 @@ class Session:
     twin: dict[str, Any] | None = None
     alignment: RigidTransform | None = None
     warnings: tuple[str, ...] = field(default=())
+    #: Wall time of the first message [ns]; that of the stamps where the bag holds no other.
+    recorded_ns: int = 0
 
     def has(self, topic: str) -> bool:
         """Whether the topic holds a message; an empty one counts as absent."""
