@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.input.noise import CLEARLY
 from gap_diagnosis.selection.gains import weights
 from stage_core.quantities import split_effect
 from stage_twin.effects import EFFECTS, effect_of, link_of
@@ -212,8 +213,11 @@ def away(
 
 
 def shows(after: float, floor: float) -> bool:
-    """Whether a gap of an encoder [m] is more than two roundings, of the record and the twin."""
-    return bool(after > 1.05 * np.sqrt(2.0) * floor)
+    """Whether a gap of an encoder [m] is more than the twin's rounding and the record's noise.
+
+    That noise is told from rounding only where its variance is `CLEARLY` more.
+    """
+    return bool(after > 1.05 * np.sqrt(1.0 + CLEARLY) * floor)
 
 
 def far_from_explained(before: float, after: float, floor: float, named: bool) -> bool:
