@@ -59,3 +59,10 @@ def test_what_closes_nearly_nothing_of_its_axis_is_the_error_of_other_models(
     other = Sides(left, left, 'm', 1e-6, 1e-12)
     found = shrink_of('coulomb_friction.x', {'encoder.x': encoder, 'encoder.y': other}, seed=0)
     assert found.matters is stands
+
+
+@pytest.mark.parametrize(('closed', 'stands'), [(0.05, False), (0.3, True)])
+def test_what_the_noise_hides_is_no_error_of_the_table(closed: float, stands: bool) -> None:
+    left = np.full(6000, 1e-12)
+    sides = {'tracker.x': Sides(left * (1.0 + closed), left, 'm', 1e-6)}
+    assert shrink_of('cyclic_pitch_error.x', sides, seed=0).matters is stands
