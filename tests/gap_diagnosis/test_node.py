@@ -37,7 +37,7 @@ def test_the_service_answers_with_the_verdict(
         with GraphClient() as client:
             client.wait_for_service('/gap_diagnosis/diagnose', timeout=PATIENCE)
             message = client.trigger('/gap_diagnosis/diagnose', timeout=PATIENCE)
-            assert message.startswith('backlash of x: ')
+            assert message.startswith('backlash of x (p 0.')
             assert (tmp_path / 'out' / 'report.json').exists()
             client.set_parameters('gap_diagnosis', bag=str(tmp_path / 'nowhere'))
             with pytest.raises(StageError, match='nowhere'):
