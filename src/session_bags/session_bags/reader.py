@@ -65,11 +65,8 @@ def read_session(
     series = {}
     alignment = None
     for topic, decoder in decoders.items():
-        if not allow_nan and (bad := decoder.not_a_number()):
-            raise StageError(
-                f'{path}: {topic} holds a value that is not a finite number ({bad}): mend its '
-                'source and record the session again'
-            )
+        if not allow_nan:
+            _check_finite(path, topic, decoder)
         if decoder.unsorted():
             warnings.append(f'{topic} is not in the order of its stamps; it was sorted')
         if topic == names.ALIGNMENT:
@@ -82,6 +79,15 @@ def read_session(
     return Session(
         str(path), series, _twin(bag, warnings), alignment, tuple(warnings), _recorded(bag)
     )
+
+
+def _check_finite(path: str | Path, topic: str, decoder: TopicDecoder) -> None:
+    bad = decoder.not_a_number()
+    if bad:
+        raise StageError(
+            f'{path}: {topic} holds a value that is not a finite number ({bad}): mend its source '
+            'and record the session again'
+        )
 
 
 def _recorded(bag: Bag) -> int:
