@@ -88,7 +88,9 @@ class Shrink:
         """Whether the gap shrinks for certain, and by more than a user could call nothing."""
         closed = self.before**2 - self.after**2
         if self.own is not None:
-            return self.own.matters and (self.least > 0.0 or closed > LEAST_SEEN * self.floor**2)
+            # A gap that is left below the floor shows that the noise was taken for too large.
+            noise = min(self.floor, self.after)
+            return self.own.matters and (self.least > 0.0 or closed > LEAST_SEEN * noise**2)
         if self.least > 0.0 and self.closes < LEAST_CLOSED:
             return False
         beyond_noise = self.unit == 'm' and closed > self.floor**2
