@@ -8,12 +8,21 @@ from dataclasses import replace
 import pytest
 
 from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.result import Diagnosis
 from stage_core.session import Session
 from stage_core.twin_file import TrackerSpec, TwinFile
 
 Maker = Callable[..., Session]
 TWIN = replace(TwinFile.nominal_servo(), tracker=TrackerSpec(100.0, 1e-6))
 ALONE = replace(TWIN, axes={'x': TWIN.axes['x']})
+
+
+def assert_told(found: Diagnosis, effect: str, truth: dict[str, float]) -> None:
+    """Each parameter is within four deviations, and known to a tenth."""
+    for name, value in truth.items():
+        estimate, deviation = found.parameters[effect][name]
+        assert abs(estimate - value) < 4.0 * deviation
+        assert deviation < 0.1 * value
 
 
 def test_a_pitch_error_of_another_period_with_a_second_harmonic(planted: Maker) -> None:
@@ -26,10 +35,7 @@ def test_a_pitch_error_of_another_period_with_a_second_harmonic(planted: Maker) 
     }
     found = diagnose([planted({'cyclic_pitch_error.x': truth})], [], ALONE)
     assert found.verdict == ['cyclic_pitch_error.x']
-    for name, value in truth.items():
-        estimate, deviation = found.parameters['cyclic_pitch_error.x'][name]
-        assert abs(estimate - value) < 4.0 * deviation
-        assert deviation < 0.1 * value
+    assert_told(found, 'cyclic_pitch_error.x', truth)
 
 
 def test_an_encoder_that_errs_within_each_period_of_its_scale(planted: Maker) -> None:
@@ -108,7 +114,4 @@ def test_a_viscous_friction_that_grows_with_the_speed(planted: Maker) -> None:
     truth = {'viscous': 20.0, 'quadratic': 300.0}
     found = diagnose([planted({'viscous_friction.x': truth})], [], ALONE)
     assert found.verdict == ['viscous_friction.x']
-    for name, value in truth.items():
-        estimate, deviation = found.parameters['viscous_friction.x'][name]
-        assert abs(estimate - value) < 4.0 * deviation
-        assert deviation < 0.1 * value
+    assert_told(found, 'viscous_friction.x', truth)

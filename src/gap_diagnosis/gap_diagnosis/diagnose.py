@@ -18,7 +18,7 @@ from gap_diagnosis.closed_loop.channels import (
 from gap_diagnosis.closed_loop.misread import misread
 from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.acceptance import Sides, far_from_explained, shrink_of
+from gap_diagnosis.evidence.acceptance import far_from_explained, shrink_of
 from gap_diagnosis.evidence.causes import cause_of, shown_by_encoder, swing_notes, swings
 from gap_diagnosis.evidence.describe import (
     describe,
@@ -105,7 +105,7 @@ def diagnose(
             judge.name_beside_unknown(result.causes, result.parts, barred[len(without) :])
             return result
         out = [beside] if beside else _first_out(result, failed, prepared.seen, seed)
-        progress(f'{", ".join(out)}: does not hold in the twin as it is run, is left out')
+        progress(f'left out, as the twin that is run does not show it: {", ".join(out)}')
         barred += out
 
 
@@ -123,13 +123,7 @@ def _first_out(
     if worst not in own or not set(own) <= {c.effect for c in failed}:
         return [worst]
     sides = {
-        n: Sides(
-            np.concatenate(c.before) ** 2,
-            np.concatenate(c.after) ** 2,
-            c.unit,
-            judge.channel_floor(seen, n),
-            c.rms('before') ** 2,
-        )
+        n: c.sides(judge.channel_floor(seen, n))
         for n, c in result.channels.items()
         if n in (f'encoder.{axis}', f'force.{axis}')
     }

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence import judgement as judge
+from gap_diagnosis.evidence.acceptance import Sides
 from gap_diagnosis.input.data import Record, scored_ticks
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
@@ -32,6 +33,12 @@ class Channel:
         """Root mean square over the held-out rows of all records."""
         values = np.concatenate(getattr(self, which))
         return float(np.sqrt(np.mean(values**2)))
+
+    def sides(self, floor: float, without: list[Array] | None = None) -> Sides:
+        """Its squares with all effects, and without some: their gap, by default without any."""
+        lesser = self.before if without is None else without
+        without_it, with_it = (np.concatenate(gap) ** 2 for gap in (lesser, self.after))
+        return Sides(without_it, with_it, self.unit, floor, self.rms('before') ** 2)
 
 
 def _in_session(

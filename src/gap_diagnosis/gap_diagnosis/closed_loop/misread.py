@@ -52,12 +52,11 @@ def misread(
         wave = _read(values, twin.servo(axis).lead)
         if wave['period'] >= LONGEST:
             continue
-        read = {f'{ENCODER}.{axis}': wave}
+        read = {f'{ENCODER}.{axis}': {k: (v, 0.0) for k, v in wave.items()}}
         rest = {n: v for n, v in parameters.items() if n != name}
         forces = {n: v for n, v in rest.items() if link_of(n) == 'servo' and n[-1] == axis}
-        exact = {n: {k: (v, 0.0) for k, v in of.items()} for n, of in read.items()}
-        refitted = polish(list(records), twin, axis, forces, exact) if forces else {}
-        other = {**plain_values({**rest, **refitted}), **read}
+        refitted = polish(list(records), twin, axis, forces, read) if forces else {}
+        other = plain_values({**rest, **refitted, **read})
         gaps = [replay(r, twin, other)[encoder.name][scored_ticks(r)] for r in scored]
         floor = floors[encoder.name] ** 2
         left = float(np.mean(np.concatenate(gaps) ** 2)) - floor

@@ -36,11 +36,12 @@ FAR_BESIDE, SHARE_BESIDE = 4.0, 0.25
 #: names shrink it by 0.23 and more, wrong ones by 0.14 at most.
 LEAST_SHRINK = 0.1
 #: Least share of the squared gap of its axis, above the floor, that a servo effect closes: what is
-#: less, the models of other effects leave. Of 423 causes named on opened foreign
-#: sessions five wrong ones closed 0.000 to 0.005, right ones 0.014 and more but for one (0.004).
+#: less, the models of other effects leave. Of 423 causes named on opened foreign sessions five
+#: wrong ones closed 0.000 to 0.005, right ones 0.014 and more but for one (0.004).
 LEAST_CLOSED = 0.01
-#: Share of the squared noise floor of the positions that any other effect closes. Of 177 named on
-#: the same sessions two wrong ones closed 0.002 and 0.065, right ones 0.127 and more.
+#: Share of the squared noise of the positions that any other effect closes: of their floor, or of
+#: the gap that is left where that is less. Of 177 named on the same sessions two wrong ones closed
+#: 0.002 and 0.065 of the floor, right ones 0.127 and more.
 LEAST_SEEN = 0.1
 
 

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from gap_diagnosis.closed_loop.channels import Channel, without_cause
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import (
     Shrink,
-    Sides,
     refuted,
     shows,
     shrink_in_balance,
@@ -45,16 +42,7 @@ def cause_of(
     else:
         told = {n: v for n, v in effects.items() if n not in (name, *swings(parts))}
         lesser = without_cause(name, told, scored, twin, showing, channels)
-        sides = {
-            n: Sides(
-                np.concatenate([a**2 for a in lesser[n]]),
-                np.concatenate([a**2 for a in channel.after]),
-                channel.unit,
-                floors[n],
-                channel.rms('before') ** 2,
-            )
-            for n, channel in channels.items()
-        }
+        sides = {n: channel.sides(floors[n], lesser[n]) for n, channel in channels.items()}
         shrink = shrink_of(name, sides, seed)
     found = part.selection.evidence[name] if part is not None else None
     stated = with_model_error(name, parameters[name])

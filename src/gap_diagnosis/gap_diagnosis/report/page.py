@@ -5,9 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-import numpy as np
-
-from gap_diagnosis.evidence.acceptance import Sides, shrink_interval
+from gap_diagnosis.evidence.acceptance import shrink_interval
 from gap_diagnosis.report import experiment, figures, forces, hysteresis, model, response
 from gap_diagnosis.report.causes import causes_section, contained_section, found_section
 from gap_diagnosis.report.laws import laws_section
@@ -89,11 +87,7 @@ def _lacks(diagnosis: Diagnosis) -> str:
 
 def _less(diagnosis: Diagnosis) -> str:
     """By how much the gap shrinks, with the interval."""
-    sides = [
-        Sides(np.concatenate(c.before) ** 2, np.concatenate(c.after) ** 2, c.unit, 0.0)
-        for c in diagnosis.channels.values()
-        if c.unit == 'm'
-    ]
+    sides = [c.sides(0.0) for c in diagnosis.channels.values() if c.unit == 'm']
     share = 1.0 - diagnosis.after / diagnosis.before
     low, high = (100.0 * value for value in shrink_interval(sides, 0))
     return f'{100.0 * share:.0f} % less (95 %: {low:.0f} to {high:.0f} %)'
