@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel
-from gap_diagnosis.report.causes import effect_sentence
+from gap_diagnosis.evidence.describe import not_seen
+from gap_diagnosis.report.causes import effect_sentence, parameter_words
 from gap_diagnosis.report.experiment import section
 from gap_diagnosis.report.hysteresis import hysteresis, hysteresis_plot, since_reversal
 from gap_diagnosis.report.leftovers import leftovers
@@ -142,3 +143,19 @@ def test_the_sentence_names_the_offset_that_is_no_chance() -> None:
     found = {'angle': (-7e-6, 6e-6), 'offset_x': (9e-8, 2.4e-7), 'offset_y': (-7.6e-7, 1.9e-7)}
     said = effect_sentence('tracker_misalignment', found)
     assert said.endswith('; the angle may be zero; with offset y \u22120.76 ± 0.19 µm')
+
+
+def test_a_parameter_that_nothing_shows_is_said_to_be_unseen() -> None:
+    rocks = {
+        'frequency': (25.0, 0.1),
+        'damping': (0.04, 0.01),
+        'mass_ratio': (0.0, 0.0),
+        'table_share': (-1.2, 0.1),
+    }
+    assert not_seen('structural_resonance.x', rocks) == ['mass_ratio']
+    assert 'mass ratio not seen' in parameter_words('structural_resonance.x', rocks)
+    assert 'not seen: mass ratio' in effect_sentence('structural_resonance.x', rocks)
+    seen = rocks | {'mass_ratio': (0.0, 0.02)}
+    assert not_seen('structural_resonance.x', seen) == []
+    read = {'factor': (-1.0, 1e-9), 'magnitude': (0.0, 0.0)}
+    assert not_seen('effort_convention.x', read) == []

@@ -81,6 +81,20 @@ def surer(
     return out
 
 
+def not_seen(name: str, values: dict[str, tuple[float, float]]) -> list[str]:
+    """Parameters that no part of the session shows: neutral, and without a deviation.
+
+    What an effect of the sensor link says is read from the record itself, and exact.
+    """
+    if link_of(name) == 'sensor':
+        return []
+    return [
+        p.name
+        for p in effect_of(name).parameters
+        if p.fitted and not p.nuisance and values.get(p.name) == (p.neutral, 0.0)
+    ]
+
+
 def plain_values(
     parameters: dict[str, dict[str, tuple[float, float]]],
 ) -> dict[str, dict[str, float]]:

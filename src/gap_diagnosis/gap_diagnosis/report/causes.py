@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gap_diagnosis.evidence.describe import not_seen
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.report.words import status_words
 from gap_diagnosis.result import Diagnosis
@@ -23,8 +24,11 @@ def parameter_words(effect: str, parameters: Parameters) -> str:
     """*width 7.98 ± 0.05 µm*, for each parameter of an effect."""
     definition = EFFECTS.get(split_effect(effect)[0])
     units = {p.name: p.unit for p in definition.parameters} if definition else {}
+    unseen = not_seen(effect, parameters) if definition else []
     return ', '.join(
-        f'{parameter_name(name)} {with_std(value, std, units.get(name, ""))}'
+        f'{parameter_name(name)} not seen'
+        if name in unseen
+        else f'{parameter_name(name)} {with_std(value, std, units.get(name, ""))}'
         for name, (value, std) in parameters.items()
     )
 
@@ -54,6 +58,8 @@ def effect_sentence(effect: str, parameters: Parameters) -> str:
         and abs(parameters[p.name][0]) >= 1.96 * parameters[p.name][1]
     }
     said = [f'the {parameter_name(name)} may be zero' for name in unsure]
+    unseen = [parameter_name(name) for name in not_seen(effect, parameters)]
+    said += [f'not seen: {", ".join(unseen)}'] if unseen else []
     said += [f'with {words}' for words in [parameter_words(effect, beside)] if words]
     return '; '.join([definition.says(known), *said])
 

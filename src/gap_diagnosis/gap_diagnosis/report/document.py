@@ -61,17 +61,11 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         'law': [_law(law) for law in diagnosis.laws],
         'noise': _noise(diagnosis),
         'warnings': diagnosis.warnings,
-        **(_without_forces(diagnosis) if diagnosis.drives else {}),
+        'not_identifiable': forces.not_identifiable(diagnosis),
+        **({'without_forces': forces.as_dict(diagnosis)} if diagnosis.drives else {}),
         **({'simulated': ', '.join(diagnosis.simulators)} if diagnosis.simulators else {}),
         **({} if diagnosis.model is None else {'model': diagnosis.model.as_dict()}),
         **({} if diagnosis.experiment is None else {'experiment': as_entry(diagnosis.experiment)}),
-    }
-
-
-def _without_forces(diagnosis: Diagnosis) -> dict[str, Any]:
-    return {
-        'not_identifiable': forces.not_identifiable(diagnosis),
-        'without_forces': forces.as_dict(diagnosis),
     }
 
 

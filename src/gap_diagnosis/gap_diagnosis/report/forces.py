@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from gap_diagnosis.evidence.describe import not_seen
 from gap_diagnosis.residuals.without_forces import NOT_TOLD, lost_drive
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
@@ -16,11 +17,15 @@ _OVER_MASS = {'N': 'm/s²', 'N·s/m': '1/s', 'N/m': '1/s²', 'N/m³': '1/(m·s)�
 
 
 def not_identifiable(diagnosis: Diagnosis) -> list[dict[str, str]]:
-    """Effects that only a recorded force would show, with the reason."""
+    """Effects that only a recorded force would show, and parameters that nothing shows."""
     return [
         {'effect': f'{effect}.{axis}', 'reason': f'no effort recorded: {reason}'}
         for axis in diagnosis.drives
         for effect, reason in NOT_TOLD.items()
+    ] + [
+        {'effect': name, 'parameter': parameter, 'reason': 'the session shows none of it'}
+        for name in diagnosis.accepted
+        for parameter in not_seen(name, diagnosis.parameters[name])
     ]
 
 
