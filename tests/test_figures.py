@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+DOCS_FIGURES = runpy.run_path(str(ROOT / 'tools' / 'docs_figures.py'))
 TOOL = runpy.run_path(str(ROOT / 'tools' / 'printed.py'))
 PLACES = list(TOOL['places']())
 NUMBER = re.compile(r'(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?')
@@ -63,3 +64,12 @@ def test_every_table_of_the_papers_is_written() -> None:
     papers = (ROOT / 'docs' / 'results' / 'papers.md').read_text(encoding='utf-8')
     written = [found[3] for _, found in PLACES if found.string == papers]
     assert sum(text.count('\n') + 1 for text in written) == len(re.findall(r'^\|', papers, re.M))
+
+
+def test_the_example_names_what_the_emulated_machine_has() -> None:
+    page = (ROOT / 'docs' / 'guide' / 'diagnosis_reading.md').read_text(encoding='utf-8')
+    table = page.partition('| planted |')[2].partition('\n\n')[0].splitlines()[2:]
+    rows = [line.strip('| ').split(' | ') for line in table]
+    shown = {(effect, name): value for effect, name, value, _ in rows if value != 'not planted'}
+    assert shown
+    assert shown.items() <= DOCS_FIGURES['planted']().items()

@@ -16,19 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from stage_bringup.table import heldout_rows
-from stage_core.wording import effect_words, parameter_name, with_std
+from stage_core.twin_file import TwinFile
+from stage_core.wording import effect_words, parameter_name, scaled, with_std
+from stage_twin.effects import effect_of
 
 ROOT = Path(__file__).resolve().parents[1]
-#: What `ros_ws/config/twin_reality.yaml` has, by effect and parameter.
-PLANTED = {
-    ('coulomb_friction.x', 'coulomb'): '6 N',
-    ('coulomb_friction.x', 'presliding'): '2 µm',
-    ('backlash.x', 'width'): '8 µm',
-    ('cyclic_pitch_error.y', 'period'): '10 mm',
-    ('cyclic_pitch_error.y', 'amplitude'): '3 µm',
-    ('cyclic_pitch_error.y', 'phase'): '0.7 rad',
-    ('nonorthogonality', 'angle'): '80 µrad',
-}
 #: Pages of the guide with a line that the session prints, and the step that it is of.
 STEPS = {
     'calibrate.md': 'calibrator',
@@ -81,8 +73,20 @@ def _code(lines: list[str]) -> str:
     return '\n'.join(f'    {line}'.rstrip() for line in lines)
 
 
+def planted() -> dict[tuple[str, str], str]:
+    """What the emulated machine of a session has, by effect and parameter, as a reader says it."""
+    out = {}
+    machine = TwinFile.load(ROOT / 'ros_ws' / 'config' / 'twin_reality.yaml')
+    for effect, values in machine.effects.items():
+        for name, value in values.items():
+            factor, symbol = scaled(value, effect_of(effect).parameter(name).unit)
+            out[effect_words(effect), parameter_name(name)] = f'{factor * value:g} {symbol}'
+    return out
+
+
 def example(folder: Path) -> str:
     """What was planted in the emulated machine and what was found."""
+    given = planted()
     report = json.loads((folder / 'diagnosis' / 'report.json').read_text())
     lines = ['| effect | parameter | planted | found |', '|---|---|---|---|']
     for cause in report['causes']:
@@ -90,9 +94,9 @@ def example(folder: Path) -> str:
         if effect in report['verdict']:
             for name, found in cause['parameters'].items():
                 value = with_std(found['value'], found['std'], found['unit'])
-                planted = PLANTED.get((effect, name), 'not planted')
-                words = parameter_name(name)
-                lines.append(f'| {effect_words(effect)} | {words} | {planted} | {value} |')
+                words = (effect_words(effect), parameter_name(name))
+                row = [*words, given.get(words, 'not planted'), value]
+                lines.append(f'| {" | ".join(row)} |')
     return '\n'.join(lines)
 
 
