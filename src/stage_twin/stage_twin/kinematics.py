@@ -22,14 +22,11 @@ class CarriedPath:
     Attributes
     ----------
     table : (n, n_axes)
-    temperatures : (n, n_axes)
-        Screw temperatures [degC].
     tracker_stamps : (m,), tracker_points : (m, 3)
         As in :class:`stage_twin.simulate.SimulationResult`.
     """
 
     table: np.ndarray
-    temperatures: np.ndarray
     tracker_stamps: np.ndarray
     tracker_points: np.ndarray
 
@@ -79,7 +76,6 @@ def carry(
     temperatures: np.ndarray | None = None,
     seed: int = 0,
     tracker_times: np.ndarray | None = None,
-    noise: bool = True,
 ) -> CarriedPath:
     """Carry a motor path to the table and the tracker, for a twin of any kind.
 
@@ -87,7 +83,7 @@ def carry(
     ----------
     motor : (n, n_axes)
         Encoder or motor steps [m] at the twin's control period.
-    temperatures, seed, tracker_times, noise
+    temperatures, seed, tracker_times
         As in :func:`stage_twin.simulate.simulate`.
 
     Raises
@@ -103,5 +99,5 @@ def carry(
         recorded = columns('temperatures', temperatures, motor.shape[0], arrays)
         rise = recorded - twin.temperature_reference
     table_path(arrays.axes, arrays.common, motor, played, rise, table)
-    stamps, points = measure(twin, arrays, table, tracker_times, seed, noise)
-    return CarriedPath(table, rise + twin.temperature_reference, stamps, points)
+    stamps, points = measure(twin, arrays, table, tracker_times, seed, True)
+    return CarriedPath(table, stamps, points)

@@ -44,14 +44,12 @@ class MeasuredForceResult:
 
     Attributes
     ----------
-    times : (n,)
     encoder, velocity
         Simulated motor position and velocity, restarted at every window.
     force : recorded force [N].
     required : force that the model needs for the recorded motion [N].
     """
 
-    times: np.ndarray
     encoder: np.ndarray
     velocity: np.ndarray
     force: np.ndarray
@@ -153,7 +151,6 @@ def simulate_measured_force(
         velocity,
     )
     return MeasuredForceResult(
-        times=np.arange(position.shape[0]) * arrays.period,
         encoder=simulated,
         velocity=velocity,
         force=force,
