@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from calibrator.lolimot import LocalLinearTree, grow, halves
+from calibrator.lolimot import grow, halves
 from stage_core.errors import StageError
 
 # Eq. 11c of paper 5, columns slope and offset.
 PRINTED = [[-0.0470, 0.0295], [-0.0285, 0.0250], [-0.0137, 0.0173]]
-CENTRES = [0.125, 0.375, 0.75]
+EDGES = [0.0, 0.25, 0.5, 1.0]
 
 
 def example(samples=2001):
@@ -20,7 +20,7 @@ def test_weights_of_the_paper_to_every_printed_digit():
     u, y = example()
     tree = grow(u, y, models=3, overlap=0.1, penalty=None)[-1]
     np.testing.assert_array_equal(np.round(tree.weights[:, ::-1], 4), PRINTED)
-    np.testing.assert_allclose(tree.centres[:, 0], CENTRES)
+    np.testing.assert_allclose([*tree.low[:, 0], tree.high[-1, 0]], EDGES)
 
 
 def test_first_steps_of_the_paper_are_not_those_of_any_fit():
@@ -48,7 +48,7 @@ def test_a_plane_needs_one_model_and_a_kink_more():
     np.testing.assert_allclose(plane[0].weights, [[1.0, 2.0, -3.0]], atol=1e-3)
     kink = grow(u, np.abs(u[:, 0]) + noise, overlap=0.1)
     assert 2 <= len(kink[-1].low) <= 15
-    np.testing.assert_allclose(sorted(kink[1].centres[:, 0]), [-0.5, 0.5], atol=0.02)
+    np.testing.assert_allclose(sorted(kink[1].low[:, 0]), [-1.0, 0.0], atol=0.02)
 
 
 def test_splitting_all_is_never_worse_per_step():
@@ -63,7 +63,5 @@ def test_halves_tile_the_cell():
     low, high = halves(np.array([[0.0, 0.0]]), np.array([[2.0, 4.0]]), 0, 1)
     np.testing.assert_array_equal(low, [[0, 0], [0, 2]])
     np.testing.assert_array_equal(high, [[2, 2], [2, 4]])
-    tree = LocalLinearTree(low, high, np.zeros((2, 3)), 0.2)
-    np.testing.assert_array_equal(tree.centres, [[1, 1], [1, 3]])
     with pytest.raises(StageError, match='too few'):
         grow(np.zeros((2, 2)), np.zeros(2))

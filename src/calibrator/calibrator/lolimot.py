@@ -37,11 +37,6 @@ class LocalLinearTree:
     weights: Array
     overlap: float
 
-    @property
-    def centres(self) -> Array:
-        """Centres of the rectangles, (M, inputs)."""
-        return 0.5 * (self.low + self.high)
-
     def validity(self, inputs: ArrayLike) -> Array:
         """Normalised Gaussian validity functions of eqs. 8 and 9, (n, M), rows sum to one."""
         return validity(np.asarray(inputs, dtype=float), self.low, self.high, self.overlap)
