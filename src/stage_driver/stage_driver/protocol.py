@@ -67,8 +67,6 @@ class Alert:
 
     device: int
     axis: int
-    busy: bool
-    flag: str
     data: str
     unfinished: bool = False
 
@@ -152,8 +150,8 @@ def decode_answer(line: bytes) -> Answer:
         raise ProtocolError(f'not an answer of a Zaber ASCII device: {line[:60]!r}')
     kind, device, axis, rest = prefix[1], int(prefix[2]), int(prefix[3]), prefix[4] or ''
     if kind == '!':
-        busy, flag, data = _status(rest, line)
-        return Alert(device, axis, busy, flag, data, unfinished)
+        *_, data = _status(rest, line)
+        return Alert(device, axis, data, unfinished)
     message_id = None
     if numbered := _ID.match(rest):
         message_id, rest = int(numbered[1]), numbered[2] or ''
