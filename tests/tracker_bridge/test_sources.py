@@ -127,7 +127,7 @@ def test_the_public_clients_sequence_is_answered():
             assert client.ask(*command).status == tpi.ResultStatus.OK
         assert client.ask(tpi.Command.START_MEASUREMENT).status == tpi.ResultStatus.BUSY
         assert len(client.ask(tpi.Command.GET_SYSTEM_STATUS).payload) == 40
-        assert tpi.decode_reflectors(client.ask(tpi.Command.GET_REFLECTORS))[0] == 1
+        assert len(client.ask(tpi.Command.GET_REFLECTORS).payload) == 84
         assert client.ask(999).status == tpi.ResultStatus.NOT_IMPLEMENTED
         wrong = client.ask(tpi.Command.SET_UNITS, 99, 0, 0, 0, 0)
         assert wrong.status == tpi.ResultStatus.WRONG_PARAMETER

@@ -92,12 +92,13 @@ def test_multi_2_keeps_covariances():
     assert np.array_equal(decoded.points, points)
 
 
-def test_reflector_answer_round_trip():
+def test_reflector_answer_has_its_fields():
     data = tpi.encode_reflectors(3, 1, -0.019, 'RRR 1.5in')
     assert len(data) == 100
     answer = tpi.decode(data)
     assert isinstance(answer, tpi.Answer)
-    assert tpi.decode_reflectors(answer) == (3, 1, -0.019, 'RRR 1.5in')
+    assert struct.unpack_from('<iiid', answer.payload) == (1, 3, 1, -0.019)
+    assert answer.payload[20:].decode('utf-16-le').rstrip('\0') == 'RRR 1.5in'
 
 
 def test_reflector_position_round_trip():

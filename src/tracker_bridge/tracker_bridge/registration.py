@@ -32,18 +32,14 @@ class Registration:
         Root mean square of the residuals' lengths [m].
     rotation_std
         Standard deviations from the residuals, about x, y, z [rad].
-    planar
-        Eq. 24 of paper 1: (2, 3) matrix Tr with p_tracker = Tr · (x, y, 1), stage to tracker,
-        with scale and skew free.
     planar_rms
-        Root mean square of what `planar` leaves [m].
+        Root mean square of what eq. 24 of paper 1 leaves, with scale and skew free [m].
     """
 
     transform: RigidTransform
     residuals: Array
     rms: float
     rotation_std: Array
-    planar: Array
     planar_rms: float
 
     def summary(self) -> str:
@@ -62,7 +58,7 @@ def _rms(residuals: Array) -> float:
 
 
 def fit_planar(stage: Array, tracker: Array) -> Array:
-    """Least-squares matrix Tr (2, 3) of eq. 24 of paper 1 from (n, 2) stage and tracker points."""
+    """Matrix Tr (2, 3) of eq. 24 of paper 1, p_tracker = Tr · (x, y, 1), by least squares."""
     design = np.column_stack([stage[:, :2], np.ones(len(stage))])
     solution, *_ = np.linalg.lstsq(design, tracker[:, :2], rcond=None)
     return np.asarray(solution.T)
@@ -105,4 +101,4 @@ def register(tracker: ArrayLike, stage: ArrayLike) -> Registration:
     deviations = np.sqrt(variance * np.diag(np.linalg.inv(flat.T @ flat)))
     planar = fit_planar(target, source)
     left = source[:, :2] - (target[:, :2] @ planar[:, :2].T + planar[:, 2])
-    return Registration(transform, residuals, _rms(residuals), deviations[:3], planar, _rms(left))
+    return Registration(transform, residuals, _rms(residuals), deviations[:3], _rms(left))

@@ -66,7 +66,6 @@ __all__ = [
     'TpiError',
     'decode',
     'decode_command',
-    'decode_reflectors',
     'encode_answer',
     'encode_command',
     'encode_error',
@@ -160,15 +159,6 @@ def encode_reflectors(identifier: int, kind: int, surface_offset: float, name: s
     text = name[:32].encode('utf-16-le').ljust(64, b'\0')[:64]
     payload = struct.pack('<iiid', 1, identifier, kind, surface_offset) + text
     return encode_answer(Command.GET_REFLECTORS, ResultStatus.OK, payload)
-
-
-def decode_reflectors(answer: Answer) -> tuple[int, int, float, str]:
-    """Return (id, type, surface offset, name) of a GetReflectors answer."""
-    if len(answer.payload) < 84:
-        raise TpiError('GetReflectors answer is too short: check that this port speaks TPI')
-    _, identifier, kind, offset = struct.unpack_from('<iiid', answer.payload)
-    name = answer.payload[20:84].decode('utf-16-le', errors='replace').split('\0')[0]
-    return identifier, kind, offset, name
 
 
 def _multi(body: bytes, record: np.dtype) -> MultiMeasurement:
