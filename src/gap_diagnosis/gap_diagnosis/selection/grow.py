@@ -18,19 +18,20 @@ OF_NOISE_GROWN = 2e-3
 def grow(selector: Selector, fit: Fit, names: list[str]) -> Fit:
     """Effects in as rich a shape as held-out data bear: harmonics, orders of a curve.
 
-    An order that alone gains nothing may do so with later ones: all are tried.
+    An order that alone gains nothing may do so with later ones: all are tried. Where one ends at
+    parameters that no machine has, the next is searched anew.
     """
     terms = selector.problem.terms
     for name in names:
-        plain, theta = terms[name], fit.thetas[name]
+        plain, theta, lost = terms[name], fit.thetas[name], False
         while (richer := terms[name].richer) is not None:
             terms[name] = richer()
-            if len(terms[name].lower) > len(theta):
+            if lost or len(terms[name].lower) > len(theta):
                 others = {n: t for n, t in fit.thetas.items() if n != name}
                 theta = selector.regression.warm_start(selector.regression.linear(others), name)
             trial = selector.regression.refine({**fit.thetas, name: theta}, [name], rounds=8)
-            theta = trial.thetas[name]
-            if _worth_it(selector, fit, trial) and selector.admissible(trial, name):
+            theta, lost = trial.thetas[name], not selector.admissible(trial, name)
+            if not lost and _worth_it(selector, fit, trial):
                 fit, plain = trial, terms[name]
         terms[name] = plain
     return fit
