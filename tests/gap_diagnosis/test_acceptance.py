@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gap_diagnosis.evidence.acceptance import Shrink, Sides, refuted, shrink_of
+from gap_diagnosis.evidence.acceptance import Shrink, Sides, refuted, shows, shrink_of
 
 PLAY = {'width': (8e-6, 1e-7)}
 
@@ -66,3 +66,15 @@ def test_what_the_noise_hides_is_no_error_of_the_table(closed: float, stands: bo
     left = np.full(6000, 1e-12)
     sides = {'tracker.x': Sides(left * (1.0 + closed), left, 'm', 1e-6)}
     assert shrink_of('cyclic_pitch_error.x', sides, seed=0).matters is stands
+
+
+def test_noise_that_the_loop_answers_is_no_structure() -> None:
+    rng = np.random.default_rng(3)
+    noise = rng.normal(0.0, 0.55e-6, 20_000)
+    answered = noise + 0.5 * np.convolve(noise, np.ones(8) / 8.0, mode='same')
+    floor = 1e-6 / np.sqrt(12.0)
+    assert np.sqrt(np.mean(answered**2)) > 1.9 * floor
+    assert not shows(answered, floor)
+    slow = 0.8e-6 * np.sin(2.0 * np.pi * 5.0 * 1e-3 * np.arange(20_000))
+    assert shows(slow + noise, floor)
+    assert not shows(0.2 * slow, floor)

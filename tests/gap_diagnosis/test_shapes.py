@@ -115,3 +115,9 @@ def test_a_viscous_friction_that_grows_with_the_speed(planted: Maker) -> None:
     found = diagnose([planted({'viscous_friction.x': truth})], [], ALONE)
     assert found.verdict == ['viscous_friction.x']
     assert_told(found, 'viscous_friction.x', truth)
+
+
+def test_a_rotor_of_seven_times_the_mass(planted: Maker) -> None:
+    found = diagnose([planted({'inertia_mismatch.x': {'ratio': 7.0}})], [], ALONE)
+    assert found.verdict == ['inertia_mismatch.x']
+    assert_told(found, 'inertia_mismatch.x', {'ratio': 7.0})

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from gap_diagnosis.closed_loop.channels import Channel, without_cause
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import (
@@ -106,7 +108,7 @@ def shown_by_encoder(
     if any(misreads(n) for n in accepted if split_effect(n)[1] == axis):
         left = encoder.rms('after') ** 2 - floor**2
         return left > judge.SERVO_STRUCTURE * encoder.rms('before') ** 2
-    return shows(encoder.rms('after'), floor)
+    return shows(np.concatenate(encoder.after), floor)
 
 
 def _judged(name: str, parts: list[Part]) -> bool:

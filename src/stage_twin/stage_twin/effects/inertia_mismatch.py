@@ -6,10 +6,13 @@ from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.term import Term, constant
 
+#: Of the nominal mass: a rotor behind a screw of 2 mm moves as ten times its carriage.
+MOST = 30.0
+
 EFFECT = Effect(
     name='inertia_mismatch',
     link='servo',
-    parameters=(Parameter('ratio', '', -0.8, 3.0, 0.1, 'moving mass = mass * (1 + ratio)'),),
+    parameters=(Parameter('ratio', '', -0.8, MOST, 0.1, 'moving mass = mass * (1 + ratio)'),),
     model='A payload or a rotor that the nominal mass leaves out. Janot, Gautier, Brunot, EMPS '
     '(2019), inverse dynamic model.',
     sentence='the moving mass differs from the nominal one by {ratio} of it',
@@ -29,5 +32,5 @@ def term(rows: ForceRows) -> Term:
     return Term(
         constant(signal),
         lambda theta, c: {'ratio': float(c[0])},
-        admissible=lambda theta, c: -0.8 < c[0] < 3.0,
+        admissible=lambda theta, c: -0.8 < c[0] < MOST,
     )
