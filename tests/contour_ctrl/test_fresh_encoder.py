@@ -14,6 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 
 from contour_ctrl.contour_parameters import PARAMETERS
+from contour_ctrl.phases import SetPoint
 from contour_ctrl.streaming_node import StreamingNode
 from stage_core import topics
 from stage_core.ros.client_node import GraphClient
@@ -35,7 +36,7 @@ class AskedRun:
     def __init__(self) -> None:
         self.stamps: list[int] = []
 
-    def begin(self, stamp: int) -> None:
+    def begin(self, stamp: int) -> SetPoint | None:
         """Nothing to publish."""
 
     def on_state(self, stamp: int, qx: float, qy: float) -> None:

@@ -64,6 +64,7 @@ class StreamingNode(StageNode):
         self._missed_before = 0
         self._first_seen = False
         self._begun = False
+        self._opening: SetPoint | None = None
         self._costs = np.zeros(4096)
         self._reader = JointStateReader()
         self._both = JointStateLayout(topics.STAGE_FRAME, AXES, (2, 2, 0))
@@ -221,7 +222,7 @@ class StreamingNode(StageNode):
         if not self._first_seen:
             limit = max(limit, FIRST_MESSAGE_TIMEOUT)
         # A run that goes on is left alone: whoever answers its ticks must not find it locked.
-        if not self._begun or course.waits_for_quiet or silence > limit:
+        if not self._first_seen or course.waits_for_quiet or silence > limit:
             with self._lock:
                 self._guard_run(course, silence, limit)
 
@@ -233,7 +234,8 @@ class StreamingNode(StageNode):
             if self._setpoints.get_subscription_count() > 0:
                 self._begun = True
                 self._arrived = time.monotonic()
-                self._publish(course.begin(self.get_clock().now().nanoseconds))
+                self._opening = course.begin(self.get_clock().now().nanoseconds)
+                self._publish(self._opening)
             elif silence > FIRST_MESSAGE_TIMEOUT:
                 self._fault(f'nobody listens to {topics.SETPOINT}: is stage_driver running?')
         elif course.waits_for_quiet:
@@ -241,6 +243,9 @@ class StreamingNode(StageNode):
                 self._publish(course.world_is_quiet())
         elif silence > limit:
             self._fault(course.silence(silence))
+        elif not self._first_seen:
+            # Whoever listened may have been a recorder alone; the driver takes it only once.
+            self._publish(self._opening)
 
     def _fault(self, reason: str) -> None:
         with self._lock:
