@@ -40,6 +40,9 @@ QUIET_TIME = 0.5
 DRIVER = 'stage_driver'
 #: Without a first message of the encoder for this wall time no run starts [s].
 FIRST_MESSAGE_TIMEOUT = 10.0
+#: Without one for this wall time the first set-point is said again [s]: a stage that has heard it
+#: answers within milliseconds.
+UNHEARD = 2.0
 
 #: Real time: a controller that is behind leaves out what is older, as a set-point for it would
 #: look like a following error. 5 ms are 1 mm at the default speed limit; 2 mm are a fault.
@@ -243,7 +246,7 @@ class StreamingNode(StageNode):
                 self._publish(course.world_is_quiet())
         elif silence > limit:
             self._fault(course.silence(silence))
-        elif not self._first_seen:
+        elif not self._first_seen and silence > UNHEARD:
             # Whoever listened may have been a recorder alone; the driver takes it only once.
             self._publish(self._opening)
 
