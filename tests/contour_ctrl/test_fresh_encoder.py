@@ -50,6 +50,21 @@ class Patient(StreamingNode):
         return math.inf
 
 
+def waiting(
+    client: GraphClient, executor: SingleThreadedExecutor
+) -> Callable[[Callable[[], object], str], None]:
+    """Wait for a condition while the client and the controller's executor both go on."""
+
+    def until(condition: Callable[[], object], what: str) -> None:
+        def goes_on() -> bool:
+            executor.spin_once(0.01)
+            return bool(condition())
+
+        client.wait_for(goes_on, PATIENCE, what)
+
+    return until
+
+
 def test_a_controller_that_was_held_up_answers_the_newest_ticks(ros_env: dict[str, str]) -> None:
     with GraphClient('encoder', use_sim_time=False) as client:
         node, run = Patient('controller', PARAMETERS), AskedRun()
@@ -61,13 +76,7 @@ def test_a_controller_that_was_held_up_answers_the_newest_ticks(ros_env: dict[st
         def publish(stamp: int) -> None:
             states.publish(joint_state(stamp, ('x', 'y'), (0.0, 0.0), (0.0, 0.0)))
 
-        def until(condition: Callable[[], object], what: str) -> None:
-            def goes_on() -> bool:
-                executor.spin_once(0.01)
-                return bool(condition())
-
-            client.wait_for(goes_on, PATIENCE, what)
-
+        until = waiting(client, executor)
         try:
             node.begin(run)  # type: ignore[arg-type]
             until(lambda: node._begun and states.get_subscription_count() > 0, 'the run')
