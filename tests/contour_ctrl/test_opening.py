@@ -13,7 +13,7 @@ from contour_ctrl.contour_parameters import PARAMETERS
 from contour_ctrl.phases import SetPoint
 from stage_core import topics
 from stage_core.ros.client_node import GraphClient
-from stage_core.ros.node import SETPOINT_QOS
+from stage_core.ros.node import SETPOINT_QOS, STATE_QOS
 
 from .test_fresh_encoder import AskedRun, Patient, waiting
 
@@ -35,17 +35,23 @@ def test_a_driver_that_joins_late_hears_the_opening_move(ros_env: dict[str, str]
         recorded: list[JointState] = []
         heard: list[JointState] = []
 
-        def listen(kept: list[JointState]) -> None:
-            client.node.create_subscription(JointState, topics.SETPOINT, kept.append, SETPOINT_QOS)
-
         until = waiting(client, executor)
         try:
-            listen(recorded)
+            recorder = client.node
+            recorder.create_subscription(
+                JointState, topics.SETPOINT, recorded.append, SETPOINT_QOS
+            )
+            until(lambda: node._setpoints.get_subscription_count() == 1, 'the recorder')
             node.begin(OpenedRun())  # type: ignore[arg-type]
+            with GraphClient('stage', use_sim_time=False) as stage:
+                stage.node.create_publisher(JointState, topics.JOINT_STATES, STATE_QOS)
+                stage.node.create_subscription(
+                    JointState, topics.SETPOINT, heard.append, SETPOINT_QOS
+                )
+                until(lambda: heard, 'the opening at the stage')
             until(lambda: recorded, 'the opening in the record')
-            listen(heard)
-            until(lambda: heard, 'the opening at the driver')
-            assert list(heard[0].position) == [0.01, 0.02]
+            assert [list(point.position) for point in heard] == [[0.01, 0.02]]
+            assert len(recorded) == 1
         finally:
             executor.shutdown()
             node.destroy_node()

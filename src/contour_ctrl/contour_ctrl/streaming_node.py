@@ -40,9 +40,6 @@ QUIET_TIME = 0.5
 DRIVER = 'stage_driver'
 #: Without a first message of the encoder for this wall time no run starts [s].
 FIRST_MESSAGE_TIMEOUT = 10.0
-#: Without one for this wall time the first set-point is said again [s]: a stage that has heard it
-#: answers within milliseconds.
-UNHEARD = 2.0
 
 #: Real time: a controller that is behind leaves out what is older, as a set-point for it would
 #: look like a following error. 5 ms are 1 mm at the default speed limit; 2 mm are a fault.
@@ -67,7 +64,6 @@ class StreamingNode(StageNode):
         self._missed_before = 0
         self._first_seen = False
         self._begun = False
-        self._opening: SetPoint | None = None
         self._costs = np.zeros(4096)
         self._reader = JointStateReader()
         self._both = JointStateLayout(topics.STAGE_FRAME, AXES, (2, 2, 0))
@@ -234,11 +230,10 @@ class StreamingNode(StageNode):
             return
         if not self._begun:
             # A set-point that nobody has subscribed to yet would be lost.
-            if self._setpoints.get_subscription_count() > 0:
+            if self._stage_listens():
                 self._begun = True
                 self._arrived = time.monotonic()
-                self._opening = course.begin(self.get_clock().now().nanoseconds)
-                self._publish(self._opening)
+                self._publish(course.begin(self.get_clock().now().nanoseconds))
             elif silence > FIRST_MESSAGE_TIMEOUT:
                 self._fault(f'nobody listens to {topics.SETPOINT}: is stage_driver running?')
         elif course.waits_for_quiet:
@@ -246,9 +241,15 @@ class StreamingNode(StageNode):
                 self._publish(course.world_is_quiet())
         elif silence > limit:
             self._fault(course.silence(silence))
-        elif not self._first_seen and silence > UNHEARD:
-            # Whoever listened may have been a recorder alone; the driver takes it only once.
-            self._publish(self._opening)
+
+    def _stage_listens(self) -> bool:
+        """Whether the node that says where the axes are takes set-points: no recorder alone."""
+        listeners = self.get_subscriptions_info_by_topic(topics.SETPOINT)
+        stages = self.get_publishers_info_by_topic(topics.JOINT_STATES)
+        named = [
+            {(at.node_namespace, at.node_name) for at in found} for found in (listeners, stages)
+        ]
+        return self._setpoints.get_subscription_count() > 0 and not named[0].isdisjoint(named[1])
 
     def _fault(self, reason: str) -> None:
         with self._lock:
