@@ -116,12 +116,12 @@ def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
     force = sides.get(f'force.{split_effect(name)[1]}')
     servo = link_of(name) == 'servo'
     least = LEAST_SHRINK if servo else 0.0
-    closes = _closes(positions, [s for n, s in sides.items() if n[-1] == name[-1]])
+    closes = _closes(positions, _gaps_of_axis(sides, name[-1]))
     own = _shrink(moved, least, worse, seed, closes)
     seen = replace(_shrink(positions, least, worse, seed, closes), own=own)
     if seen.matters or force is None or not servo:
         return seen
-    taken_up = _shrink([force], LEAST_SHRINK, worse, seed, _closes([force], [force]))
+    taken_up = _shrink([force], LEAST_SHRINK, worse, seed, _closes([force], [_gap(force)]))
     return taken_up if taken_up.matters else seen
 
 
@@ -130,11 +130,25 @@ def shrink_in_balance(without: Array, with_it: Array, floor: float, seed: int) -
     return _shrink([Sides(without, with_it, 'N', floor)], LEAST_SHRINK, (), seed)
 
 
-def _closes(moved: Sequence[Sides], axis: Sequence[Sides]) -> float:
-    """What an effect closes of channels as a share of the squared gap of those of its axis."""
+def _closes(moved: Sequence[Sides], gaps: Sequence[float]) -> float:
+    """What an effect closes of channels as a share of the squared gaps of those of its axis."""
     closed = sum(float(s.without.mean() - s.with_it.mean()) for s in moved)
-    gap = sum(max(s.nominal - s.floor**2, 0.0) for s in axis if s.unit == moved[0].unit)
-    return closed / gap if gap > 0.0 else 1.0
+    return closed / sum(gaps) if sum(gaps) > 0.0 else 1.0
+
+
+def _gaps_of_axis(sides: Mapping[str, Sides], axis: str) -> list[float]:
+    """Squared gaps [m^2] of an axis: the encoder's, and what the tracker can see of it.
+
+    Whatever else the tracker shows is of other links: a latency hides no wrong mass.
+    """
+    gaps = {n: _gap(s) for n, s in sides.items() if s.unit == 'm' and n[-1] == axis}
+    most = gaps.get(f'encoder.{axis}', np.inf)
+    return [min(gap, most) for gap in gaps.values()]
+
+
+def _gap(side: Sides) -> float:
+    """Squared gap of a channel above its floor."""
+    return max(side.nominal - side.floor**2, 0.0)
 
 
 def _shrink(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from gap_diagnosis.input.data import Record, nominal_mass
+from gap_diagnosis.residuals.late_ticks import forces_as_held
 from gap_diagnosis.residuals.nominal import Prediction
 from gap_diagnosis.residuals.operators import (
     band_limited,
@@ -131,13 +132,13 @@ class ForceRows:
 
     def _prepare(self, record: Record) -> dict[str, Array]:
         i = record.column(self.axis)
-        q, force, period = record.encoder[:, i], record.force[:, i], record.period
+        q, period = record.encoder[:, i], record.period
         velocity = central_difference(q, period)
         # The path for friction and ripple: quantisation removed, no overshoot at reversals.
         path = smooth(q, period, 60.0)
         return {
             'q': q,
-            'force': force,
+            'force': forces_as_held(record, i, self.mass, self.viscous),
             'v': velocity,
             'a': second_difference(q, period),
             'a_limited': band_limited(second_difference(q, period), period),

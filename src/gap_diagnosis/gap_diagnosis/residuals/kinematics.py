@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import Record, held_out_windows, inside, motion_step
+from gap_diagnosis.residuals.late_ticks import read_in_time
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
 from gap_diagnosis.residuals.operators import (
     Spline,
@@ -43,7 +44,7 @@ class Kinematics:
     ) -> None:
         """`servo`: effects that the servo link was found to have."""
         self.servo = servo
-        self.records = [r for r in records if r.tracker is not None]
+        self.records = [read_in_time(r) for r in records if r.tracker is not None]
         self.twin = twin
         self.axes = self.records[0].axes
         self.axis = ''  # of the effect in question; empty for the machine as a whole

@@ -20,6 +20,7 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import LEAST_JITTER, jitter_finding
 from gap_diagnosis.residuals.controller import (
     Parameters,
+    fit_law,
     force_increments,
     quiet,
     velocity_law,
@@ -164,9 +165,29 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Paramete
     # A loop whose gain has the other sign would run away.
     if factor < 0.0:
         return values, True
+    if not _scales_both(judged, i, axis, efforts):
+        return {}, False
     moved = max(_moved_by(judged, i, axis, efforts) / factor, 1e-300)
     told = abs(math.log(moved)) < NEARER * abs(math.log(factor))
     return values, told and any(r.moving[i] for r in judged)
+
+
+def _scales_both(records: list[Record], i: int, axis: ServoAxis, efforts: list[Array]) -> bool:
+    """Whether both gains of the velocity loop differ by one factor, as another unit makes them."""
+    if axis.integral_gain == 0.0:
+        return True
+    column = np.arange(records[0].force.shape[1]) == i
+    read = [
+        replace(r, force=np.where(column, e[:, None], r.force))
+        for r, e in zip(records, efforts, strict=True)
+    ]
+    peak = max(float(np.abs(effort).max()) for effort in efforts)
+    law = fit_law(read, i, replace(axis, force_limit=peak))
+    (gain, gain_std), (integral, integral_std) = (
+        law.error(axis, name) for name in ('velocity_gain', 'integral_gain')
+    )
+    least = max(LEAST_UNIT * abs(1.0 + gain), 3.0 * math.hypot(gain_std, integral_std))
+    return abs(gain - integral) < least
 
 
 def _increments(record: Record, i: int, axis: ServoAxis, effort: Array) -> tuple[Array, Array]:

@@ -302,9 +302,14 @@ class Selector:
         return accepted, base
 
     def without_effect(self, fit: Fit, name: str) -> Fit:
-        """The set with one effect less, all others refined."""
+        """The set with one effect less, all others refined where that leaves a machine.
+
+        Another one that takes its place at parameters that no machine has keeps its own instead.
+        """
         kept = {n: t for n, t in fit.thetas.items() if n != name}
-        return self.regression.refine(kept, list(kept), rounds=6)
+        less = self.regression.refine(kept, list(kept), rounds=6)
+        possible = all(self.admissible(less, n) for n in kept)
+        return less if possible else self.regression.linear(kept)
 
     def prune(self, accepted: list[str], fit: Fit) -> tuple[list[str], Fit, dict[str, Evidence]]:
         """Leave one out, the weakest first, until each one counts."""
