@@ -11,6 +11,7 @@ import pytest
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.input.noise import AxisNoise, Noise
 from gap_diagnosis.residuals.late_ticks import forces_as_held, read_in_time
+from gap_diagnosis.residuals.operators import smooth
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 
@@ -23,8 +24,8 @@ MASS, VISCOUS = 12.0, 40.0
 def scattered(acts_late: bool) -> tuple[Record, np.ndarray]:
     """A drive on a sine that answers each misread position; its record and its true positions.
 
-    The motion is exact, so that the force of each tick is what it needs and a reaction to the
-    misread speed. A drive that acts late needs as much over the time for which its force is held.
+    The motion is exact: the forces are what it needs, and reactions to the misread speed. Where
+    the drive acts late, the controller's slow part takes up what those do over uneven ticks.
     """
     period, n = 1e-3, 20000
     t = period * np.arange(n)
@@ -37,7 +38,7 @@ def scattered(acts_late: bool) -> tuple[Record, np.ndarray]:
     held = 1.0 + np.diff(late, append=0.0) / period
     force = needed + reaction
     if acts_late:
-        force = force - np.mean(reaction * (held - 1.0) * v) / np.mean(v**2) * v
+        force = force - smooth(force * (held - 1.0), period, 10.0)
     noise = Noise((AxisNoise(1e-7, STD, 0.1, 1e-7),))
     return (
         Record(
