@@ -150,6 +150,8 @@ def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
     with GraphClient() as client:
         client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=keep)
         client.watch(JointState, topics.SETPOINT, SETPOINT_QOS)
+        # A contour begins once the stage listens: the node that publishes the joint states.
+        client.node.create_publisher(JointState, topics.JOINT_STATES, STATE_QOS)
         targets = client.node.create_publisher(JointState, topics.TARGET, SETPOINT_QOS)
         sensors = client.node.create_publisher(Temperature, topics.TEMPERATURE, STATE_QOS)
         client.wait_for_service('/calibrator/retrain', PATIENCE)

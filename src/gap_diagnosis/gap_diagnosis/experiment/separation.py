@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.selection.rivals import CLOSE
+
 Array = NDArray[np.float64]
 
 #: What a selection asks before it prefers one of two effects: a share of the noise's mean square
-#: (`Rules.of_noise` of the force balance) and of what the effect itself explains
-#: (`Selector.find_rivals`).
-OF_NOISE, OF_GAIN = 0.05, 0.05
+#: (`Rules.of_noise` of the force balance), beside a share of what the effect itself explains.
+OF_NOISE = 0.05
 
 
 @dataclass(frozen=True)
@@ -70,5 +71,5 @@ def _margin(difference: Array, one: Predicted, two: Predicted, common: Array) ->
         left = left - spread @ np.linalg.solve(gram, spread.T @ left)
     remaining = np.mean(left.reshape(difference.shape) ** 2, axis=1)
     gains = [np.mean((p.mean - common) ** 2, axis=1) for p in (one, two)]
-    asked = OF_NOISE + OF_GAIN * np.minimum(*gains)
+    asked = OF_NOISE + CLOSE * np.minimum(*gains)
     return float(np.max(remaining / asked))

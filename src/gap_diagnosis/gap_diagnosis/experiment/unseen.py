@@ -17,6 +17,7 @@ from gap_diagnosis.experiment.prediction import Predictor
 from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.result import Diagnosis
+from gap_diagnosis.selection.rivals import LEAST_OF_REST
 from stage_core.errors import StageError
 from stage_twin.effects import EFFECTS, effect_of
 
@@ -25,8 +26,6 @@ Values = dict[str, dict[str, float]]
 Parameters = dict[str, dict[str, tuple[float, float]]]
 
 ROUNDS = 4
-#: Share of the remainder that a rival has to explain (as `Selector.find_rivals` asks).
-LEAST_SHARE = 0.5
 
 
 def names(found: Diagnosis) -> list[str]:
@@ -51,7 +50,7 @@ def imitations(
             share, fitted = _fit(name, base, record.reference, target, predictor)
         except StageError:
             continue
-        if share > LEAST_SHARE:
+        if share > LEAST_OF_REST:
             yield share, name, {**rest, name: fitted}
 
 

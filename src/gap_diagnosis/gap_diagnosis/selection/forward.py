@@ -1,9 +1,8 @@
-"""Which effects: forward selection on held-out gain, leave-one-out, and rivals of each.
+"""Which effects: forward selection on held-out gain, and leave-one-out.
 
 A set grows by the effect whose joint fit gains most on rows that no fit has seen. An effect
 stays only while taking it out costs significantly (block bootstrap), while its parameters are
-physical, and while what it gains matters beside the noise and the gap. Effects that could take
-the place of an accepted one at no significant cost are its alternatives.
+physical, and while what it gains matters beside the noise and the gap.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ class Selector:
         self.passed: dict[str, Passed] = {}
 
     def select(self, first: Sequence[str] = ()) -> Selection:
-        """Run forward selection and pruning; rivals are left to `find_rivals`.
+        """Run forward selection and pruning; rivals are left to `rivals.find_rivals`.
 
         `first` are accepted before all others are tried; they too are left out if they can be.
         """
@@ -331,24 +330,3 @@ class Selector:
             accepted = [a for a in accepted if a != worst]
             fit = self.without_effect(fit, worst)
         return accepted, fit, {}
-
-    def find_rivals(self, accepted: list[str], fit: Fit, evidence: dict[str, Evidence]) -> None:
-        """Effects that do as well in the place of an accepted one."""
-        for name in accepted:
-            if name in self.rules.kept:
-                continue
-            less = self.without_effect(fit, name)
-            rest = max(less.mean_square(self.problem) - self.noise, 1e-300)
-            for rival in self.problem.terms:
-                if rival in accepted or self.barred(rival, [a for a in accepted if a != name]):
-                    continue
-                other = self.with_effect(less, rival)
-                if not self.admissible(other, rival):
-                    continue
-                loss = block_gains(self.problem, other, fit)
-                gained = float(block_gains(self.problem, less, other).mean())
-                holder = name.partition('.')[0] in effect_of(rival).holds
-                close = float(loss.mean()) < 0.05 * evidence[name].gain
-                low, _ = bootstrap_interval(loss, self.seed, level=self.rules.level)
-                if gained > 0.5 * rest and not holder and (close or low <= 0.0):
-                    evidence[name].alternatives.append(rival)

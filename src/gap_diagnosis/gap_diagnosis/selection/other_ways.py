@@ -11,6 +11,7 @@ from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
 from gap_diagnosis.selection.model import Selection
+from gap_diagnosis.selection.rivals import find_rivals
 
 #: Share of the gain of the effect that was taken from which on another one is tried instead. The
 #: scale error beside a yaw had 0.66; below 0.15 were effects that were not there (one session).
@@ -34,7 +35,7 @@ def select_best(selector: Selector) -> Selection:
         else:
             terms.update(shapes)
             selector.gap = gap
-    selector.find_rivals(best.accepted, best.fit, best.evidence)
+    find_rivals(selector, best.accepted, best.fit, best.evidence)
     return best
 
 
