@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stage_core.errors import StageError
@@ -136,6 +136,13 @@ def any_effects(draw):
 
 @settings(max_examples=60, deadline=None)
 @given(any_effects())
+# Half of the mass on the drive's side of a play, and half of it behind a spring.
+@example(
+    {
+        'structural_resonance.x': {'frequency': 1.0, 'mass_ratio': 0.5},
+        'drive_play.x': {'width': 0.0005, 'mass_ratio': 0.5},
+    }
+)
 def test_any_values_in_range_keep_the_stage_within_bounds(effects):
     slippery = [effects.get(n, {}) for n in ('viscous_friction.x', 'asymmetric_friction.x')]
     drives = any(value < 0.0 for values in slippery for value in values.values())

@@ -31,6 +31,7 @@ from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record, held_out_windows
 from gap_diagnosis.law.learn import learn
 from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
+from gap_diagnosis.residuals.reading import MISREADS, misreadings
 from gap_diagnosis.residuals.recording import jitter_findings
 from gap_diagnosis.residuals.tracker_jitter import tracker_jitter, tracker_speeds
 from gap_diagnosis.residuals.without_forces import widened
@@ -163,6 +164,16 @@ def _diagnose(
         for axis in before.moving_axes
     ]
     records, tracker = tracker_part(before, parts, seed, without, memory, progress)
+    for measured in tracker:
+        fit = measured.selection.fit
+        found = describe(measured.selection, measured.selector.regression)
+        known = {**direct, **{n: v for n, v in found.items() if n in misreadings(fit)}}
+        parts = [
+            servo_part(before, p.name[-1], known, seed, without, memory, progress, fit)
+            if f'{MISREADS}.{p.name[-1]}' in known
+            else p
+            for p in parts
+        ]
     parts += tracker
     parameters: dict[str, dict[str, tuple[float, float]]] = dict(direct)
     for part in parts:

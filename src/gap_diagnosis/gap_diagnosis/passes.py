@@ -25,7 +25,9 @@ from gap_diagnosis.residuals.measured_noise import (
     with_steps,
 )
 from gap_diagnosis.residuals.nominal import sensor_frame, with_counted_steps
+from gap_diagnosis.residuals.reading import motion_behind
 from gap_diagnosis.residuals.recording import in_newtons
+from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.residuals.unrecorded import with_laws
 from gap_diagnosis.residuals.without_forces import NOT_TOLD, lost_drive
@@ -231,10 +233,17 @@ def servo_part(
     without: Sequence[str],
     memory: Memory,
     progress: Progress,
+    reading: Fit | None = None,
 ) -> Part:
-    """The force balance of one axis."""
-    rows = memory.once(('rows', axis), lambda: Servo(before.records, before.stepped, axis))
-    problem = memory.once(('servo', axis), rows.problem)
+    """The force balance of one axis; `reading` is a fit that found its encoder to misread."""
+
+    def motion() -> Servo:
+        read = before.records if reading is None else motion_behind(before.records, axis, reading)
+        return Servo(read, before.stepped, axis)
+
+    key = (axis, '' if reading is None else repr((reading.thetas, reading.coefficients)))
+    rows = memory.once(('rows', *key), motion)
+    problem = memory.once(('servo', *key), rows.problem)
     barred = tuple(sorted(n for n in without if _concerns(n, list(problem.terms))))
 
     def fit() -> Part:
@@ -244,7 +253,7 @@ def servo_part(
         column = before.records[0].column(axis)
         return replace(part, row_axis=np.full(len(problem.target), column), rows=rows)
 
-    return memory.once(('servo', axis, barred, repr(direct)), fit)
+    return memory.once(('servo', *key, barred, repr(direct)), fit)
 
 
 def tracker_part(

@@ -86,20 +86,23 @@ class Cause:
         return 1.0 - self.gap_after / self.gap_before if self.gap_before > 0.0 else 0.0
 
 
-def structure(problem: Problem, everywhere: Array, modelled: Array, name: str) -> Structure:
+def structure(
+    problem: Problem, everywhere: Array, modelled: Array, answer: Array, name: str
+) -> Structure:
     """What of the residual is no noise.
 
     The tracker's noise is white: the mean of the autocovariance at the first three lags is what
-    a model could still predict. The force balance has a known noise (the encoder's steps): what
-    exceeds it is structure. Its share is of the gap that approximate models (all but those of the
-    sensor link) have to explain: `modelled` (n,).
+    a model could still predict, less that of the encoder's noise in a resonance (`answer`). The
+    force balance has a known noise (the encoder's steps): what exceeds it is structure. Its share
+    is of the gap that approximate models (all but those of the sensor link) have to explain:
+    `modelled` (n,).
     """
     rows = problem.held_out
     residual = everywhere[rows]
     gap = max(float(np.mean(modelled[rows] ** 2)) - problem.floor**2, 1e-300)
     if name == 'tracker':
-        remaining = float(np.mean([np.mean(residual[k:] * residual[:-k]) for k in (1, 2, 3)]))
-        remaining = max(remaining, _line(everywhere))
+        remaining = max(_follows(residual), _line(everywhere))
+        remaining -= max(_follows(answer[rows]), _line(answer))
         # What white noise shows by chance: three lags of n products.
         chance = 3.0 * float(np.mean(residual**2)) / math.sqrt(3.0 * len(residual))
         least = max((0.30 * problem.floor) ** 2, chance)
@@ -123,6 +126,11 @@ def slow_remainder(residual: Array, rows: NDArray[np.bool_]) -> float:
     if c2 < c0 / 3.0 or c4 <= 0.0:
         return 0.0
     return float(np.clip((c4 / c2) ** 0.5, 0.0, 0.995))
+
+
+def _follows(residual: Array) -> float:
+    """Mean autocovariance at the first three lags."""
+    return float(np.mean([np.mean(residual[k:] * residual[:-k]) for k in (1, 2, 3)]))
 
 
 def _line(residual: Array) -> float:

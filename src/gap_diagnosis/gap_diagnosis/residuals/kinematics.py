@@ -189,20 +189,35 @@ class Kinematics:
 
     def path(self) -> list[Array]:
         """Path of the axis at every tick [m], without noise beyond the encoder's steps."""
-        i, out = self._column, []
-        for record in self.records:
-            noisy = record.noise is not None and record.noise.axes[i].beyond_steps
-            q = record.encoder[:, i]
-            out.append(smooth(q, record.period, PATH) if noisy else q)
-        return out
+        return [self._path(record)[0] for record in self.records]
 
     def encoder(self) -> list[Array]:
         """The path without what play would take for turns [m]."""
-        return [p if self.rests else sure_turns(p, self.step) for p in self.path()]
+        paths = [self._path(record) for record in self.records]
+        return [p if self.rests else sure_turns(p, step) for p, step in paths]
+
+    def _path(self, record: Record) -> tuple[Array, float]:
+        """Path and the step of an ideal encoder with as much noise as it has [m]."""
+        q, i = record.encoder[:, self._column], self._column
+        noise = record.noise.axes[i] if record.noise is not None else None
+        if noise is None or not noise.beyond_steps:
+            return q, self.step
+        # The low-pass lets this share of white noise through.
+        left = math.sqrt(0.5 * math.pi * PATH * record.period)
+        return smooth(q, record.period, PATH), max(left * self.step, noise.quantum)
 
     def calm_encoder(self) -> list[Array]:
         """Encoder of the axis at every tick without what is above 90 Hz [m]."""
         return [band_limited(r.encoder[:, self._column], self.period) for r in self.records]
+
+    def encoder_noise(self) -> list[Array]:
+        """A draw of the noise of the axis' encoder below 90 Hz [m]; the same at every call."""
+        draw, i, out = np.random.default_rng(0), self._column, []
+        for record in self.records:
+            own = record.noise.axes[i].position if record.noise else self.step / math.sqrt(12.0)
+            white = own * draw.standard_normal(len(record.time))
+            out.append(band_limited(white, self.period))
+        return out
 
     def at_points(self, signal: list[Array]) -> list[Array]:
         """A signal of every tick at the points, by straight lines."""

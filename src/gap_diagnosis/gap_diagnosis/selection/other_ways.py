@@ -2,7 +2,9 @@
 
 A selection that grows by the best single effect may take a rich one for two plain ones: a yaw of
 many orders for a scale error beside a small yaw. So the effects that gained about as much are
-tried in its place, and the set that predicts better, or as well with less, is taken.
+tried in its place, and the set that predicts better, or as well with less, is taken. Tried in the
+same way are the special cases of which an effect may be the mere sum, as of a friction that is the
+same in both directions.
 """
 
 from __future__ import annotations
@@ -12,6 +14,8 @@ from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
 from gap_diagnosis.selection.model import Selection
 from gap_diagnosis.selection.rivals import find_rivals
+from stage_twin.effects import EFFECTS
+from stage_twin.effects.term import Term
 
 #: Share of the gain of the effect that was taken from which on another one is tried instead. The
 #: scale error beside a yaw had 0.66; below 0.15 were effects that were not there (one session).
@@ -22,20 +26,39 @@ MOST = 2
 
 def select_best(selector: Selector) -> Selection:
     """The best of the forward selections that take effects of about the same gain first."""
-    terms = selector.problem.terms
-    plain, whole = dict(terms), selector.gap
+    plain, whole = dict(selector.problem.terms), selector.gap
     best = selector.select()
     for name, before in _overtaken(selector, best.accepted):
-        shapes, gap = dict(terms), selector.gap
-        terms.update(plain)
-        selector.gap = whole
-        other = selector.select([*before, name])
-        if name in other.accepted and _better(selector, other, best):
-            best = other
-        else:
-            terms.update(shapes)
-            selector.gap = gap
+        best = _other_way(selector, best, [*before, name], plain, whole)
+    for name in list(best.accepted):
+        effect, _, axis = name.partition('.')
+        parts = [f'{part}.{axis}' for part in EFFECTS[effect].sums]
+        if parts and all(part in plain for part in parts):
+            others = {name, *(f'{held}.{axis}' for held in EFFECTS[effect].holds)} - {*parts}
+            before = best.accepted[: best.accepted.index(name)]
+            known = {n: t for n, t in plain.items() if n not in others}
+            best = _other_way(selector, best, [*before, *parts], known, whole)
     find_rivals(selector, best.accepted, best.fit, best.evidence)
+    return best
+
+
+def _other_way(
+    selector: Selector, best: Selection, first: list[str], known: dict[str, Term], gap: float
+) -> Selection:
+    """The better one of a selection and another that begins with some of the known effects."""
+    terms = selector.problem.terms
+    shapes, own = dict(terms), selector.gap
+    terms.clear()
+    terms.update(known)
+    selector.gap = gap
+    other = selector.select(first)
+    better = first[-1] in other.accepted and _better(selector, other, best)
+    found = dict(terms) if better else {}
+    terms.clear()
+    terms.update({n: found.get(n, t) for n, t in shapes.items()})
+    if better:
+        return other
+    selector.gap = own
     return best
 
 

@@ -180,8 +180,18 @@ def _fit_whole(
 
 def _structure(calm: Problem, selection: Selection, residual: Array, name: str) -> Structure:
     """What a residual (n,) as it was measured leaves beside its noise and its stands' errors."""
-    modelled = _modelled(calm, selection, residual)
-    return judge.structure(calm, calm.whiten(residual), calm.whiten(modelled), name)
+    rows = (residual, _modelled(calm, selection, residual), _answer(calm, selection))
+    return judge.structure(calm, *(calm.whiten(r) for r in rows), name)
+
+
+def _answer(problem: Problem, selection: Selection) -> Array:
+    """What the effects of a selection make of the encoder's noise (n,)."""
+    out = np.zeros(len(problem.target))
+    for name, theta in selection.fit.thetas.items():
+        answer = problem.terms[name].answer
+        if answer is not None:
+            out += answer(theta) @ selection.fit.coefficients[name]
+    return out
 
 
 def _beyond_noise(problem: Problem, selection: Selection, found: Structure) -> Structure:

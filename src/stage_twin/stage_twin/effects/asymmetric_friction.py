@@ -34,6 +34,7 @@ EFFECT = Effect(
     reverses=True,
     excited_by='strokes in both directions at several speeds',
     holds=('coulomb_friction', 'viscous_friction', 'force_offset'),
+    sums=('coulomb_friction', 'viscous_friction'),
     excludes=('position_dependent_friction', 'stribeck_friction'),
 )
 

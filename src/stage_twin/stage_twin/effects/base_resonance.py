@@ -120,12 +120,14 @@ def table_term(rows: TrackerRows) -> Term | None:
     if rows.rests or not known or known['frequency'] > HIGHEST:
         return None
     mounts = known['frequency'], known['damping']
-    base = [
-        known['mass_ratio'] * carried_mass(q - q[0], rows.period, *mounts)
-        for q in rows.calm_encoder()
-    ]
+
+    def base(paths: list[Array]) -> Array:
+        swung = [carried_mass(q - q[0], rows.period, *mounts) for q in paths]
+        return known['mass_ratio'] * rows.along(rows.smooth_at_points(swung))
+
     return Term(
-        constant(rows.along(rows.smooth_at_points(base))),
+        constant(base(rows.calm_encoder())),
         lambda theta, c: {**mode(mounts, np.zeros(1)), 'floor_share': float(c[0])},
         admissible=lambda theta, c: 1.0 / ON_THE_FLOOR < c[0] < ON_THE_FLOOR,
+        answer=constant(base(rows.encoder_noise())),
     )

@@ -91,6 +91,8 @@ class Effect:
     holds : tuple of str
         Effects that are special cases of this one: it must beat them clearly, and takes their
         place.
+    sums : tuple of str
+        Special cases whose sum may be all that there is: they are tried together in its place.
     excludes : tuple of str
         Effects that cannot be judged beside this one, as both have the same trivial solution.
     merges : tuple of str
@@ -112,6 +114,7 @@ class Effect:
     reverses: bool = False
     swings: bool = False
     holds: tuple[str, ...] = ()
+    sums: tuple[str, ...] = ()
     excludes: tuple[str, ...] = ()
     merges: tuple[str, ...] = ()
     states: tuple[str, ...] = ()

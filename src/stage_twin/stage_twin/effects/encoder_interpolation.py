@@ -26,6 +26,7 @@ FINE = 8  # bins of a periodogram in the shortest period
 #: Shares of a turn over the travel: between two frequencies of a periodogram, and of a search.
 PAD, SEARCH = 4, 40
 PEAKS = 3
+POINTS = 60  # of a period, over which a wave is turned from the reading into the position
 
 EFFECT = Effect(
     name='encoder_interpolation',
@@ -95,7 +96,7 @@ def term(rows: TrackerRows) -> Term | None:
 
     plain = Term(
         partial(columns, 1),
-        lambda theta, c: periodic.found(theta, c),
+        _parameters,
         grid=((low,),),
         propose=propose,
         lower=(low,),
@@ -105,6 +106,24 @@ def term(rows: TrackerRows) -> Term | None:
         usual=lambda theta: theta[0] > 1.0 / USUAL,
     )
     return periodic.with_harmonics(plain, columns)
+
+
+def behind(reading: Array, theta: Theta, c: Array) -> Array:
+    """Motor positions (n,) [m] behind what an encoder reads, with the wave of a fitted term."""
+    waves = periodic.waves(reading, theta[0], len(c) // 2)
+    return np.asarray(reading - np.column_stack(waves) @ c)
+
+
+def _parameters(theta: Theta, c: Array) -> dict[str, float]:
+    """Parameters of the wave over the position; the term has it over the reading.
+
+    A wave that is no small part of its period is another one over each of the two.
+    """
+    reading = np.linspace(0.0, 1.0 / theta[0], POINTS, endpoint=False)
+    position = behind(reading, theta, c)
+    matrix = np.column_stack([*periodic.waves(position, theta[0]), np.ones(POINTS)])
+    over, *_ = np.linalg.lstsq(matrix, reading - position, rcond=None)
+    return periodic.found(theta, over[:-1])
 
 
 def _peaks(position: Array, values: Array, low: float, high: float) -> tuple[Theta, ...]:

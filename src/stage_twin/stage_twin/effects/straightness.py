@@ -14,6 +14,9 @@ from stage_twin.effects.term import Array, Term, Theta
 
 #: Highest order of the curve.
 ORDERS = 10
+#: Largest offset of the reference line as a share of the curve's largest factor: that of a bow
+#: whose line is the one over twice the travel of the session.
+FARTHEST = 1.5
 _HIGHER = tuple(
     Parameter(f'p{k}', 'm', -1e-3, 1e-3, 0.0, f'factor of P{k}(s)') for k in range(4, ORDERS + 1)
 )
@@ -70,36 +73,42 @@ def term(rows: TrackerRows) -> Term | None:
 
 
 def _term(rows: TrackerRows, highest: int) -> Term:
-    """Orders 2 to `highest`; θ is where between two reference lines the removed one lies.
+    """Orders 2 to `highest` and an offset; θ says between which two slopes the removed line lies.
 
-    0 is the line over the whole travel, which no polynomial has, 1 that over the points as they
-    were measured. Which one the guide's maker meant, no data say: it belongs to the session.
+    0 is the line over the session's travel, which no polynomial has, 1 that over the points as
+    they were measured. Which line the guide's maker meant, no data say: the slope and the offset
+    belong to the session.
     """
     centre, half = rows.travel
     places = [(position - centre) / half for position in rows.position()]
     orders = np.eye(highest + 1)[2:]
     curves = [legval(s, orders.T).T for s in places]
-    line = np.polyfit(np.concatenate(places), np.concatenate(curves), 1)  # (2, k): slope, offset
+    slope = np.polyfit(np.concatenate(places), np.concatenate(curves), 1)[0]  # (k,)
     between = not rows.rests
 
     def columns(theta: Theta) -> Array:
-        share = theta[0] if theta else 0.0
+        if not between:
+            return rows.across(curves)
         return rows.across(
             [
-                c - share * (np.outer(s, line[0]) + line[1])
+                np.column_stack([c - theta[0] * np.outer(s, slope), np.ones(len(s))])
                 for s, c in zip(places, curves, strict=True)
             ]
         )
 
     def parameters(theta: Theta, c: Array) -> dict[str, float]:
-        share = theta[0] if theta else 0.0
+        curve = c[: len(slope)]
         return {
-            **dict(zip(NAMES, c.tolist(), strict=False)),
-            'slope': -share * float(line[0] @ c),
-            'offset': -share * float(line[1] @ c),
+            **dict(zip(NAMES, curve.tolist(), strict=False)),
+            'slope': -theta[0] * float(slope @ curve) if theta else 0.0,
+            'offset': float(c[-1]) if between else 0.0,
             'centre': centre,
             'half_range': half,
         }
+
+    def admissible(theta: Theta, c: Array) -> bool:
+        largest = float(np.max(np.abs(c[: len(slope)])))
+        return largest < 1e-3 and (not between or abs(c[-1]) <= FARTHEST * largest)
 
     return Term(
         columns,
@@ -107,6 +116,6 @@ def _term(rows: TrackerRows, highest: int) -> Term:
         grid=((0.0,), (1.0,)) if between else ((),),
         lower=(-0.3,) if between else (),
         upper=(1.3,) if between else (),
-        admissible=lambda theta, c: float(np.max(np.abs(c))) < 1e-3,
+        admissible=admissible,
         richer=partial(_term, rows, highest + 1) if highest < ORDERS and between else None,
     )

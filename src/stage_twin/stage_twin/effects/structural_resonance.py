@@ -48,7 +48,7 @@ EFFECT = Effect(
     model='Two masses: a share of the moving mass hangs on a spring and a damper behind the motor'
     '. Altintas et al., "Machine tool feed drives", CIRP Annals 60 (2011), flexible drive model.',
     sentence='a share of {mass_ratio} of the moving mass swings at {frequency}',
-    order=1,
+    order=5,  # of the mass that a play or a wrong inertia leaves the carriage
     excited_by='a frequency sweep to 150 Hz',
     excludes=('base_resonance',),
 )
@@ -121,20 +121,23 @@ def table_term(rows: TrackerRows) -> Term | None:
     """
     if rows.rests:
         return None
-    paths = rows.calm_encoder()
     known = rows.found('structural_resonance')
 
-    def columns(theta: Theta) -> Array:
-        moved = [carried_mass(q - q[0], rows.period, *theta) for q in paths]
-        return rows.along(rows.smooth_at_points(moved))
+    def swing(paths: list[Array]) -> Callable[[Theta], Array]:
+        def columns(theta: Theta) -> Array:
+            moved = [carried_mass(q - q[0], rows.period, *theta) for q in paths]
+            return rows.along(rows.smooth_at_points(moved))
+
+        return columns
 
     return Term(
-        columns,
+        swing(rows.calm_encoder()),
         lambda theta, c: {**mode(theta, np.zeros(1)), 'table_share': float(c[0])},
         grid=((known['frequency'], known['damping']),) if known else _GRID,
         lower=_LOWER,
         upper=_UPPER,
         admissible=lambda theta, c: abs(c[0]) < MOST_SHARE and _inside(theta),
+        answer=swing(rows.encoder_noise()),
     )
 
 

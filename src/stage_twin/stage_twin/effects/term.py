@@ -37,6 +37,7 @@ class Term:
     richer : the same effect in the next richer shape, which goes on from the same θ, or from its
         own grid where it has more of them; taken where the data bear it
     holds : whether this shape holds the effect's special cases
+    answer : θ -> columns (n, k) that the encoder's noise alone makes, where a resonance lifts it
     acting : (θ, coefficients) -> force that acts per force that is asked for; residuals are
         compared in units of the latter, as a drive that gives nothing would leave nothing
     """
@@ -57,6 +58,7 @@ class Term:
     steps: Theta = ()
     richer: Callable[[], Term] | None = None
     holds: bool = True
+    answer: Callable[[Theta], Array] | None = None
     acting: Callable[[Theta, Array], float] = lambda theta, coefficients: 1.0
 
     def share(self, theta: Theta, coefficients: Array) -> Array:

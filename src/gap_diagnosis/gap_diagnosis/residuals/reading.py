@@ -1,0 +1,35 @@
+"""The motion behind an encoder that misreads: what a force balance has to be judged on.
+
+The loop follows what the encoder reads, so that the drive moves the axis by what it misreads. A
+force balance of the readings would hold an acceleration that no force has made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.residuals.regression import Fit
+from stage_core.quantities import split_effect
+from stage_twin.effects import encoder_interpolation
+
+MISREADS = encoder_interpolation.EFFECT.name
+
+
+def misreadings(fit: Fit) -> list[str]:
+    """Effects of a fit of the tracker's residual that make an encoder misread."""
+    return [name for name in fit.thetas if split_effect(name)[0] == MISREADS]
+
+
+def motion_behind(records: Sequence[Record], axis: str, fit: Fit) -> list[Record]:
+    """Records with the motion of an axis in the place of what its encoder reads."""
+    name, out = f'{MISREADS}.{axis}', []
+    for number, record in enumerate(records):
+        wave = fit.sessions.get(number, {}).get(name, fit.coefficients[name])
+        encoder, column = record.encoder.copy(), record.column(axis)
+        encoder[:, column] = encoder_interpolation.behind(
+            encoder[:, column], fit.thetas[name], wave
+        )
+        out.append(replace(record, encoder=encoder))
+    return out
