@@ -24,14 +24,12 @@ class DriveLaw:
     Attributes
     ----------
     gains : newtons are those for the twin's mass
-    beside : the effect that the gains were fitted beside, if there was one
-    left, share : RMS [N] of what the law and that effect leave, and its share of the whole
+    left, share : RMS [N] that the law leaves with the effect beside it, and its share of the whole
     deviation : relative standard deviation of the velocity gain, which every force has, too
     known : whether that is no more than noise; else the servo link of the axis is not judged
     """
 
     gains: ServoAxis
-    beside: str | None
     left: float
     share: float
     deviation: float

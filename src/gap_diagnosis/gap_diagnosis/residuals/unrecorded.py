@@ -149,7 +149,7 @@ class _Fit:
     def _whole(self) -> DriveLaw:
         """All rows, beside viscous friction."""
         starts = [self._theta(corner, late) for corner in CORNERS for late in DELAYS]
-        return self._fitted(self.viscous, starts, VISCOUS)
+        return self._fitted(self.viscous, starts, True)
 
     def _sliding(self) -> DriveLaw:
         """Rows far from any reversal, where a friction is a constant."""
@@ -161,25 +161,27 @@ class _Fit:
         ]
         fit = self.problem.fit & (self.rows.used([m.astype(np.float64) for m in mask]) > 0.5)
         if np.count_nonzero(fit) < LEAST_ROWS:
-            return DriveLaw(self.start, None, math.inf, math.inf, math.inf, False)
+            return DriveLaw(self.start, math.inf, math.inf, math.inf, False)
         other = copy(self)
         other.problem = replace(self.problem, fit=fit)
         signs = self.rows.columns([np.sign(v) for v in speed])
-        law = other._fitted(signs, [self._theta(corner, 0.0) for corner in CORNERS], None, 0.0)
+        law = other._fitted(signs, [self._theta(corner, 0.0) for corner in CORNERS], False, 0.0)
         return replace(law, known=law.left < WHILE_SLIDING * self.problem.floor)
 
     def _beside_an_effect(self) -> DriveLaw:
         """All rows, beside the effects that go best with some law."""
         starts = [self._theta(CORNERS[-1], 0.0)]
-        near = [self._fitted(columns, starts, name) for name, columns in self._candidates()]
+        near = [
+            self._fitted(columns, starts, name == VISCOUS) for name, columns in self._candidates()
+        ]
         return min(near, key=lambda law: law.left)
 
     def _fitted(
-        self, beside: Array, starts: list[Theta], name: str | None, latest: float = LONGEST_DELAY
+        self, beside: Array, starts: list[Theta], viscous: bool, latest: float = LONGEST_DELAY
     ) -> DriveLaw:
         theta, left = self._search(beside, starts, latest)
         size = float(np.sqrt(np.mean(self.problem.target[self.problem.fit] ** 2)))
-        return self._found(theta, beside, name, left, left / size)
+        return self._found(theta, beside, viscous, left, left / size)
 
     def _theta(self, corner: float, late: float) -> Theta:
         own = () if self.heard else (math.log(self.start.position_gain),)
@@ -285,7 +287,7 @@ class _Fit:
         return [(name, columns) for _, name, columns in found[:TRIED]]
 
     def _found(
-        self, theta: Theta, columns: Array, beside: str | None, left: float, share: float
+        self, theta: Theta, columns: Array, viscous: bool, left: float, share: float
     ) -> DriveLaw:
         coefficients, _ = self._solved(theta, columns)
         gains = replace(
@@ -293,13 +295,13 @@ class _Fit:
             velocity_gain=float(coefficients[0]),
             integral_gain=max(float(coefficients[1]), 0.0),
         )
-        if beside == VISCOUS:
+        if viscous:
             extra = float(coefficients[-1]) / max(gains.viscous, 1e-300)
             if 1.0 / MASS - 1.0 < extra < MASS - 1.0:
-                gains, beside = replace(gains, viscous=gains.viscous * (1.0 + extra)), None
+                gains = replace(gains, viscous=gains.viscous * (1.0 + extra))
         known = left < AT_NOISE * self.problem.floor
         deviation = self._deviation(gains, columns, left)
-        return DriveLaw(gains, beside, left, share, deviation, known)
+        return DriveLaw(gains, left, share, deviation, known)
 
     def _deviation(self, gains: ServoAxis, beside: Array, left: float) -> float:
         """Relative standard deviation of the velocity gain, and so of every force, in a view."""

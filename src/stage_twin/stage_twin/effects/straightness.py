@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from numpy.polynomial.legendre import legval
+from numpy.polynomial.legendre import leg2poly, legval
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
@@ -14,6 +14,8 @@ from stage_twin.effects.term import Array, Term, Theta
 
 #: Highest order of the curve.
 ORDERS = 10
+#: Largest travel of the guide over that of the session, on which the guide's line may be defined.
+WIDEST = 1.5
 #: Largest offset of the reference line as a share of the curve's largest factor: that of a bow
 #: whose line is the one over twice the travel of the session.
 FARTHEST = 1.5
@@ -73,11 +75,11 @@ def term(rows: TrackerRows) -> Term | None:
 
 
 def _term(rows: TrackerRows, highest: int) -> Term:
-    """Orders 2 to `highest` and an offset; θ says between which two slopes the removed line lies.
+    """Orders 2 to `highest` and an offset; θ says which slope the removed line has.
 
-    0 is the line over the session's travel, which no polynomial has, 1 that over the points as
-    they were measured. Which line the guide's maker meant, no data say: the slope and the offset
-    belong to the session.
+    At (0, 1) it is the line over the session's travel, which no polynomial has, at (1, 1) that
+    over the points as they were measured, at (0, r) that over r times the travel. Which one the
+    guide's maker meant, no data say: the slope and the offset belong to the session.
     """
     centre, half = rows.travel
     places = [(position - centre) / half for position in rows.position()]
@@ -86,12 +88,15 @@ def _term(rows: TrackerRows, highest: int) -> Term:
     slope = np.polyfit(np.concatenate(places), np.concatenate(curves), 1)[0]  # (k,)
     between = not rows.rests
 
+    def removed(theta: Theta) -> Array:
+        return np.asarray(theta[0] * slope + _slopes(theta[1], highest))
+
     def columns(theta: Theta) -> Array:
         if not between:
             return rows.across(curves)
         return rows.across(
             [
-                np.column_stack([c - theta[0] * np.outer(s, slope), np.ones(len(s))])
+                np.column_stack([c - np.outer(s, removed(theta)), np.ones(len(s))])
                 for s, c in zip(places, curves, strict=True)
             ]
         )
@@ -100,7 +105,7 @@ def _term(rows: TrackerRows, highest: int) -> Term:
         curve = c[: len(slope)]
         return {
             **dict(zip(NAMES, curve.tolist(), strict=False)),
-            'slope': -theta[0] * float(slope @ curve) if theta else 0.0,
+            'slope': -float(removed(theta) @ curve) if theta else 0.0,
             'offset': float(c[-1]) if between else 0.0,
             'centre': centre,
             'half_range': half,
@@ -113,9 +118,19 @@ def _term(rows: TrackerRows, highest: int) -> Term:
     return Term(
         columns,
         parameters,
-        grid=((0.0,), (1.0,)) if between else ((),),
-        lower=(-0.3,) if between else (),
-        upper=(1.3,) if between else (),
+        grid=((0.0, 1.0), (1.0, 1.0), (0.0, 1.3)) if between else ((),),
+        lower=(-0.3, 1.0) if between else (),
+        upper=(1.3, WIDEST) if between else (),
         admissible=admissible,
         richer=partial(_term, rows, highest + 1) if highest < ORDERS and between else None,
     )
+
+
+def _slopes(reach: float, highest: int) -> Array:
+    """Slopes (k,) of the least-squares lines of P2 to P`highest` over -reach to reach."""
+    out = []
+    for order in range(2, highest + 1):
+        odd = leg2poly(np.eye(order + 1)[order])[1::2]
+        powers = np.arange(1, 2 * len(odd), 2)
+        out.append(3.0 * float(np.sum(odd * reach ** (powers - 1.0) / (powers + 2.0))))
+    return np.array(out)
