@@ -121,3 +121,29 @@ def test_a_rotor_of_seven_times_the_mass(planted: Maker) -> None:
     found = diagnose([planted({'inertia_mismatch.x': {'ratio': 7.0}})], [], ALONE)
     assert found.verdict == ['inertia_mismatch.x']
     assert_told(found, 'inertia_mismatch.x', {'ratio': 7.0})
+
+
+def test_a_guide_whose_line_is_that_over_a_wider_travel(planted: Maker) -> None:
+    # The session covers 0.8 of the travel, not in its middle: slope and offset are the guide's.
+    bend = {'quadratic': 14e-6, 'cubic': 9e-6, 'centre': 0.002, 'half_range': 0.034}
+    session = planted({'straightness.x': bend}, axes=('x', 'y'), duration=20.0)
+    found = diagnose([session], [], TWIN)
+    assert found.verdict == ['straightness.x']
+    assert found.after < 1.1 * found.noise_floor
+
+
+def test_an_encoder_that_errs_by_much_of_its_period(planted: Maker) -> None:
+    # The drive answers what it reads: the force balance is that of the motion behind it.
+    truth = {'amplitude': 2e-5, 'period': 5e-4, 'phase': 0.4}
+    found = diagnose([planted({'encoder_interpolation.x': truth})], [], ALONE)
+    assert found.verdict == ['encoder_interpolation.x']
+    estimate, _ = found.parameters['encoder_interpolation.x']['amplitude']
+    assert estimate == pytest.approx(truth['amplitude'], rel=0.02)
+
+
+def test_a_friction_that_is_the_same_in_both_directions(planted: Maker) -> None:
+    # Levels and slopes of both directions explain more than any other single effect does.
+    stribeck = {'coulomb': 1.1, 'breakaway': 0.9, 'stribeck_velocity': 0.013}
+    effects = {'stribeck_friction.x': stribeck, 'viscous_friction.x': {'viscous': -18.0}}
+    found = diagnose([planted(effects)], [], ALONE)
+    assert sorted(found.verdict) == ['stribeck_friction.x', 'viscous_friction.x']

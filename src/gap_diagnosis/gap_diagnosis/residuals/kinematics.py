@@ -210,6 +210,10 @@ class Kinematics:
         """Encoder of the axis at every tick without what is above 90 Hz [m]."""
         return [band_limited(r.encoder[:, self._column], self.period) for r in self.records]
 
+    def reading(self) -> list[Array]:
+        """Encoder of the axis at every tick as it was read [m]."""
+        return [r.encoder[:, self._column] for r in self.records]
+
     def encoder_noise(self) -> list[Array]:
         """A draw of the noise of the axis' encoder below 90 Hz [m]; the same at every call."""
         draw, i, out = np.random.default_rng(0), self._column, []

@@ -22,6 +22,9 @@ SHORTEST, USUAL, LONGEST = 2e-6, 0.6e-3, 3e-3
 TRAVELLED = 10.0
 #: Noise of the encoder, as a step, that a period must hold: its phase is lost in more.
 STEPS = 4.0
+#: Of such steps in a period, from which on their noise in the wave's argument takes under 0.5 %
+#: of the amplitude. The low-pass that keeps it out would change a wave that is not small.
+CLEAR = 18.0
 FINE = 8  # bins of a periodogram in the shortest period
 #: Shares of a turn over the travel: between two frequencies of a periodogram, and of a search.
 PAD, SEARCH = 4, 40
@@ -82,11 +85,12 @@ def term(rows: TrackerRows) -> Term | None:
     high = 1.0 / max(SHORTEST, STEPS * rows.step)
     if rows.rests or low >= high:
         return None
-    paths = rows.calm_encoder()
+    paths, readings = rows.calm_encoder(), rows.reading()
     own = rows.along([np.ones(len(p)) for p in rows.position()])[:, 0] > 0.0
 
     def columns(harmonics: int, theta: Theta) -> Array:
-        waves = [np.column_stack(periodic.waves(p, theta[0], harmonics)) for p in paths]
+        read = readings if 1.0 / theta[0] > CLEAR * rows.step else paths
+        waves = [np.column_stack(periodic.waves(p, theta[0], harmonics)) for p in read]
         return -rows.along(rows.smooth_at_points(waves))
 
     def propose(residual: Array) -> tuple[Theta, ...]:

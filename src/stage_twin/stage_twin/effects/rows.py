@@ -113,6 +113,9 @@ class TrackerRows(Protocol):
     def calm_encoder(self) -> Signal:
         """Encoder of the axis at every tick without what is above 90 Hz [m]."""
 
+    def reading(self) -> Signal:
+        """Encoder of the axis at every tick as it was read [m]."""
+
     def encoder_noise(self) -> Signal:
         """A draw of the noise that `calm_encoder` still has [m]."""
 
