@@ -180,8 +180,9 @@ def _fit_whole(
 
 def _structure(calm: Problem, selection: Selection, residual: Array, name: str) -> Structure:
     """What a residual (n,) as it was measured leaves beside its noise and its stands' errors."""
-    rows = (residual, _modelled(calm, selection, residual), _answer(calm, selection))
-    return judge.structure(calm, *(calm.whiten(r) for r in rows), name)
+    modelled = calm.whiten(_modelled(calm, selection, residual))
+    answer = calm.whiten(_answer(calm, selection))
+    return judge.structure(calm, calm.whiten(residual), modelled, answer, name)
 
 
 def _answer(problem: Problem, selection: Selection) -> Array:

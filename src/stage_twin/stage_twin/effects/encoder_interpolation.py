@@ -127,7 +127,7 @@ def _parameters(theta: Theta, c: Array) -> dict[str, float]:
     position = behind(reading, theta, c)
     matrix = np.column_stack([*periodic.waves(position, theta[0]), np.ones(POINTS)])
     over, *_ = np.linalg.lstsq(matrix, reading - position, rcond=None)
-    return periodic.found(theta, over[:-1])
+    return periodic.found(theta, np.asarray(over[:-1], dtype=np.float64))
 
 
 def _peaks(position: Array, values: Array, low: float, high: float) -> tuple[Theta, ...]:
