@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from benchmarks.experiment.machine import session
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.report import document as report
 from gap_diagnosis.result import Diagnosis
@@ -18,6 +19,8 @@ from session_bags.writer import write_session
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
+
+from .conftest import reference
 
 Maker = Callable[..., Session]
 
@@ -140,3 +143,18 @@ def test_a_phase_belongs_to_the_session_and_an_amplitude_to_the_machine(planted:
     assert found.verdict == ['cyclic_pitch_error.x']
     assert found.parameters['cyclic_pitch_error.x']['amplitude'][0] == pytest.approx(4e-6, rel=0.1)
     assert found.after < 1.2 * found.noise_floor
+
+
+def test_an_axis_that_stands_in_the_windows_that_judge_it_is_not_judged() -> None:
+    twin = TwinFile.nominal_servo()
+    path = reference(12.0, twin.control_period, 2)
+    time = np.arange(len(path)) * twin.control_period
+    # The first window that is held out begins after 2.7 s.
+    s = np.clip((time - 0.5) / 1.5, 0.0, 1.0)
+    path[:, 1] = 0.01 * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    real = twin.with_effects({'coulomb_friction.x': {'coulomb': 6.0}})
+    found = diagnose([session(real, twin, path, np.full(len(path), 20.0), 0)], [], twin)
+    assert found.verdict == ['coulomb_friction.x']
+    assert not any(name.endswith('.y') for part in found.parts for name in part.problem.terms)
+    (note,) = (w for w in found.warnings if 'axis y' in w)
+    assert 'does not move in the windows that judge it' in note

@@ -12,8 +12,8 @@ from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simul
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.input import coarse
-from gap_diagnosis.input.checks import check_duration
-from gap_diagnosis.input.data import Record, load_record
+from gap_diagnosis.input.checks import EXCITATION_HINT, check_duration
+from gap_diagnosis.input.data import Record, load_record, moves_while_judged
 from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_stepper_record
 from gap_diagnosis.residuals.controller import controller_findings, with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
@@ -103,9 +103,15 @@ class Prepared:
 
     @property
     def notes(self) -> list[str]:
-        """What a reader has to know of the forces."""
+        """What a reader has to know of the forces and the motion."""
+        still = [
+            f'axis {axis} does not move in the windows that judge it: its effects are not judged; '
+            'record a longer session with `ros2 run contour_ctrl excite`'
+            for i, axis in enumerate(self.records[0].axes)
+            if any(r.moving[i] for r in self.records) and not moves_while_judged(self.records, i)
+        ]
         if not self.laws:
-            return []
+            return still
         lost = [axis for axis, law in self.laws.items() if not law.known]
         return [
             'no effort is recorded: the controller was fitted to the motion, and newtons are '
@@ -116,6 +122,7 @@ class Prepared:
                 for axis in lost
             ),
             *self.apart,
+            *still,
         ]
 
     @property
@@ -129,7 +136,7 @@ class Prepared:
         axes = self.records[0].axes
         if self.stepper:
             return []
-        moving = [a for i, a in enumerate(axes) if any(r.moving[i] for r in self.records)]
+        moving = [a for i, a in enumerate(axes) if moves_while_judged(self.records, i)]
         return [a for a in moving if a not in self.laws or self.laws[a].known]
 
 
@@ -158,6 +165,12 @@ def prepare(
     records = [load(s, twin) for s in sessions]
     records += [load(s, twin, held_out=True) for s in holdout]
     check_duration(records)
+    if twin.kind != 'stepper' and not any(
+        moves_while_judged(records, i) for i in range(len(records[0].axes))
+    ):
+        raise StageError(
+            f'{records[0].name}: no axis moves in the windows that judge it; {EXCITATION_HINT}'
+        )
     if any(r.axes != records[0].axes for r in records):
         raise StageError('the sessions have different axes: diagnose them one by one')
     laws: dict[str, DriveLaw] = {}

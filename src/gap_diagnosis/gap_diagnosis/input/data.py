@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -167,6 +167,13 @@ def inside(time: Array, windows: list[tuple[float, float]]) -> Mask:
 def scored_ticks(record: Record) -> Mask:
     """Ticks (n,) of the held-out windows, those near lost ones left out."""
     return inside(record.time, held_out_windows(record)) & record.whole(record.time)
+
+
+def moves_while_judged(records: Sequence[Record], i: int) -> bool:
+    """Whether an axis moves in the held-out windows of any record that is judged."""
+    judged = [r for r in records if r.held_out_session] or records
+    paths = [r.encoder[scored_ticks(r), i] for r in judged if r.moving[i]]
+    return any(len(q) > 0 and float(np.ptp(q)) > MINIMUM_TRAVEL for q in paths)
 
 
 def known_axes(session: Session, twin: TwinFile) -> tuple[str, ...]:

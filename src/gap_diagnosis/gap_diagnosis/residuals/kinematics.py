@@ -15,7 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import reverses
-from gap_diagnosis.input.data import Record, held_out_windows, inside, motion_step
+from gap_diagnosis.input.data import (
+    Record,
+    held_out_windows,
+    inside,
+    motion_step,
+    moves_while_judged,
+)
 from gap_diagnosis.residuals.late_ticks import read_in_time
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
 from gap_diagnosis.residuals.operators import (
@@ -146,6 +152,8 @@ class Kinematics:
                 out[effect.name] = self
             else:
                 for i, axis in enumerate(self.axes):
+                    if not (self.rests or moves_while_judged(self.records, i)):
+                        continue
                     moving = [r for r in self.records if r.moving[i]]
                     if any(not effect.reverses or reverses(r, i) for r in moving):
                         out[f'{effect.name}.{axis}'] = self.of(axis)

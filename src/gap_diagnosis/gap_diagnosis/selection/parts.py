@@ -87,9 +87,10 @@ def fit_part(
         np.count_nonzero(rows) < least
         for rows, least in zip((problem.fit, problem.held_out), least_rows, strict=True)
     ):
+        fitted, held = np.count_nonzero(problem.fit), np.count_nonzero(problem.held_out)
         raise StageError(
-            f'too little motion to judge {name}: only {np.count_nonzero(problem.fit)} samples '
-            'in motion; record a longer session with `ros2 run contour_ctrl excite`'
+            f'too little motion to judge {name}: {fitted} samples in motion to fit and {held} to '
+            'judge by; record a longer session with `ros2 run contour_ctrl excite`'
         )
     for effect in without:
         base, axis = split_effect(effect)
