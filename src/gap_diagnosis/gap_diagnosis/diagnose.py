@@ -28,7 +28,8 @@ from gap_diagnosis.evidence.describe import (
 from gap_diagnosis.evidence.localise import conditions_of
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from gap_diagnosis.input.checks import turns
-from gap_diagnosis.input.data import Record, held_out_windows
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import held_out_windows
 from gap_diagnosis.law.learn import learn
 from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
 from gap_diagnosis.residuals.reading import MISREADS, misreadings

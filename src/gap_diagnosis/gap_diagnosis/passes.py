@@ -13,8 +13,9 @@ from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.checks import EXCITATION_HINT, check_duration
-from gap_diagnosis.input.data import Record, load_record, moves_while_judged
+from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_stepper_record
+from gap_diagnosis.input.windows import moves_while_judged
 from gap_diagnosis.residuals.controller import controller_findings, with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.kinematics import Kinematics

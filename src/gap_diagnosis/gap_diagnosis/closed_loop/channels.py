@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import Sides
-from gap_diagnosis.input.data import Record, scored_ticks
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import scored_ticks
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile

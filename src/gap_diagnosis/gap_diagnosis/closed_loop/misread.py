@@ -16,7 +16,8 @@ from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.closed_loop.polish import Parameters, polish
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence.describe import plain_values
-from gap_diagnosis.input.data import Record, scored_ticks
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import scored_ticks
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import link_of

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import declared_commands
-from gap_diagnosis.input.data import Record, held_out_windows, inside, scored_ticks
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import held_out_windows, inside, scored_ticks
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 from stage_core.whole_file import write_whole

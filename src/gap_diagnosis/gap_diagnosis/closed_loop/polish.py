@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence.describe import plain_values
-from gap_diagnosis.input.data import Record, held_out_windows, inside
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import held_out_windows, inside
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile

@@ -12,7 +12,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.input.data import Record, scored_ticks
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import scored_ticks
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 

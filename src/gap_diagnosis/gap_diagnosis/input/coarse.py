@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.input.data import Record, held_out_windows, inside
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import held_out_windows, inside
 from stage_core import topics
 from stage_core.errors import StageError
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -28,6 +28,7 @@ from gap_diagnosis.input.noise import (
     white_part,
 )
 from gap_diagnosis.input.ticks import Clock
+from gap_diagnosis.input.windows import inside
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
@@ -43,7 +44,6 @@ Mask = NDArray[np.bool_]
 #: s before and after a stretch of lost ticks in which nothing is judged: the low-pass looks as far
 #: ahead, the replayed loop takes as long to forget.
 BEFORE_GAP, AFTER_GAP = 0.05, 0.25
-PREFIX = 0.15  # share of a held-out session in which its nuisances are refitted, unscored
 
 
 @dataclass(frozen=True)
@@ -131,49 +131,10 @@ class Record:
         return self.axes.index(axis)
 
 
-def held_out_windows(record: Record) -> list[tuple[float, float]]:
-    """Windows [s] that no fit sees.
-
-    The last third of each block of about 5 s (10 s of a session beyond two minutes), or every
-    third rest; of a held-out session everything after the prefix in which its own nuisances
-    are refitted.
-    """
-    if record.held_out_session:
-        return [(float(record.time[0] + PREFIX * record.duration), float(record.time[-1]))]
-    if record.points_per_row > 1.0 and record.tracker_time is not None:
-        # Rests are few: every third one is held out, whatever the rhythm of the moves.
-        middle = 0.5 * (record.tracker_time[1:] + record.tracker_time[:-1])
-        bounds = np.concatenate([record.time[:1], middle, record.time[-1:]])
-        return [(float(bounds[i]), float(bounds[i + 1])) for i in range(2, len(bounds) - 1, 3)]
-    blocks = max(3, round(record.duration / (5.0 if record.duration < 120.0 else 10.0)))
-    length = record.duration / blocks
-    return [((i + 2.0 / 3.0) * length, (i + 1.0) * length) for i in range(blocks)]
-
-
 def motion_step(twin: TwinFile, axis: str) -> float:
     """Least step of the recorded motion of an axis [m]: of the encoder, or of the motor."""
     own = twin.axes[axis]
     return own.microstep if isinstance(own, StepperAxis) else own.encoder_resolution
-
-
-def inside(time: Array, windows: list[tuple[float, float]]) -> Mask:
-    """Which of the times (n,) [s] lie in one of the windows."""
-    mask = np.zeros(len(time), dtype=bool)
-    for start, stop in windows:
-        mask |= (time >= start) & (time < stop)
-    return mask
-
-
-def scored_ticks(record: Record) -> Mask:
-    """Ticks (n,) of the held-out windows, those near lost ones left out."""
-    return inside(record.time, held_out_windows(record)) & record.whole(record.time)
-
-
-def moves_while_judged(records: Sequence[Record], i: int) -> bool:
-    """Whether an axis moves in the held-out windows of any record that is judged."""
-    judged = [r for r in records if r.held_out_session] or records
-    paths = [r.encoder[scored_ticks(r), i] for r in judged if r.moving[i]]
-    return any(len(q) > 0 and float(np.ptp(q)) > MINIMUM_TRAVEL for q in paths)
 
 
 def known_axes(session: Session, twin: TwinFile) -> tuple[str, ...]:

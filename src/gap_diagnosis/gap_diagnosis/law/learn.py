@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.channels import Channel, position_rms
 from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.input.data import Record, scored_ticks
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import scored_ticks
 from gap_diagnosis.law.judged import Law, law_of
 from gap_diagnosis.law.search import ABOUT_THE_SAME
 from gap_diagnosis.law.signals import Signals, error_signals, force_signals

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from gap_diagnosis.input.data import Record, held_out_windows, inside
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import held_out_windows, inside
 from gap_diagnosis.residuals.operators import band_limited
 from stage_core.twin_file import ServoAxis, TwinFile
 

@@ -15,13 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import reverses
-from gap_diagnosis.input.data import (
-    Record,
-    held_out_windows,
-    inside,
-    motion_step,
-    moves_while_judged,
-)
+from gap_diagnosis.input.data import Record, motion_step
+from gap_diagnosis.input.windows import held_out_windows, inside, moves_while_judged
 from gap_diagnosis.residuals.late_ticks import read_in_time
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
 from gap_diagnosis.residuals.operators import (

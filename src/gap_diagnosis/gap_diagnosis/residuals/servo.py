@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import reverses
-from gap_diagnosis.input.data import held_out_windows, inside
+from gap_diagnosis.input.windows import held_out_windows, inside
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.nominal import re_estimated
 from gap_diagnosis.residuals.nuisance import without_nuisances

@@ -15,7 +15,8 @@ from gap_diagnosis.closed_loop.swing import LEAST_SHARE, swings_as_much
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.evidence.judgement import Structure
-from gap_diagnosis.input.data import Record, scored_ticks
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import scored_ticks
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.measured_noise import with_noise
