@@ -15,7 +15,7 @@ from gap_diagnosis.evidence.acceptance import (
     shrink_in_balance,
     shrink_of,
 )
-from gap_diagnosis.evidence.describe import with_model_error
+from gap_diagnosis.evidence.describe import given_shape, with_model_error
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.selection.contained import contained
@@ -49,7 +49,11 @@ def cause_of(
     found = part.selection.evidence[name] if part is not None else None
     stated = with_model_error(name, parameters[name])
     # Models of forces have errors, so that their effects are judged with them.
-    own = stated if link_of(name) == 'servo' else parameters[name]
+    own = stated
+    if link_of(name) != 'servo':
+        own = parameters[name]
+        if part is not None:
+            own = given_shape(name, own, part.selection, part.selector.regression)
     return judge.Cause(
         effect=name,
         probability=0.0,

@@ -14,15 +14,15 @@ from stage_twin.effects.term import Array, Term, Theta
 
 
 def describe(
-    selection: Selection, regression: Regression
+    selection: Selection, regression: Regression, given: str | None = None
 ) -> dict[str, dict[str, tuple[float, float]]]:
     """Parameters of each accepted effect as (value, standard deviation).
 
     The deviations of parameters that are functions of coefficients follow by propagation with
-    central differences.
+    central differences. Those of the effect `given` hold for the shape (θ) that was found.
     """
     terms = regression.problem.terms
-    deviations = regression.uncertainty(selection.fit)
+    deviations = regression.uncertainty(selection.fit, given)
     out: dict[str, dict[str, tuple[float, float]]] = {}
     for name in selection.accepted:
         theta = selection.fit.thetas[name]
@@ -37,6 +37,22 @@ def describe(
                 variance[key] += slope**2
         out[name] = {k: (v, float(np.sqrt(variance[k]))) for k, v in values.items()}
     return out | selection.told
+
+
+def given_shape(
+    name: str,
+    values: dict[str, tuple[float, float]],
+    selection: Selection,
+    regression: Regression,
+) -> dict[str, tuple[float, float]]:
+    """Parameters of an effect with the deviations that they have at the shape that was found.
+
+    Whether an effect is there is not asked of its shape: where all lines lie at one place across,
+    the arm of a yaw is unknown and the yaw with it, while their product is seen well. A parameter
+    that is itself a shape keeps its deviation.
+    """
+    held = describe(selection, regression, name)[name]
+    return {k: (v, held[k][1] or std) if k in held else (v, std) for k, (v, std) in values.items()}
 
 
 def is_magnitude(name: str, parameter: str) -> bool:

@@ -259,18 +259,19 @@ class Regression:
         )
         return self.linear(unpack(np.asarray(result.x)))
 
-    def uncertainty(self, fit: Fit) -> dict[str, tuple[Array, Array]]:
+    def uncertainty(self, fit: Fit, given: str | None = None) -> dict[str, tuple[Array, Array]]:
         """Standard deviations of (θ, coefficients) of each term of a fit.
 
         Gauss-Newton covariance over all parameters together; the residual's autocorrelation is
-        in it through the sums of blocks (sandwich estimate).
+        in it through the sums of blocks (sandwich estimate). The θ of the term `given` is held
+        where it was found: its deviations are zero.
         """
         problem, rows = self.problem, self._fit_rows
         jacobian, layout = [], []
         for name, theta in fit.thetas.items():
             columns = self.columns(name, theta)[rows]
             coefficients = fit.coefficients[name]
-            for i in range(len(theta)):
+            for i in range(0 if name == given else len(theta)):
                 term = problem.terms[name]
                 step = term.steps[i] if term.steps else 1e-3 * (term.upper[i] - term.lower[i])
                 moved = list(theta)
@@ -303,8 +304,11 @@ class Regression:
         deviation = np.sqrt(variance) / scale
         out: dict[str, tuple[Array, Array]] = {}
         for name in fit.thetas:
+            held = [0.0] * len(fit.thetas[name]) if name == given else []
             out[name] = (
-                np.array([d for d, at in zip(deviation, layout, strict=True) if at == (name, 0)]),
+                np.array(
+                    held + [d for d, at in zip(deviation, layout, strict=True) if at == (name, 0)]
+                ),
                 np.array([d for d, at in zip(deviation, layout, strict=True) if at == (name, 1)]),
             )
         return out
