@@ -51,6 +51,8 @@ def given_shape(
     the arm of a yaw is unknown and the yaw with it, while their product is seen well. A parameter
     that is itself a shape keeps its deviation.
     """
+    if regression.problem.terms[name].fixed:  # of which the shape is all
+        return values
     held = describe(selection, regression, name)[name]
     return {k: (v, held[k][1] or std) if k in held else (v, std) for k, (v, std) in values.items()}
 
