@@ -1,0 +1,60 @@
+"""Whether an effect is there is judged at the shape that was found, its parameters are not."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gap_diagnosis.evidence.describe import describe, given_shape
+from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.residuals.regression import Regression
+from gap_diagnosis.selection.model import Evidence, Selection
+from stage_twin.effects.term import Term
+
+ROWS = 4000
+PLACE = np.sin(np.arange(ROWS) * 0.01)
+YAW = 'angular_error.x'
+
+
+def regression(across: float) -> Regression:
+    """A yaw of 80 µrad at an arm of 0.1 m, read at places across of this reach [m]."""
+    other = across * np.sin(np.arange(ROWS) * 0.037)
+    target = 80e-6 * PLACE * (other + 0.1)
+    target += 1e-6 * np.random.default_rng(5).standard_normal(ROWS)
+    term = Term(
+        lambda theta: ((other + theta[0]) * PLACE)[:, None],
+        lambda theta, c: {'linear': float(c[0]), 'arm': theta[0]},
+        grid=((0.3,),),
+        lower=(-1.0,),
+        upper=(1.0,),
+    )
+    number = np.arange(ROWS)
+    every = np.ones(ROWS, dtype=bool)
+    times = np.asarray(number * 0.01, dtype=np.float64)
+    return Regression(
+        Problem(target, every, every, number // 100, times, 0 * number, {YAW: term}, 1e-6)
+    )
+
+
+def deviations(across: float) -> tuple[float, float, float]:
+    """The yaw, its deviation, and its deviation at the arm that was found [rad]."""
+    found = regression(across)
+    fit = found.refine({YAW: (0.3,)}, [YAW])
+    evidence = {YAW: Evidence(YAW, 1.0, (1.0, 1.0), 1.0, True)}
+    selection = Selection([YAW], fit, evidence, {})
+    values = describe(selection, found)[YAW]
+    given = given_shape(YAW, values, selection, found)
+    assert given['arm'] == values['arm']
+    assert given['linear'][0] == values['linear'][0]
+    return values['linear'][0], values['linear'][1], given['linear'][1]
+
+
+def test_one_place_across_tells_the_yaw_and_not_how_large_it_is() -> None:
+    value, whole, given = deviations(5e-4)
+    assert whole > abs(value)
+    assert given < 0.01 * abs(value)
+
+
+def test_places_far_apart_tell_both() -> None:
+    value, whole, given = deviations(0.2)
+    assert abs(value - 80e-6) < 4.0 * whole
+    assert given <= whole < 0.02 * value
