@@ -20,7 +20,7 @@ from stage_core.session import Series, Session
 from stage_reports import circular, positioning
 from stage_reports.command import main, session_page
 from stage_reports.extract import circular_paths, positioning_runs
-from stage_reports.intervals import distance_rms, rms_interval
+from stage_reports.intervals import distance_rms, path_interval, rms_interval
 from stage_reports.tracking import places, runs, tracking_errors
 from stage_reports.trials_page import trials_page
 from stage_reports.uncertainty import positioning_uncertainty
@@ -125,7 +125,7 @@ def test_a_contour_page_leaves_out_approach_and_pauses(tmp_path: Path) -> None:
     assert [run.number for run in found] == [1, 2]
     assert [len(run.contour) for run in found] == [800, 1100]
     page = session_page(session)
-    assert page.brief.startswith('1.00 µm (1.00 to 1.00 µm along the path)')
+    assert page.brief.startswith('1.000 µm (95 %: 1.000 to 1.000 µm)')
     told = words(page.render())
     assert '4.00 µm in the first' in told
     assert 'The last run lowered the RMS by 75 %' in told
@@ -141,6 +141,18 @@ def test_the_interval_of_an_rms_covers_it() -> None:
     assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
     with pytest.raises(StageError, match='two positions'):
         rms_interval([[1.0, 1.0]])
+
+
+def test_the_interval_of_a_path_covers_the_rms_of_correlated_errors() -> None:
+    rng = np.random.default_rng(4)
+    # 200 independent errors, each held for 20 ticks; then spikes in a quiet path.
+    held = (np.repeat(rng.standard_normal(200), 20) for _ in range(300))
+    inside = [low <= 1.0 <= high for low, high in map(path_interval, held)]
+    assert np.mean(inside) == pytest.approx(0.92, abs=0.04)
+    spikes = np.zeros(4000)
+    spikes[[100, 2100]] = 10.0
+    low, high = path_interval(spikes)
+    assert low == 0.0 and high > 1.5 * np.sqrt(np.mean(spikes**2))
 
 
 def test_the_uncertainty_of_a_positioning_test_is_that_of_its_means() -> None:

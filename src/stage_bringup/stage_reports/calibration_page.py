@@ -127,4 +127,4 @@ def _gap(error: Array, toward: Array) -> str:
         return 'unknown (one direction only)'
     std = float(np.sqrt(up.var(ddof=1) / len(up) + down.var(ddof=1) / len(down)))
     gap = float(up.mean() - down.mean())
-    return f'{with_std(gap, std)} between the means'
+    return f'{with_std(gap, std)} (1 σ) between the means'

@@ -8,11 +8,12 @@ from stage_core.metrics import Metrics
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
-from stage_core.wording import measure, span
+from stage_core.wording import measure, span, with_interval
 from stage_reports import figures
 from stage_reports.extract import circular_paths
 from stage_reports.figures.contours import Run as Curve
 from stage_reports.hysteresis_section import hysteresis_section
+from stage_reports.intervals import STRETCHES, path_interval
 from stage_reports.sections import (
     circular_section,
     circular_test,
@@ -22,8 +23,6 @@ from stage_reports.sections import (
 )
 from stage_reports.tracking import Array, Run, Tracking, tracking_errors
 
-#: Stretches of the path over which the spread of the error is stated.
-STRETCHES = 12
 MICRO = 1.0 / MICROMETRE
 
 
@@ -33,18 +32,16 @@ def contour_page(
     """Page of a session with a contour; `found` are its runs, see `tracking.runs`."""
     rms = [Metrics.of(run.contour).rms for run in found]
     best = int(np.argmin(rms))
-    parts = [Metrics.of(p).rms for p in np.array_split(found[best].contour, STRETCHES)]
     encoder = {item.sensor: item for item in tracking_errors(session)}
     seen = [encoder[s] for s in ('encoder', 'tracker') if s in encoder]
     deviation = _table_deviation(found, seen)
     page = Page('Following a contour')
     first = f', {measure(rms[0])} in the first' if best else ''
     page.headline(
-        f'{rms[best] * MICRO:.2f} µm ({min(parts) * MICRO:.2f} to {max(parts) * MICRO:.2f} µm '
-        'along the path)',
+        with_interval(rms[best], *path_interval(found[best].contour)),
         f'RMS contour error in run {best + 1} of {len(found)}{first}: the distance of the encoder '
-        f'from the wanted path. In brackets: the RMS of the calmest and of the worst of '
-        f'{STRETCHES} equal stretches. Approach and pauses are left out.'
+        'from the wanted path. Approach and pauses are left out. The interval is that of other '
+        f'paths made of such stretches (block bootstrap, {STRETCHES} stretches).'
         f'{_largest(found[best], seen)}{_more_runs(rms)}'
         f'{"" if deviation is None else _table_says(deviation)}',
         f'from the contour at the encoder, RMS of the best run'

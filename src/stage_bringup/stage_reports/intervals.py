@@ -9,6 +9,9 @@ from scipy.stats import chi2
 from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
+#: Stretches that a path is resampled in, and how often.
+STRETCHES = 24
+DRAWS = 2000
 
 
 def distance_rms(errors: ArrayLike) -> float:
@@ -42,3 +45,20 @@ def rms_interval(errors: ArrayLike) -> tuple[float, float]:
     freedom = len(e) * total**2 / float((squares**2).sum())
     low, high = chi2.ppf([0.975, 0.025], freedom)
     return float(np.sqrt(total * freedom / low)), float(np.sqrt(total * freedom / high))
+
+
+def path_interval(errors: ArrayLike) -> tuple[float, float]:
+    """95 % interval of the RMS of errors (n,) along a path, in their unit.
+
+    A circular block bootstrap: the path is put together anew from stretches of a 24th of its
+    length that begin anywhere, so errors close to each other stay together. The interval says how
+    far the RMS depends on which stretches the path has. It does not say how well a run repeats.
+    """
+    squares = np.asarray(errors, dtype=float) ** 2
+    n = len(squares)
+    length = -(-n // STRETCHES)
+    total = np.concatenate([[0.0], np.cumsum(np.concatenate([squares, squares]))])
+    stretches = (total[length : length + n] - total[:n]) / length
+    drawn = np.random.default_rng(0).integers(0, n, (DRAWS, STRETCHES))
+    low, high = np.quantile(stretches[drawn].mean(axis=1), (0.025, 0.975))
+    return float(np.sqrt(low)), float(np.sqrt(high))

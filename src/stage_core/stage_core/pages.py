@@ -74,9 +74,10 @@ caption{max-width:calc(100vw - 2rem)}}
 .prose td:not(:first-child)::before{content:attr(data-of)': ';color:var(--muted)}}
 summary{cursor:pointer;color:var(--blue)}
 footer{margin-top:3rem;color:var(--muted);font-size:.88rem}
+@page{margin:14mm}
 @media print{html{color-scheme:light}body{font-size:10.5pt;max-width:none;padding:0}
-h2,h3{break-after:avoid}
-figure,table,.headline{break-inside:avoid}nav,canvas,output{display:none}
+h2,h3,h2+p,caption{break-after:avoid}figure,tr,.headline{break-inside:avoid}
+nav,canvas,output,details:not([open]){display:none}
 .figures{grid-template-columns:repeat(auto-fit,minmax(18rem,1fr))}
 .scroll{background:none}}
 """

@@ -81,7 +81,8 @@ def _known_places(std: float) -> int:
 def with_interval(value: float, low: float, high: float, unit: str = 'm') -> str:
     """A value and its 95 % interval: *0.93 µm (95 %: 0.68 to 1.46 µm)*."""
     factor, symbol = scaled(high, unit)
-    places = _places(factor * (high - low), 2)
+    # An interval of no width asks for no digits.
+    places = _places(factor * max(high - low, 0.01 * abs(value)), 2)
     v, a, b = (_plain(factor * x, places) for x in (value, low, high))
     return f'{v} {symbol} (95 %: {a} to {b} {symbol})'
 
