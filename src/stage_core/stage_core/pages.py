@@ -76,7 +76,8 @@ summary{cursor:pointer;color:var(--blue)}
 footer{margin-top:3rem;color:var(--muted);font-size:.88rem}
 @page{margin:14mm}
 @media print{html{color-scheme:light}body{font-size:10.5pt;max-width:none;padding:0}
-h2,h3,h2+p,caption{break-after:avoid}figure,tr,.headline{break-inside:avoid}
+h2,h3,h2+p,caption{break-after:avoid}
+figure,tr,table:not(:has(tr:nth-child(12))),.headline{break-inside:avoid}
 nav,canvas,output,details:not([open]){display:none}
 .figures{grid-template-columns:repeat(auto-fit,minmax(18rem,1fr))}
 .scroll{background:none}}
