@@ -30,6 +30,10 @@ if [ "$(cat .venv/installed 2>/dev/null)" = "$wanted" ]; then
   exit 0
 fi
 
+if [ -L .venv ]; then
+  echo 'error: .venv is a link, and setting it up would empty what it leads to: remove the link' >&2
+  exit 2
+fi
 echo "setting up .venv with $("$python" --version) (ROS 2 from $([ ${#locks[@]} = 1 ] && echo "$ROS_DISTRO" || echo PyPI)); a few minutes ..."
 "$python" -m venv --clear "${options[@]}" .venv
 arguments=()

@@ -10,6 +10,7 @@ from gap_diagnosis.report.words import condition_words
 from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array, canvas, envelope, legend_above, paired, plain, styled
 from stage_core.theme import BLUE, MUTED, ORANGE, RULE
+from stage_core.wording import effect_words
 
 #: The pale wide line below and the thin one above: where both agree, both are seen.
 BEFORE = {'color': ORANGE, 'lw': 2.2, 'alpha': 0.65, 'label': 'nominal twin'}
@@ -51,7 +52,7 @@ def time_series(diagnosis: Diagnosis) -> Figure:
             plot.plot(time[index], gap[index], **style)
         for start in starts[1:]:
             plot.axvline(start, color=MUTED, lw=0.8, ls=':')
-        plot.set_ylabel(f'{channel.name} ({unit})')
+        plot.set_ylabel(f'{effect_words(channel.name)} ({unit})')
         plot.margins(x=0.005)
     legend_above(figure, rows[0], 2)
     rows[-1].set_xlabel('time in the held-out windows, put together (s)')
@@ -78,7 +79,7 @@ def spectra(diagnosis: Diagnosis) -> Figure:
             index = np.union1d(np.arange(min(40, len(amplitude))), envelope(amplitude, 400))
             plot.loglog(frequency[1:][index], amplitude[index], **style)
         plain(plot.xaxis)
-        plot.set(xlabel='frequency (Hz)', ylabel=f'{channel.name} ({unit})')
+        plot.set(xlabel='frequency (Hz)', ylabel=f'{effect_words(channel.name)} ({unit})')
     panels[0].legend()
     return figure
 

@@ -15,6 +15,7 @@ from gap_diagnosis.report.figures import AFTER, BEFORE, scale
 from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array, legend_above, paired, plain, styled
 from stage_core.theme import INK
+from stage_core.wording import effect_words
 
 #: An axis has reversed when it has come back by this (m), a few counts of an encoder: less is
 #: noise.
@@ -130,6 +131,6 @@ def hysteresis_plot(found: list[Hysteresis]) -> Figure:
             plain(plot.xaxis)
         axis = item.channel.name[-1]
         plot.set_xlabel('travel since the reversal (µm)' if force else f'{axis} (mm)')
-        plot.set_ylabel(f'{item.channel.name} ({unit})')
+        plot.set_ylabel(f'{effect_words(item.channel.name)} ({unit})')
     legend_above(figure, panels[0], 2)
     return figure

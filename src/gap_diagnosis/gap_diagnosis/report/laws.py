@@ -9,7 +9,7 @@ from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array, canvas, styled
 from stage_core.pages import Page
 from stage_core.theme import BLUE, ORANGE
-from stage_core.wording import measure, scaled, with_std
+from stage_core.wording import effect_words, measure, scaled, with_std
 from stage_twin.effects.law_terms import VARIABLES
 
 #: What the letters and words of an expression mean; a page explains those that it uses.
@@ -89,7 +89,8 @@ def picture(law: Law) -> Figure:
     plot.plot(along[0] * x, across[0] * remainder, '.', ms=2.0, color=ORANGE, label='remainder')
     plot.plot(along[0] * x, across[0] * fitted, '.', ms=2.0, color=BLUE, label='law')
     plot.set(
-        xlabel=f'{_WORDS[name]} ({along[1]})', ylabel=f'remaining {law.channel} ({across[1]})'
+        xlabel=f'{_WORDS[name]} ({along[1]})',
+        ylabel=f'remaining {effect_words(law.channel)} ({across[1]})',
     )
     plot.legend()
     return figure

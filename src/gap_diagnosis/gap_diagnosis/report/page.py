@@ -137,7 +137,7 @@ def _gap(page: Page, diagnosis: Diagnosis) -> None:
         before, after = channel.rms('before'), channel.rms('after')
         shrink = 100.0 * (1.0 - after / before) if before > 0.0 else 0.0
         said = [measure(value, channel.unit) for value in (before, after)]
-        rows.append([name, *said, f'{shrink:.0f} %'])
+        rows.append([effect_words(name), *said, f'{shrink:.0f} %'])
     page.table(
         ['channel', 'before (RMS)', 'after (RMS)', 'shrinks by'],
         rows,
@@ -231,10 +231,10 @@ def _next(page: Page, diagnosis: Diagnosis) -> None:
         worst = max(found, key=lambda item: item.largest)
         events = '1 short event' if worst.count == 1 else f'{worst.count} short events'
         steps.append(
-            f'{worst.channel} still has {events} of up to {measure(worst.largest, worst.unit)}, '
-            f'{worst.after_reversal} soon after a reversal. Measure strokes in both directions at '
-            'several speeds. Then diagnose with the corrected twin: what is left has the shape of '
-            'the missing effect.'
+            f'The {effect_words(worst.channel)} still has {events} of up to '
+            f'{measure(worst.largest, worst.unit)}, {worst.after_reversal} soon after a reversal. '
+            'Measure strokes in both directions at several speeds. Then diagnose with the '
+            'corrected twin: what is left has the shape of the missing effect.'
         )
     elif diagnosis.experiment is None and UNKNOWN not in diagnosis.verdict:
         steps.append(_nothing(diagnosis))
