@@ -153,6 +153,17 @@ def test_a_right_twin_is_not_blamed_for_noise(planted: Maker, white: float, jitt
     assert found.noise_floor > 1.5e-6
 
 
+@pytest.mark.parametrize(
+    ('limit', 'white', 'jitter'), [(1.0, 1e-6, 0.0), (2.0, 2e-6, 0.0), (8.0, 2e-6, 4e-5)]
+)
+def test_a_controller_that_is_limited_has_no_other_gains(
+    planted: Maker, limit: float, white: float, jitter: float
+) -> None:
+    session = planted({'force_saturation.x': {'limit': limit, 'known': 1.0}}, duration=12.0)
+    found = diagnose([with_read_noise(session, white, jitter)], [], TwinFile.nominal_servo())
+    assert found.verdict == ['force_saturation.x']
+
+
 def test_stamps_of_the_tracker_that_scatter_are_named(planted: Maker) -> None:
     values = {'std': 0.0, 'tracker_std': 5e-4}
     session = planted({'sample_jitter': values}, axes=('x', 'y'), duration=12.0)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
@@ -20,16 +21,20 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows, inside
 from gap_diagnosis.residuals.operators import band_limited
 from stage_core.twin_file import ServoAxis, TwinFile
+from stage_twin.effects import EFFECTS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Parameters = dict[str, tuple[float, float]]
+MISMATCH = EFFECTS['controller_mismatch']
 
 #: Share of the held-out increments of velocity or force commands that another law must explain
 #: beyond the twin's: below it are stored digits and interpolated ticks.
 CLEARLY_BETTER = 0.5
 #: Ticks at the largest force that make a limit: by chance a peak lasts one or two.
 PLATEAU = 5
+#: Ticks that are fitted, below which no law is looked for.
+LEAST_TICKS = 100
 #: Fields of the controller, link by link.
 GAINS = (
     'position_gain',
@@ -113,7 +118,10 @@ def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Parameters:
     fitted = [r for r in records if not r.held_out_session]
     held_out = [r for r in records if r.held_out_session]
     nominal = left(fitted, i, axis)
-    if nominal < BEYOND_NOISE * max(_of_noise(r, i, axis) for r in fitted):
+    # Where every tick that judges is clipped it is not a number.
+    if not nominal >= BEYOND_NOISE * max(_of_noise(r, i, axis) for r in fitted):
+        return {}
+    if sum(int(_fit_ticks(r, i, axis).sum()) for r in fitted) < LEAST_TICKS:
         return {}
     law = fit_law(fitted, i, axis)
     if nominal <= 0.0 or left(fitted, i, law.gains) > (1.0 - CLEARLY_BETTER) * nominal:
@@ -124,8 +132,11 @@ def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Parameters:
     out: Parameters = {}
     for name in GAINS:
         value, deviation = law.error(axis, name)
+        stated = MISMATCH.parameter(f'{name}_error')
+        if not stated.minimum <= value <= stated.maximum:
+            return {}  # no controller: something else makes these forces
         if abs(value) > max(LEAST_SHARE, 3.0 * deviation):
-            out[f'{name}_error'] = (value, deviation)
+            out[stated.name] = (value, deviation)
     return out
 
 
@@ -133,6 +144,7 @@ def left(records: list[Record], i: int, axis: ServoAxis) -> float:
     """RMS over the held-out ticks of the force increments that a law leaves unexplained [N].
 
     Both links count: the velocity command that the law gives stands in place of the recorded one.
+    It is not a number where each of these ticks is clipped.
     """
     squares = []
     for record in records:
@@ -140,7 +152,8 @@ def left(records: list[Record], i: int, axis: ServoAxis) -> float:
         mask = inside(record.time, held_out_windows(record))[1:] & _free(record, i, axis)
         wrong = quiet(record, i, np.diff(record.force[:, i]) - expected)
         squares.append(wrong[mask] ** 2)
-    return math.sqrt(float(np.mean(np.concatenate(squares))))
+    counted = np.concatenate(squares)
+    return math.sqrt(float(np.mean(counted))) if counted.size else math.nan
 
 
 def _of_noise(record: Record, i: int, axis: ServoAxis) -> float:
@@ -192,9 +205,14 @@ def filtered(record: Record, i: int, corner: float) -> Array:
 
 
 def _free(record: Record, i: int, axis: ServoAxis) -> Mask:
-    """Increments (n - 1,) between ticks of which none is clipped, away from lost ticks."""
-    force = np.abs(record.force[:, i])
-    free = (force < 0.999 * axis.force_limit) & record.whole(record.time)
+    """Increments (n - 1,) between ticks of which none is clipped, away from lost ticks.
+
+    Where `quiet` filters, none within its reach is: it would spread what follows no law.
+    """
+    clipped = np.abs(record.force[:, i]) >= 0.999 * axis.force_limit
+    if clipped.any() and record.noise is not None and record.noise.axes[i].beyond_steps:
+        clipped = maximum_filter1d(clipped, 2 * int(round(EDGE / record.period)) + 1)
+    free = ~clipped & record.whole(record.time)
     free[: min(5, len(free))] = False
     return np.asarray(free[1:] & free[:-1])
 
@@ -245,7 +263,7 @@ def position_loop(
         rows.append(quiet(record, i, np.column_stack([error, rate]))[use])
         target.append(quiet(record, i, np.nan_to_num(recorded))[use])
     matrix, wanted = np.concatenate(rows), np.concatenate(target)
-    if len(wanted) < 100:
+    if len(wanted) < LEAST_TICKS:
         return axis, {}
     (gain, feedforward), deviation, _ = _least_squares(matrix, wanted)
     names = ('position_gain', 'velocity_feedforward')
