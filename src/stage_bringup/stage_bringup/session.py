@@ -99,8 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     names = [*CONTROL, *(node.name for node in nodes)]
     refuse_second_graph(names)
     options.out.mkdir(parents=True, exist_ok=True)
-    # Ctrl-C and SIGTERM take the same way out: the graph is ended before this process is.
-    signal.signal(signal.SIGTERM, interrupt)
+    take_interrupts()
     begin, origin = time.monotonic(), provenance()
     processes = Processes(options.out / 'log')
     status = 0
@@ -174,9 +173,22 @@ def refuse_second_graph(names: Sequence[str]) -> None:
             time.sleep(0.05)
 
 
-def interrupt(*_: object) -> None:
-    """Take SIGTERM for Ctrl-C: whoever started processes ends them."""
-    raise KeyboardInterrupt
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM.
+
+    `python -m` ends by SIGINT, whatever the exit status, if a plain KeyboardInterrupt once came up
+    inside an `exec`, as that of each dataclass is while modules are imported.
+    """
+
+
+def take_interrupts() -> None:
+    """Ctrl-C and SIGTERM take the same way out: the graph is ended before this process is."""
+
+    def interrupt(*_: object) -> None:
+        raise Interrupted
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, interrupt)
 
 
 if __name__ == '__main__':

@@ -7,7 +7,6 @@ Without options the emulated machine runs in real time. ``--port`` names a real 
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -20,7 +19,7 @@ from stage_bringup import kernels
 from stage_bringup.graph import Options, commands
 from stage_bringup.keep_awake import KeepAwake
 from stage_bringup.processes import NodeCommand, Processes
-from stage_bringup.session import interrupt, refuse_second_graph
+from stage_bringup.session import refuse_second_graph, take_interrupts
 from stage_core.errors import StageError, command_line
 
 #: A tracker without a port in its address listens here (emScon TPI).
@@ -94,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print('ended before a node was started', flush=True)
         return 130
     refuse_second_graph([node.name for node in nodes])
-    signal.signal(signal.SIGTERM, interrupt)
+    take_interrupts()
     processes = Processes(options.out / 'log')
     status = 0
     with ExitStack() as awake:
