@@ -1,0 +1,74 @@
+"""Prints the thresholds of a page of docs/concepts: `python tools/thresholds.py law`."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+from gap_diagnosis import passes
+from gap_diagnosis.closed_loop import misread, swing
+from gap_diagnosis.evidence import acceptance
+from gap_diagnosis.experiment import design, motions, separation
+from gap_diagnosis.input import checks, coarse, grid, windows
+from gap_diagnosis.law import judged, search
+from gap_diagnosis.residuals import kinematics, unrecorded
+from gap_diagnosis.selection import parts, rivals
+
+MODULES = {
+    module.__name__.rpartition('.')[2]: module
+    for module in (acceptance, checks, coarse, design, grid, judged, kinematics, misread, motions,
+                   parts, passes, rivals, search, separation, swing, unrecorded, windows)
+}  # fmt: skip
+TABLES = {
+    'diagnosis': """
+shortest record | {checks.SHORTEST:g} s
+shortest session | {checks.MINIMUM_DURATION:g} s
+tracker that stands while the encoder moves, from | {checks.STANDSTILL:g} s
+lost ticks in a row around which nothing is judged, more than | {grid.LONG}
+error of the tracker's clock, at most | {coarse.LARGEST_LAG:g} s
+tracker points that are moved back: turn of their frame, from | {coarse.LEAST_ANGLE:g} rad
+the same: offset of their frame, from | {coarse.LEAST_OFFSET:g} m
+the same: delay, from | {coarse.LEAST_LAG:g} s
+start of a held-out session that is not scored | {windows.PREFIX:.0%}
+change of a screw temperature, at least | {kinematics.TEMPERATURE_SPAN:g} K
+shrinkage of the gap by a servo effect, at least | {acceptance.LEAST_SHRINK:.0%}
+squared gap that a servo effect closes, at least | {acceptance.LEAST_CLOSED:.0%}
+squared noise that any other effect closes, at least | {acceptance.LEAST_SEEN:.0%}
+gap that is `unknown` if nothing is named, from | {acceptance.FAR:g} floors
+gap that is `unknown` beside named effects, from | {acceptance.FAR_BESIDE:g} floors
+the same: squared gap that the effects leave, from | {acceptance.SHARE_BESIDE:.0%}
+squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}
+force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}
+ratio of the swings of twin and record, at most | {swing.AS_MUCH:g}
+what a general curve explains better than a friction, from | {parts.UNEXHAUSTED[servo]:.0%}
+what it explains better than the tracker's clock, from | {parts.UNEXHAUSTED[sensor]:.0%}
+difference of velocity gain over mass, at most | {passes.SAME_GAIN:.0%}
+without forces: gains are fitted below | {unrecorded.CALM:g} Hz
+without forces: the law is judged below | {unrecorded.CUT:g} Hz
+without forces: rows left out around a reversal | {unrecorded.AROUND:g} s
+without forces: what a law leaves, at most | {unrecorded.AT_NOISE:g} × noise
+the same on rows that slide | {unrecorded.WHILE_SLIDING:g} × noise
+without forces: difference of both position gains, at most | {unrecorded.FOLLOWED:.0%}
+""",
+    'law': """
+interval of the gain of a term | {search.LEVEL:.1%}
+share of what is left that a term takes, at least | {search.OF_REST:.0%}
+share of the largest gain from which fewer numbers win | {search.ABOUT_THE_SAME:.0%}
+share of the mean square that a law explains, at least | {judged.LEAST:.0%}
+mean square by which a curve beats a law, at least | {judged.LEAST:.0%}
+""",
+    'experiment': """
+speed, at most | {motions.Limits.speed:g} m/s
+acceleration, at most | {motions.Limits.acceleration:g} m/s²
+share of the force limit, at most | {design.SHARE_OF_FORCE:.0%}
+duration of one motion | {design.PIECE:g} s
+share of the mean square of the noise, added to the next one | {separation.OF_NOISE:.0%}
+share of what the effects explain | {rivals.CLOSE:.0%}
+""",
+}
+
+if __name__ == '__main__':
+    print('| threshold | value | in the code |\n|---|---|---|')
+    for row in TABLES[sys.argv[1]].strip().splitlines():
+        place = re.findall(r'\{([\w.]+)', row)[0]
+        print(f'| {row.format(**MODULES).replace("%", " %")} | `{place}` |')
