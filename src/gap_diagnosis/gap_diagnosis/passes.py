@@ -48,9 +48,8 @@ from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import seen_by_tracker
 
-#: Relative difference of a fitted velocity gain that is none: where a filter of the speed and the
-#: mass are hardly told apart, it is up to 12 % off (12 s of a machine without friction, seed 4 of
-#: the session in `tests/gap_diagnosis/conftest.py`).
+#: Relative difference of a fitted velocity gain that counts as none. The gain is up to 12 % off
+#: where a filter of the speed and the mass are hardly told apart (a machine without friction).
 SAME_GAIN = 0.15
 
 Progress = Callable[[str], None]

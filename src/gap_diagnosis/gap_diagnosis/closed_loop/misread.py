@@ -24,7 +24,7 @@ from stage_twin.effects import link_of
 from stage_twin.effects.encoder_interpolation import LONGEST
 
 #: Share of the squared gap. The right wave closed 0.35 of it beside a friction that was fitted
-#: without it, on a session of a foreign simulator.
+#: without it.
 CLOSES = 0.2
 
 TABLE, ENCODER = 'cyclic_pitch_error', 'encoder_interpolation'

@@ -32,7 +32,7 @@ ROUNDS = 3
 WORTHWHILE = 0.97  # of the RMS on the fit windows
 #: The same for a value that the force balance does not suggest. The gap of a loop that sticks
 #: hangs on chance: it is 0.14 and 0.21 of that with the force balance's value where the other one
-#: is true, and 0.67 where the force balance is right (three sessions).
+#: is true, and 0.67 where the force balance is right.
 MUCH_BETTER = 0.4
 BLOCK = 2.0  # s, left out at a time
 #: Standard deviation of an estimate in its distance from another one of the same value.

@@ -19,11 +19,11 @@ from stage_core.twin_file import TwinFile
 
 Effects = Mapping[str, Mapping[str, float]]
 
-#: Factor by which the two may differ. With a play that is right the twin swings 0.82 and 0.96
-#: times as much as the record, with one that imitates frictions 0.51 times (three sessions).
+#: Factor by which the two swings may differ. With a right play the twin swings 0.82 and 0.96 times
+#: as much as the record, with one that imitates frictions 0.51 times.
 AS_MUCH = 1.5
-#: Least share of the force balance's remainder that the effect explains: 0.93 and 0.95 where it
-#: is right, 0.25 where it imitates frictions (the same sessions), 0.85 where a pump shakes.
+#: Least share of the force balance's remainder that the effect explains: 0.93 and 0.95 where it is
+#: right, 0.25 where it imitates frictions, 0.85 where a pump shakes the stage.
 LEAST_SHARE = 0.9
 
 

@@ -25,26 +25,26 @@ Values = Mapping[str, tuple[float, float]]
 SIGMAS = 1.96
 #: Of the bootstrap.
 BLOCKS, DRAWS = 48, 500
-#: Floors above which a gap is there whatever the selection says; twins without one are at 1.05.
+#: Floors above which a gap is there whatever the selection says. Twins without a gap are at 1.05.
 FAR = 2.0
-#: The same beside named effects, whose models are approximations: half of the gap is left. On five
-#: foreign sessions with a Stribeck friction that was named rightly 1 to 39 % of the squared gap
-#: were left (9 % and less on four), with a friction that nothing names 34 %.
+#: The same beside named effects, and the share of the squared gap that they then leave. Models are
+#: approximations: right ones of a friction left 1 to 9 % on four sessions and 39 % on a fifth, a
+#: friction that nothing names left 34 %.
 FAR_BESIDE, SHARE_BESIDE = 4.0, 0.25
-#: Least share by which a servo effect shrinks the gap, where it does not move it by its noise
-#: floor: models of forces have errors that other effects take up. On development sessions right
-#: names shrink it by 0.23 and more, wrong ones by 0.14 at most.
+#: Least share by which a servo effect shrinks the gap, unless it moves it by the noise floor:
+#: other effects take up the errors of models of forces. Right names shrink it by 0.23 and more,
+#: wrong ones by 0.14 at most.
 LEAST_SHRINK = 0.1
 #: Least share of the squared gap of its axis, above the floor, that a servo effect closes: what is
-#: less, the models of other effects leave. Of 423 causes named on opened foreign sessions five
-#: wrong ones closed 0.000 to 0.005, right ones 0.014 and more but for one (0.004).
+#: less, the models of other effects leave. Of 423 named causes the five wrong ones closed 0.000
+#: to 0.005, the right ones 0.014 and more but for one (0.004).
 LEAST_CLOSED = 0.01
-#: Share of the squared noise of the positions that any other effect closes: of their floor, or of
-#: the gap that is left where that is less. Of 177 named on the same sessions two wrong ones closed
-#: 0.002 and 0.065 of the floor, right ones 0.127 and more.
+#: Least share of the squared noise of the positions that any other effect closes; the noise is
+#: their floor, or the gap that is left if that is less. Of 177 named causes the two wrong ones
+#: closed 0.002 and 0.065 of the floor, the right ones 0.127 and more.
 LEAST_SEEN = 0.1
-#: Squared gap of an encoder over its white part, up to which it is noise that the loop answers:
-#: 1.2 to 1.4 on machines without any effect, 1200 and more with a mechanism that no name fits.
+#: Squared gap of an encoder over its white part up to which it is noise that the loop answers: 1.2
+#: to 1.4 on machines without effects, 1200 and more with a mechanism that no name fits.
 ANSWERED = 2.0
 
 

