@@ -157,7 +157,7 @@ def test_stop_brakes_at_its_deceleration_and_not_past_the_target(tmp_path):
         wait(lambda: server.chain.plant.velocity_steps(0) * STEP > 0.08)
         backend.stop()
         wait(lambda: not axis.busy)
-        # From 0.1 m/s at 1 m/s^2; with the device's own 0.06 m/s^2 it would be 84 mm.
+        # From 0.1 m/s at 1 m/s^2; with the device's own 0.06 m/s^2 it would be 83 mm.
         assert position(server)[0] < 0.04 + STEP
         wait(lambda: backend.status().state is State.READY)
 

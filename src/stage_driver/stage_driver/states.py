@@ -58,7 +58,8 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
 
 REMEDIES = {
     State.DISABLED: 'the stage is disabled: call ~/enable with data true',
-    State.FAULT: 'the stage is in fault ({reason}): call ~/reset_fault, then ~/enable',
+    State.FAULT: 'the stage is in fault ({reason}): remove the cause and call ~/reset_fault, then '
+    '~/enable with data true if the stage is still disabled',
 }
 
 

@@ -127,7 +127,7 @@ def _set_braking(
     """Let `stop` brake by the limits of the axis; the setting's name and former value.
 
     By itself a device brakes at its own acceleration, as delivered 0.06 m/s^2: from 0.1 m/s the
-    axis would run on for 84 mm, whatever soft limit lies ahead.
+    axis would run on for 83 mm, whatever soft limit lies ahead.
     """
     limits = config.limits[number]
     device, axis = config.devices[number], config.device_axes[number]
