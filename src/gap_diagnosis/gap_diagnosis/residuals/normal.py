@@ -18,7 +18,7 @@ def solve_gram(gram: Array, right: Array) -> Array:
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
     scale[scale == 0.0] = 1.0
     scaled = gram / np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += 1e-10
+    scaled.ravel()[:: len(scaled) + 1] += 1e-10  # the diagonal
     return np.asarray(np.linalg.solve(scaled, right / scale) / scale)
 
 
