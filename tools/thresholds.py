@@ -12,12 +12,13 @@ from gap_diagnosis.experiment import design, motions, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
 from gap_diagnosis.law import judged, search
 from gap_diagnosis.residuals import kinematics, unrecorded
-from gap_diagnosis.selection import parts, rivals
+from gap_diagnosis.selection import imitations, rivals
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, checks, coarse, design, grid, judged, kinematics, misread, motions,
-                   parts, passes, rivals, search, separation, swing, unrecorded, windows)
+    for module in (acceptance, checks, coarse, design, grid, imitations, judged, kinematics,
+                   misread, motions, passes, rivals, search, separation, swing, unrecorded,
+                   windows)
 }  # fmt: skip
 TABLES = {
     'diagnosis': """
@@ -40,8 +41,8 @@ the same: squared gap that the effects leave, from | {acceptance.SHARE_BESIDE:.0
 squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}
 force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}
 ratio of the swings of twin and record, at most | {swing.AS_MUCH:g}
-what a general curve explains better than a friction, from | {parts.UNEXHAUSTED[servo]:.0%}
-what it explains better than the tracker's clock, from | {parts.UNEXHAUSTED[sensor]:.0%}
+what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}
+what it explains better than the tracker's clock, from | {imitations.UNEXHAUSTED[sensor]:.0%}
 difference of velocity gain over mass, at most | {passes.SAME_GAIN:.0%}
 without forces: gains are fitted below | {unrecorded.CALM:g} Hz
 without forces: the law is judged below | {unrecorded.CUT:g} Hz

@@ -126,7 +126,7 @@ class Selector:
 
         An effect stays only if it also explains something of the rows as they were measured.
         """
-        plain = Regression(replace(self.problem, whitening=0.0, target=self.raw))
+        plain = self.as_measured()
         names = list(given) + [n for n in selection.accepted if n not in given]
         thetas = {
             n: selection.fit.thetas.get(n) or self.regression.warm_start(selection.fit, n)
@@ -154,6 +154,10 @@ class Selector:
             fit = self.regression.linear(kept)
         evidence = {n: given.get(n) or selection.evidence[n] for n in thetas}
         return Selection(list(thetas), fit, evidence, selection.rejected)
+
+    def as_measured(self) -> Regression:
+        """The same rows without the whitening of a slow remainder, which weighs fast motion."""
+        return Regression(replace(self.problem, whitening=0.0, target=self.raw))
 
     def _trials(self, base: Fit, accepted: list[str]) -> dict[str, Trial]:
         return {

@@ -81,14 +81,18 @@ def _overtaken(selector: Selector, accepted: list[str]) -> list[tuple[str, list[
 
 
 def _better(selector: Selector, other: Selection, best: Selection) -> bool:
-    """Whether a set predicts better than the best one for certain, or no worse with less."""
+    """Whether a set predicts better than the best one for certain, or no worse with less.
+
+    With as many parameters the likelier set is the one that predicts better, if ever so little.
+    """
     gains = block_gains(selector.problem, best.fit, other.fit)
+    gain = float(gains.mean())
     low, high = bootstrap_interval(gains, selector.seed, level=selector.rules.level)
     least = max(selector.least(n) for n in other.accepted)
-    if low > 0.0 and float(gains.mean()) > least:
+    if low > 0.0 and gain > least:
         return True
-    loses = high < 0.0 and float(-gains.mean()) > least
-    return not loses and size(other.fit) < size(best.fit)
+    loses = high < 0.0 and -gain > least
+    return not loses and (size(other.fit), -gain) < (size(best.fit), 0.0)
 
 
 def size(fit: Fit) -> int:

@@ -24,6 +24,7 @@ from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.backward import select_backwards
 from gap_diagnosis.selection.forward import Selector
+from gap_diagnosis.selection.imitations import imitations
 from gap_diagnosis.selection.innovated import told_by_innovations
 from gap_diagnosis.selection.model import Evidence, Rules, Selection
 from gap_diagnosis.selection.other_ways import select_best
@@ -42,11 +43,6 @@ KINEMATIC_RULES = Rules(of_gap=1e-5)
 REST_RULES = Rules(of_gap=1e-5, given=('tracker_misalignment',), prefer_plain=True)
 #: Rests whose scatter is known: all effects at once are judged beside it.
 KNOWN_REST_RULES = replace(REST_RULES, of_noise=0.2, level=0.995)
-
-#: Least share of an effect's own contribution that a general curve over its condition may still
-#: find in the remainder, before the effect is held for an imitation of something unknown. Models
-#: of friction are approximations; a clock's latency and drift are exact.
-UNEXHAUSTED = {'servo': 0.15, 'sensor': 0.04}
 
 #: Rows that fit and rows that are held out: of samples in motion, and of rests of a stepper.
 LEAST_ROWS, LEAST_RESTS = (200, 50), (8, 4)
@@ -101,13 +97,15 @@ def fit_part(
     kept = tuple(effect for effect in problem.before if effect in problem.terms)
     while True:
         part = _fit_whole(name, problem, rules, seed, known_noise, kept)
-        imitations = _imitations(part) if part.structure.structured else []
-        if all(effect in kept for effect in imitations):
+        imitated = imitations(
+            problem, part.selector, part.selection, part.residual, part.structure
+        )
+        if all(effect in kept for effect in imitated):
             for effect in kept:
                 _count_whole(part, effect)
             part.selector.regression.forget()
             return part
-        for effect in imitations:
+        for effect in imitated:
             if effect not in kept:
                 del problem.terms[effect]
 
@@ -117,32 +115,6 @@ def _count_whole(part: Part, effect: str) -> None:
     rows = part.problem.judged
     gain = float(np.mean(part.problem.before[effect][rows] ** 2))
     part.selection.evidence[effect] = Evidence(effect, gain, (gain, gain), 1.0, True)
-
-
-def _imitations(part: Part) -> list[str]:
-    """Accepted effects beside which the same condition still holds a large part of the gap.
-
-    The right effect exhausts its condition: what a friction leaves is no function of the speed.
-    Where structure remains and a general curve over the effect's own condition explains more than
-    `UNEXHAUSTED` of what the effect does, something else of that kind was imitated.
-    """
-    found = []
-    problem, selection = part.problem, part.selection
-    rows = problem.judged
-    for name in selection.accepted:
-        if name not in problem.signatures:
-            continue
-        # On the rows as they were measured: whitened ones weigh fast motion alone.
-        basis = problem.signatures[name]()[rows]
-        scale = np.linalg.norm(basis, axis=0)
-        basis = basis[:, scale > 0.0] / scale[scale > 0.0]
-        solution, *_ = np.linalg.lstsq(basis, part.residual[rows], rcond=1e-8)
-        fit = selection.fit
-        own = problem.terms[name].share(fit.thetas[name], fit.coefficients[name])[rows]
-        least = UNEXHAUSTED[link_of(name)]
-        if np.sum((basis @ solution) ** 2) > least * np.sum(own**2):
-            found.append(name)
-    return found
 
 
 def _fit_whole(

@@ -1,0 +1,88 @@
+"""Accepted effects that only imitate what remains: a general curve would do better, or as well."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.evidence.judgement import Structure
+from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.residuals.regression import Fit
+from gap_diagnosis.selection.forward import Selector
+from gap_diagnosis.selection.gains import block_rms_gains, bootstrap_interval
+from gap_diagnosis.selection.model import Selection
+from stage_twin.effects import link_of
+from stage_twin.effects.term import Theta
+
+Array = NDArray[np.float64]
+
+#: Least share of an effect's own contribution that a general curve over its condition may still
+#: find in the remainder, before the effect is held for an imitation of something unknown. Models
+#: of friction are approximations; a clock's latency and drift are exact.
+UNEXHAUSTED = {'servo': 0.15, 'sensor': 0.04}
+
+
+def imitations(
+    problem: Problem, selector: Selector, selection: Selection, residual: Array, left: Structure
+) -> list[str]:
+    """Accepted effects beside which a more general curve explains what they do, or as much.
+
+    The right effect exhausts its condition: what a friction leaves is no function of the speed.
+    Where structure remains and a general curve over the effect's own condition explains more than
+    `UNEXHAUSTED` of what the effect does, something else of that kind was imitated. So was it
+    where an offset does what the effect does: what is unknown has a mean, too.
+
+    Parameters
+    ----------
+    residual : of all rows (n,) as they were measured: whitened ones weigh fast motion alone
+    left : what of it is no noise
+    """
+    if not left.structured:
+        return []
+    rows, fit, found = problem.judged, selection.fit, []
+    # What is given, as the alignment of a stepper's rests, is there whatever it explains.
+    for name in [n for n in selection.accepted if n not in selector.rules.given]:
+        own = problem.terms[name].share(fit.thetas[name], fit.coefficients[name])
+        size = np.mean(own[rows] ** 2)
+        if name in problem.signatures:
+            more = _explained(problem.signatures[name]()[rows], residual[rows])
+            imitates = more > UNEXHAUSTED[link_of(name)] * size
+        else:
+            # An offset far beyond what remains is one.
+            near = left.mean_square > UNEXHAUSTED['sensor'] * size
+            imitates = (
+                link_of(name) != 'servo' and near and _only_offset(selector, fit.thetas, name)
+            )
+        if imitates:
+            found.append(name)
+    return found
+
+
+def _explained(basis: Array, residual: Array) -> float:
+    """Mean square of what a basis (n, k) explains of a residual (n,)."""
+    scale = np.linalg.norm(basis, axis=0)
+    basis = basis[:, scale > 0.0] / scale[scale > 0.0]
+    solution, *_ = np.linalg.lstsq(basis, residual, rcond=1e-8)
+    return float(np.mean((basis @ solution) ** 2))
+
+
+def _only_offset(selector: Selector, thetas: dict[str, Theta], name: str) -> bool:
+    """Whether rows freed of their means show nothing of an effect."""
+    measured = selector.as_measured()
+    others = {n: theta for n, theta in thetas.items() if n != name}
+    less, whole = (_freed(measured.problem, measured.linear(some)) for some in (others, thetas))
+    gains = block_rms_gains(measured.problem, less, whole)
+    low, _ = bootstrap_interval(gains, selector.seed, level=selector.rules.level)
+    return low <= 0.0
+
+
+def _freed(problem: Problem, fit: Fit) -> Fit:
+    """A fit of which what is left is freed of the mean of each axis and session."""
+    left, judged = fit.crossed.copy(), problem.judged
+    starts = [0] if problem.seams is None else problem.seams.tolist()
+    for start, stop in zip(starts, [*starts[1:], len(left)], strict=True):
+        if judged[start:stop].any():
+            left[start:stop] -= left[start:stop][judged[start:stop]].mean()
+    return replace(fit, crossed=left)
