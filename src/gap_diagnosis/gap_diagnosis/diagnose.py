@@ -14,6 +14,7 @@ from gap_diagnosis.closed_loop.channels import (
     axis_shares,
     gap_channels,
     position_rms,
+    session_rms,
 )
 from gap_diagnosis.closed_loop.misread import misread
 from gap_diagnosis.closed_loop.polish import polish
@@ -218,6 +219,7 @@ def _allowed(
 
 
 def _far(
+    records: list[Record],
     prepared: Prepared,
     parts: list[Part],
     channels: dict[str, Channel],
@@ -232,7 +234,12 @@ def _far(
         return False
     before, after = position_rms(calm, 'before'), position_rms(calm, 'after')
     floor = judge.noise_floor(prepared.seen, calm, effects, speeds)
-    return far_from_explained(before, after, floor, bool(effects))
+    encoders = {n: c for n, c in calm.items() if n.startswith('encoder')}
+    whole = session_rms(records, prepared.twin, effects, [n[-1] for n in encoders])
+    step = judge.noise_floor(prepared.seen, encoders, effects, speeds) if encoders else floor
+    return any(
+        far_from_explained(*gap, bool(effects)) for gap in ((before, after, floor), (*whole, step))
+    )
 
 
 def _windows(scored: list[Record]) -> list[tuple[float, float]]:
@@ -268,7 +275,7 @@ def _conclude(
     remaining = [p for p in parts if p.structure.structured]
     structured = (
         any(shown_by_encoder(p, channels, floors, twin, accepted) for p in remaining)
-        or _far(prepared, parts, channels, effects, speeds)
+        or _far(records, prepared, parts, channels, effects, speeds)
         or not prepared.laws_known
     )
     progress('where the gap lies')

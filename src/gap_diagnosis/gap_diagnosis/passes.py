@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from gap_diagnosis.closed_loop.held_out import with_windows
 from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simulated
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.describe import describe, plain_values
@@ -164,6 +165,8 @@ def prepare(
         without = (*without, *UNSEEN_BY_ENCODER)
     records = [load(s, twin) for s in sessions]
     records += [load(s, twin, held_out=True) for s in holdout]
+    if twin.kind == 'servo' and twin.gains_stated and not simulated:
+        records = [with_windows(r, twin) for r in records]
     check_duration(records)
     if twin.kind != 'stepper' and not any(
         moves_while_judged(records, i) for i in range(len(records[0].axes))

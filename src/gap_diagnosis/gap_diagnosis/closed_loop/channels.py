@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import Sides
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import scored_ticks
+from gap_diagnosis.input.windows import STARTED, scored_ticks
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -105,6 +106,27 @@ def position_rms(channels: dict[str, Channel], which: str) -> float:
     """Root mean over the position channels of each channel's squared RMS [m]."""
     squares = [c.rms(which) ** 2 for c in channels.values() if c.unit == 'm']
     return float(np.sqrt(np.mean(squares)))
+
+
+def session_rms(
+    records: list[Record],
+    twin: TwinFile,
+    effects: dict[str, dict[str, float]],
+    axes: Sequence[str],
+) -> tuple[float, float]:
+    """RMS [m] of the encoders' gap over whole sessions, without effects and with them.
+
+    A gap that opens in the fitted windows alone is no gap of the held-out ones.
+    """
+    squares: tuple[list[float], list[float]] = [], []
+    for record in records:
+        rows = (record.time > STARTED) & record.whole(record.time)
+        for which, some in zip(squares, ({}, effects), strict=True):
+            gaps = replay(record, twin, some)
+            own = [gaps[f'encoder.{a}'] for a in axes if f'encoder.{a}' in gaps]
+            which += [float(np.mean(gap[rows] ** 2)) for gap in own]
+    before, after = (float(np.sqrt(np.mean(which or [0.0]))) for which in squares)
+    return before, after
 
 
 def without_cause(

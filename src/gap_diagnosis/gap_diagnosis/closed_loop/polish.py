@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence.describe import plain_values
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import held_out_windows, inside
+from gap_diagnosis.input.windows import STARTED, held_out_windows, inside
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -103,7 +103,7 @@ class _Loop:
 
     def _fitted(self) -> list[NDArray[np.bool_]]:
         return [
-            ~inside(r.time, held_out_windows(r)) & (r.time > 0.5) & r.whole(r.time)
+            ~inside(r.time, held_out_windows(r)) & (r.time > STARTED) & r.whole(r.time)
             for r in self.records
         ]
 

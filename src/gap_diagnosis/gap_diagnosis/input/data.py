@@ -28,7 +28,7 @@ from gap_diagnosis.input.noise import (
     white_part,
 )
 from gap_diagnosis.input.ticks import Clock
-from gap_diagnosis.input.windows import inside
+from gap_diagnosis.input.windows import LAST_THIRD, inside
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
@@ -66,6 +66,7 @@ class Record:
     tracker_time: Array | None
     tracker: Array | None
     held_out_session: bool = False
+    windows_at: float = LAST_THIRD  # of a block of time, where its held-out window begins
     moving: tuple[bool, ...] = ()
     warnings: tuple[str, ...] = field(default=())
     points_per_row: float = 1.0  # tracker points whose mean is a row: more than 1 for rests

@@ -16,15 +16,17 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+LAST_THIRD = 2.0 / 3.0  # of a block: where its held-out window begins
+STARTED = 0.5  # s after which the replayed loop has forgotten how the recorded one began
 PREFIX = 0.15  # share of a held-out session in which its nuisances are refitted, unscored
 
 
 def held_out_windows(record: Record) -> list[tuple[float, float]]:
     """Windows [s] that no fit sees.
 
-    The last third of each block of about 5 s (10 s of a session beyond two minutes), or every
-    third rest; of a held-out session everything after the prefix in which its own nuisances
-    are refitted.
+    The last third of each block of about 5 s (10 s of a session beyond two minutes) or the one
+    that begins at `record.windows_at`, or every third rest; of a held-out session everything after
+    the prefix in which its own nuisances are refitted.
     """
     if record.held_out_session:
         return [(float(record.time[0] + PREFIX * record.duration), float(record.time[-1]))]
@@ -35,7 +37,8 @@ def held_out_windows(record: Record) -> list[tuple[float, float]]:
         return [(float(bounds[i]), float(bounds[i + 1])) for i in range(2, len(bounds) - 1, 3)]
     blocks = max(3, round(record.duration / (5.0 if record.duration < 120.0 else 10.0)))
     length = record.duration / blocks
-    return [((i + 2.0 / 3.0) * length, (i + 1.0) * length) for i in range(blocks)]
+    starts = [(i + record.windows_at) * length for i in range(blocks)]
+    return [(start, start + length / 3.0) for start in starts]
 
 
 def inside(time: Array, windows: list[tuple[float, float]]) -> Mask:
