@@ -6,7 +6,7 @@ import re
 import sys
 
 from gap_diagnosis import passes
-from gap_diagnosis.closed_loop import misread, swing
+from gap_diagnosis.closed_loop import held_out, misread, swing
 from gap_diagnosis.evidence import acceptance
 from gap_diagnosis.experiment import design, motions, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
@@ -16,9 +16,9 @@ from gap_diagnosis.selection import imitations, rivals
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, checks, coarse, design, grid, imitations, judged, kinematics,
-                   misread, motions, passes, rivals, search, separation, swing, unrecorded,
-                   windows)
+    for module in (acceptance, checks, coarse, design, grid, held_out, imitations, judged,
+                   kinematics, misread, motions, passes, rivals, search, separation, swing,
+                   unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'diagnosis': """
@@ -31,6 +31,8 @@ tracker points that are moved back: turn of their frame, from | {coarse.LEAST_AN
 the same: offset of their frame, from | {coarse.LEAST_OFFSET:g} m
 the same: delay, from | {coarse.LEAST_LAG:g} s
 start of a held-out session that is not scored | {windows.PREFIX:.0%}
+squared gap of an encoder in the held-out windows, at least | {held_out.LEAST_HELD:.0%}
+the same, at most | {held_out.MOST_HELD:.0%}
 change of a screw temperature, at least | {kinematics.TEMPERATURE_SPAN:g} K
 shrinkage of the gap by a servo effect, at least | {acceptance.LEAST_SHRINK:.0%}
 squared gap that a servo effect closes, at least | {acceptance.LEAST_CLOSED:.0%}

@@ -160,11 +160,9 @@ def prepare(
     if simulated:
         twin = of_simulator(twin, simulated)
     counted_twin = with_counted_steps(twin)
-    load = load_stepper_record if twin.kind == 'stepper' else load_record
     if twin.kind == 'stepper' and any(by_encoder(s) for s in (*sessions, *holdout)):
         without = (*without, *UNSEEN_BY_ENCODER)
-    records = [load(s, twin) for s in sessions]
-    records += [load(s, twin, held_out=True) for s in holdout]
+    records = _load(sessions, twin) + _load(holdout, twin, held_out=True)
     if twin.kind == 'servo' and twin.gains_stated and not simulated:
         records = [with_windows(r, twin) for r in records]
     check_duration(records)
@@ -192,7 +190,7 @@ def prepare(
         counted_twin = with_counted_steps(twin)
     records, conventions = in_newtons(records, twin, without)
     if simulated:
-        runs = [load(s, twin) for s in simulated]
+        runs = _load(simulated, twin)
         for run in runs:
             _check_run(run)
         records = [beside(r, run, twin) for r, run in zip(records, runs, strict=True)]
@@ -202,6 +200,12 @@ def prepare(
     seen = with_simulated(with_mean_points(with_noise(stepped, records), records), records)
     direct = {**quantisation, **conventions, **controller_findings(records, twin)}
     return Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart))
+
+
+def _load(sessions: Sequence[Session], twin: TwinFile, held_out: bool = False) -> list[Record]:
+    """Arrays of some sessions, by the kind of their machine."""
+    load = load_stepper_record if twin.kind == 'stepper' else load_record
+    return [load(s, twin, held_out=held_out) for s in sessions]
 
 
 def _check_without_forces(records: list[Record]) -> None:

@@ -14,7 +14,7 @@ from stage_core.twin_file import TwinFile
 #: Share of the squared gap of an encoder that the held-out windows hold, at least and at most:
 #: 0.12 to 0.70 on 146 axes of 78 sessions; on four others, where it opens for a moment, less than
 #: 0.05 or more than 0.99.
-LEAST, MOST = 0.1, 0.9
+LEAST_HELD, MOST_HELD = 0.1, 0.9
 STEPS = 9  # places of the windows in their blocks that are tried
 
 
@@ -33,11 +33,11 @@ def with_windows(record: Record, twin: TwinFile) -> Record:
         rows = scored_ticks(replace(record, windows_at=place))
         return [float(own[rows].sum() / own.sum()) for own in squares if own.any()]
 
-    if all(LEAST <= share <= MOST for share in shares(LAST_THIRD)):
+    if all(LEAST_HELD <= share <= MOST_HELD for share in shares(LAST_THIRD)):
         return record
     places = [float(place) for place in np.linspace(LAST_THIRD, 0.0, STEPS)]
     # A third of the time should hold a third of the gap.
     far = [max(abs(share - 1.0 / 3.0) for share in shares(place)) for place in places]
     best = int(np.argmin(far))
     held = shares(places[best])
-    return replace(record, windows_at=places[best]) if min(held) >= LEAST else record
+    return replace(record, windows_at=places[best]) if min(held) >= LEAST_HELD else record
