@@ -75,6 +75,11 @@ def one_round(nodes: Nodes, watch: Watch, victim: str, motion: str) -> None:
         rows = watch.encoder if victim != 'stage_driver' else watch.tracker
         watch.rest(rows, 5.0 if victim == 'stage_driver' else 3.0, 3)
         watch.wait(watch.missed(victim), f'{victim} missed')
+    if victim == 'contour_ctrl':
+        # In lockstep the driver waits for the next set-point before it gives the stream up.
+        watch.wait(
+            lambda: watch.value('stage_driver: state', 'mode') != 'stream', 'the end of the stream'
+        )
     assert nodes.dead() == [victim], f'ended with it: {nodes.dead()}'
     watch.encoder.clear()
     restart(nodes, watch, victim)
