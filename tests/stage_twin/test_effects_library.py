@@ -136,6 +136,8 @@ def any_effects(draw):
 
 @settings(max_examples=60, deadline=None)
 @given(any_effects())
+# A stiff play with hardly any width.
+@example({'drive_play.x': {'width': 1e-40, 'mass_ratio': 0.8, 'contact_frequency': 800.0}})
 # Half of the mass on the drive's side of a play, and half of it behind a spring.
 @example(
     {
