@@ -22,10 +22,11 @@ kernels: venv
 session: kernels
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" $(PYTHON_ENV) -m stage_bringup.session $(SESSION)
 
-# Tests wait more than they compute: two processes on two cores. A file stays in one process.
-SIDE_BY_SIDE := -n 2 --dist loadfile --no-loadscope-reorder
+# Tests wait more than they compute: two processes on two cores. A file stays in one process; of
+# processes that a hanging test ends, one is replaced.
+SIDE_BY_SIDE := -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart=1
 test: kernels
-	$(PYTHON_ENV) -m pytest -q $(SIDE_BY_SIDE) --session-timeout=4200 $(PYTEST)
+	$(PYTHON_ENV) -m pytest -q $(SIDE_BY_SIDE) $(PYTEST)
 
 # What can be said in under a minute: format, lint, types of what changed, structure and docs.
 CHANGED := $(shell git diff --name-only --diff-filter=d main -- 'src/*/*/*.py' 2>/dev/null)

@@ -33,7 +33,6 @@ EXCITATION: dict[str, object] = {
 }
 
 
-@pytest.mark.timeout(1800)
 def test_friction_is_identified_from_a_recorded_session(
     ros_env: dict[str, str], tmp_path: Path
 ) -> None:

@@ -11,8 +11,6 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-
 from session_bags.check import OK, check_bag
 from session_bags.reader import read_session
 from stage_core import topics
@@ -71,7 +69,6 @@ def check_page(page: Path, folder: Path) -> None:
     assert str(folder) not in text and str(folder.parent) not in text
 
 
-@pytest.mark.timeout(1900)
 def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
     """Every step passes, the correction helps, a second run prints the same table."""
     tables = []
