@@ -3,7 +3,7 @@
     .venv/bin/python examples/calibrate_stage.py --centre 0.05 0.05 --half-range 0.03
 
 Moves the stage within centre +- half range [m]. The nodes stage_driver, tracker_bridge,
-session_recorder and calibrator must run (docs/guide/real_machine.md).
+session_recorder and calibrator must run (docs/guide/real_machine.md); --clock is theirs.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ def main() -> int:
     parser.add_argument('--half-range', type=float, default=0.03, help='m')
     parser.add_argument('--grid', type=int, default=5, help='points per side, visited twice')
     parser.add_argument('--settle', type=float, default=0.5, help='rest at each position, s')
+    parser.add_argument('--clock', choices=('realtime', 'lockstep'), default='realtime')
     given = parser.parse_args()
     if given.grid < 3:
         parser.error('--grid must be 3 or more: four places do not prove a model')
     centre = np.array(given.centre)
-    with SessionClient(given.settle, use_sim_time=False) as client:
+    with SessionClient(given.settle, given.clock == 'lockstep') as client:
 
         def visit(points: np.ndarray) -> None:
             for point in centre + points:

@@ -61,16 +61,20 @@ def learn(
 
 def decays(mass: float, delay: float, gain: float, position_gain: float) -> bool:
     """Whether the position of the x axis comes to rest after a push, without friction."""
-    axis, period, late = NOMINAL.servo('x'), 1e-3, round(1e3 * delay)
+    axis, period = NOMINAL.servo('x'), 1e-3
+    part, whole = np.modf(delay / period)
+    late = int(whole)
     keep = np.exp(-period * axis.velocity_filter)
     position = velocity = filtered = last = integral = 0.0
-    moved, forces = np.empty(20_000), np.zeros(20_000 + late)
+    moved, forces = np.empty(20_000), np.zeros(20_001 + late)
     for k in range(len(moved)):
         moved[k] = position
         filtered = keep * filtered + (1.0 - keep) * (position - last) / period
         last = position
         error = float(k == 0) - position_gain * position - filtered
-        forces[k + late] = gain * axis.velocity_gain * error + integral
+        force = gain * axis.velocity_gain * error + integral
+        forces[k + late] += (1.0 - part) * force
+        forces[k + late + 1] += part * force
         integral += gain * axis.integral_gain * error * period
         change = (forces[k] - axis.viscous * velocity) / (mass * axis.mass) * period
         position += (velocity + 0.5 * change) * period
@@ -84,10 +88,16 @@ def decays(mass: float, delay: float, gain: float, position_gain: float) -> bool
 #: on, and others.
 CHOSEN = tuple(product((0.5, 1.0, 3.0), (0.0, 1e-3, 5e-3), (0.5, 1.0, 1.5)))
 OTHERS = tuple(product((0.6, 1.5, 2.5), (0.5e-3, 2e-3, 4e-3), (0.6, 0.8, 1.3)))
+#: Light and late machines: the stiff loop rings just below the cutoff, or is unstable.
+RINGING = tuple(product((0.5, 0.55, 0.65, 0.8), (1e-3, 1.2e-3), (1.0, 1.1)))
+EVERYWHERE = [*CHOSEN, *OTHERS]
 
 
-@pytest.mark.parametrize(('mass', 'delay', 'gain'), [*CHOSEN, *OTHERS])
-@pytest.mark.parametrize('how', [DEFAULT, STIFF], ids=['default', 'stiff'])
+@pytest.mark.parametrize(
+    ('how', 'mass', 'delay', 'gain'),
+    [(how, *case) for how in (DEFAULT, STIFF) for case in EVERYWHERE]
+    + [(STIFF, *case) for case in RINGING if case not in EVERYWHERE],
+)
 def test_learning_recovers_or_the_loop_is_refused(
     how: tuple[Gains, LearningSettings], mass: float, delay: float, gain: float
 ) -> None:
@@ -103,9 +113,7 @@ def test_learning_recovers_or_the_loop_is_refused(
         np.array([lap.x.rms + lap.y.rms for lap in results]),
     ):
         assert rms[-1] < 0.7 * rms[0]
-        # Without learning this one rings at 75 Hz, just below the cutoff.
-        marginal = how is STIFF and (mass, delay, gain) == (0.5, 1e-3, 1.0)
-        assert rms.max() <= (2.0 if marginal else 1.0) * rms[0]
+        assert rms.max() == rms[0]
 
 
 def test_a_band_that_made_the_error_grow_is_not_learned_in_again() -> None:
