@@ -60,7 +60,7 @@ def test_a_picture_has_the_colours_of_both_themes() -> None:
 @pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
 @pytest.mark.parametrize('dark', [False, True])
 def test_page_and_picture_follow_the_same_theme(tmp_path: Path, dark: bool) -> None:
-    page = Page('theme').figure(figures.histogram({'a': [0.0, 1.0, 2.0]}), 'a picture')
+    page = Page('theme').figure(figures.histogram({'a': [0.0, 1.0, 2.0]}), 'a picture', 'Look.')
     shot = tmp_path / 'shot.png'
     subprocess.run(
         [
@@ -104,7 +104,7 @@ document.title = JSON.stringify(found);
 def test_a_reader_reads_values_off_curves_and_zooms(tmp_path: Path, width: int) -> None:
     seconds = [0.0, 20.0, 30.0, 50.0, 100.0]
     figure = figures.time_series(seconds, {'a</script>': [1.0, 2.0, 3.0, 5.0, -9.0]}, 'µm')
-    page = Page('curves').figure(figure, 'a picture', curves=True)
+    page = Page('curves').figure(figure, 'a picture', 'Look.', curves=True)
     assert page.render().count('</script>') == 2
     place = tmp_path / 'page.html'
     place.write_text(page.render().replace('</body>', MOUSE + '</body>'), encoding='utf-8')
@@ -127,7 +127,9 @@ def test_a_reader_reads_values_off_curves_and_zooms(tmp_path: Path, width: int) 
 def test_neighbouring_pictures_share_a_row() -> None:
     page = Page('rows')
     small = figures.histogram({'a': [0.0, 1.0, 2.0]})
-    page.figure(small, 'one').figure(small, 'two').text('between').figure(small, 'three')
+    page.figure(small, 'one', 'Look.').figure(small, 'two', 'Look.').text('between').figure(
+        small, 'three', 'Look.'
+    )
     html = page.render()
     assert html.count('class="figures"') == 2
     images = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', html)
@@ -146,16 +148,15 @@ def sizes(html: str) -> list[tuple[float, float]]:
 def test_the_panels_of_a_wide_picture_stand_in_one_column_on_a_phone() -> None:
     places, errors = [[0.0, 0.0], [0.02, 0.01]], [[1e-6, 0.0], [0.0, 2e-6]]
     both = figures.error_map(places, errors, errors)
-    (width, height), wide = sizes(Page('maps').figure(both, 'two maps').render())
+    (width, height), wide = sizes(Page('maps').figure(both, 'two maps', 'Look.').render())
     assert width == pytest.approx(72.0 * theme.NARROW)
     assert height == pytest.approx(2.0 * wide[1], abs=0.1)
     # The figure itself is as before: its PNG is the wide one.
     assert wide == pytest.approx(72.0 * both.get_size_inches(), abs=0.1)
     left, right = (axes.get_position() for axes in both.axes)
     assert left.y0 == pytest.approx(right.y0) and left.x1 < right.x0
-    assert (
-        len(sizes(Page('one').figure(figures.histogram({'a': [0.0, 1.0]}), 'one').render())) == 1
-    )
+    page = Page('one').figure(figures.histogram({'a': [0.0, 1.0]}), 'one', 'Look.')
+    assert len(sizes(page.render())) == 1
 
 
 #: Says of a page in a frame as wide as a phone what is wider than its place.
@@ -170,7 +171,9 @@ frame.srcdoc = PAGE;</script>"""
 
 @pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
 def test_nothing_scrolls_sideways_on_a_phone(tmp_path: Path) -> None:
-    page = Page('phone').figure(figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm'), 'wide')
+    page = Page('phone').figure(
+        figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm'), 'wide', 'Look.'
+    )
     columns = ['run', 'contour RMS (µm)', 'contour largest (µm)', 'encoder: RMS of x (µm)']
     page.table([*columns, 'encoder: RMS of y (µm)'], [['1', '3.77', '30.6', '3.74', '3.87']])
     text = json.dumps(page.render()).replace('</', '<\\/')

@@ -14,7 +14,7 @@ def test_error_maps_share_a_scale_and_state_the_rms() -> None:
     before = np.tile([3e-6, 4e-6], (4, 1))
     figure = figures.error_map(grid, before, before / 10.0)
     titles = [axes.get_title(loc='left') for axes in figure.axes]
-    assert titles == ['before: RMS 5.00 µm', 'after: RMS 0.500 µm']
+    assert titles == ['before: RMS 5.00 µm', 'after: RMS 0.50 µm']
     scales = {axes.collections[0].scale for axes in figure.axes}
     assert len(scales) == 1
     np.testing.assert_allclose(figure.axes[0].collections[0].U, 3.0)

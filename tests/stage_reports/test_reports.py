@@ -127,9 +127,9 @@ def test_a_contour_page_leaves_out_approach_and_pauses(tmp_path: Path) -> None:
     page = session_page(session)
     assert page.brief.startswith('1.000 µm (95 %: 1.000 to 1.000 µm)')
     told = words(page.render())
-    assert '4.00 µm in the first' in told
+    assert 'In the first run it was 4.00 µm' in told
     assert 'The last run lowered the RMS by 75 %' in told
-    assert 'Its largest error is 1.00' in told
+    assert 'The largest error is 1.00' in told
 
 
 def test_the_interval_of_an_rms_covers_it() -> None:

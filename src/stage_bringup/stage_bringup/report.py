@@ -61,8 +61,8 @@ def write_report(options: Options, result: SessionResult) -> Path:
 
 def _conditions(options: Options, result: SessionResult) -> list[tuple[str, str]]:
     return [
-        ('Machine', f'emulated: {reality_twin(options).stem}, {options.backend}'),
-        ('Twin', nominal_twin(options).stem),
+        ('Machine', f'emulated by {reality_twin(options).name}, {options.backend} drive'),
+        ('Twin', nominal_twin(options).name),
         ('Model', options.method),
         ('Date', result.data['recorded'].replace('T', ' ')[:16]),
         ('Clock', f'{options.clock}, seed {options.seed}'),

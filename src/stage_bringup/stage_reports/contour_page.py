@@ -36,14 +36,11 @@ def contour_page(
     seen = [encoder[s] for s in ('encoder', 'tracker') if s in encoder]
     deviation = _table_deviation(found, seen)
     page = Page('Following a contour')
-    first = f', {measure(rms[0])} in the first' if best else ''
+    first = f' In the first run it was {measure(rms[0])}.' if best else ''
     page.headline(
         with_interval(rms[best], *path_interval(found[best].contour)),
-        f'RMS contour error in run {best + 1} of {len(found)}{first}: the distance of the encoder '
-        'from the wanted path. Approach and pauses are left out. The interval is that of other '
-        f'paths made of such stretches (block bootstrap, {STRETCHES} stretches).'
-        f'{_largest(found[best], seen)}{_more_runs(rms)}'
-        f'{"" if deviation is None else _table_says(deviation)}',
+        f'RMS contour error in run {best + 1} of {len(found)}: the distance of the encoder from '
+        f'the wanted path, without approach and pauses.{first}',
         f'from the contour at the encoder, RMS of the best run'
         f'{"" if deviation is None else f"; table: G {measure(deviation)}"}',
     )
@@ -52,6 +49,15 @@ def contour_page(
             *condition_entries(session, entries),
             ('Place', _place(found[0], seen)),
             ('Runs', f'{len(found)} of {found[0].seconds[-1] - found[0].seconds[0]:.2f} s each'),
+        ]
+    )
+    page.items(
+        [
+            *_largest(found[best], seen),
+            *_more_runs(rms),
+            *([] if deviation is None else [_table_says(deviation)]),
+            f'The interval is that of other paths made of such stretches (block bootstrap, '
+            f'{STRETCHES} stretches).',
         ]
     )
     _learning(page, found, rms)
@@ -74,31 +80,31 @@ def _table_deviation(found: list[Run], seen: list[Tracking]) -> float | None:
 
 def _table_says(deviation: float) -> str:
     return (
-        ' The encoder does not see play, pitch and squareness. The tracker sees the table: by it '
+        'The encoder does not see play, pitch and squareness. The tracker sees the table: by it '
         f'the circular deviation G of the last run is {measure(deviation)} (ISO 230-4).'
     )
 
 
-def _largest(run: Run, seen: list[Tracking]) -> str:
+def _largest(run: Run, seen: list[Tracking]) -> list[str]:
     """The largest error of a run, and at which angle of the circle."""
-    said = f' Its largest error is {measure(Metrics.of(run.contour).max)}'
+    said = f'The largest error is {measure(Metrics.of(run.contour).max)}'
     circle = _circle(run, seen[0]) if seen else None
     known = _places(run, seen[0]) if seen else None
     if circle is None or known is None:
-        return f'{said}.'
+        return [f'{said}.']
     x, y = known[1][int(np.argmax(np.abs(run.contour)))] - circle[0]
-    return f'{said}, at {np.degrees(np.arctan2(y, x)) % 360.0:.0f}° of the circle.'
+    return [f'{said}, at {np.degrees(np.arctan2(y, x)) % 360.0:.0f}° of the circle.']
 
 
-def _more_runs(rms: list[float]) -> str:
+def _more_runs(rms: list[float]) -> list[str]:
     """Whether the error still falls from run to run."""
     if len(rms) < 2:
-        return ''
+        return []
     before, last = rms[-2:]
     change = f'{100.0 * abs(1.0 - last / before):.0f} %' if before > 0.0 else '0 %'
     if last < before:
-        return f' The last run lowered the RMS by {change}: another one may lower it further.'
-    return f' In the last run the RMS rose by {change}: more runs do not help.'
+        return [f'The last run lowered the RMS by {change}: another one may lower it further.']
+    return [f'In the last run the RMS rose by {change}: more runs do not help.']
 
 
 def _place(run: Run, seen: list[Tracking]) -> str:

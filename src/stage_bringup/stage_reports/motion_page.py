@@ -48,7 +48,11 @@ def motion_page(session: Session) -> Page:
         reference = session.series[topics.REFERENCE].columns('position', session.axes)
         paths = [('reference', reference), *((t.sensor, t.measured) for t in found)]
         page.heading('The path')
-        page.figure(figures.path_plot(paths), 'Reference and measured path')
+        page.figure(
+            figures.path_plot(paths),
+            'Reference and measured path',
+            'The paths lie on each other. An offset shows a tracker that is not aligned.',
+        )
     for tracking in found:
         _tracking(page, session, tracking)
     for tracking in found:
@@ -82,4 +86,6 @@ def _tracking(page: Page, session: Session, tracking: Tracking) -> None:
         page.figure(
             figures.error_map(tracking.reference, -tracking.errors, arrows=ARROWS),
             f'Where the {tracking.sensor} sees the table off its reference',
+            'Arrows along the path are the lag of the loop. Arrows across it are errors of the '
+            'contour.',
         )

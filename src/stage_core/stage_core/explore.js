@@ -38,13 +38,18 @@ function explore(figure, panels) {
     return best;
   }
   const said = v => String(Number(v.toPrecision(4))).replace('-', '\u2212');
+  function shown(panel, curve, k) {  // three digits of the largest value, of each on a log axis
+    const largest = panel.ylog ? curve.y[k] : Math.max(...curve.y.map(Math.abs));
+    const places = Math.max(0, 2 - Math.floor(Math.log10(Math.abs(largest) || 1)));
+    return said(Number(curve.y[k].toFixed(places)));
+  }
 
   function read(panel, x) {
     output.textContent = `${panel.name} at ${said(x)}:`;
     for (const curve of panel.curves) {
       const part = output.appendChild(document.createElement('span'));
       part.style.color = colour(curve.colour);
-      part.textContent = ` ${curve.name} ${said(curve.y[nearest(curve, x)])}\u2003`;
+      part.textContent = ` ${curve.name} ${shown(panel, curve, nearest(curve, x))}\u2003`;
     }
   }
   function draw() {

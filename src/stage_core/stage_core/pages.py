@@ -185,7 +185,7 @@ class Page:
         body = ''.join(lines)
         return self._add(f'<div class="scroll">{start}{body}</tbody></table></div>')
 
-    def figure(self, figure: Any, title: str, look_for: str = '', curves: bool = False) -> Page:
+    def figure(self, figure: Any, title: str, look_for: str, curves: bool = False) -> Page:
         """Embed a matplotlib figure; pictures that follow each other stand side by side.
 
         Parameters

@@ -11,7 +11,8 @@ from stage_core.quantities import split_effect
 from stage_core.wording import effect_words, parameter_name, rounded, with_std
 from stage_twin.effects import EFFECTS, effect_of
 
-MOST_CANDIDATES = 25
+#: The table of the evidence has a row for each candidate of this probability or more.
+LIKELY = 0.01
 #: Caption of a table with what each effect closes.
 CLOSES = (
     'closes: by how much the gap is smaller than without this effect, beside all others; the '
@@ -93,29 +94,42 @@ def found_section(page: Page, diagnosis: Diagnosis) -> None:
 
 
 def causes_section(page: Page, diagnosis: Diagnosis) -> None:
-    """Every candidate with its evidence."""
+    """The candidates that are likely or measured with their evidence, and the names of others."""
+    shown = [c for c in diagnosis.causes if c.parameters or c.probability >= LIKELY]
     page.heading('Evidence for each candidate')
     page.text(
         'The probability says how often such a statement is right about simulated machines '
         'whose effects are known. '
         '"Cannot be told from" names rivals that these data do not separate.'
     )
-    page.table(
-        ['effect', 'probability', 'result', 'parameters ± 1 σ', 'closes (95 %)',
-         'cannot be told from'],
-        [
+    if shown:
+        page.table(
+            ['effect', 'probability', 'result', 'parameters ± 1 σ', 'closes (95 %)',
+             'cannot be told from'],
             [
-                effect_words(cause.effect),
-                f'{cause.probability:.3f}',
-                status_words(cause.status),
-                parameter_words(cause.effect, cause.parameters),
-                _interval(cause.shrink, cause.interval) if _accepted(cause) else '',
-                ', '.join(effect_words(name) for name in cause.alternatives),
-            ]
-            for cause in diagnosis.causes[:MOST_CANDIDATES]
-        ],
-        'twin files and `report.json` write `backlash.x` for backlash of x',
-    )  # fmt: skip
+                [
+                    effect_words(cause.effect),
+                    f'{cause.probability:.2f}',
+                    status_words(cause.status),
+                    parameter_words(cause.effect, cause.parameters),
+                    _interval(cause.shrink, cause.interval) if _accepted(cause) else '',
+                    ', '.join(effect_words(name) for name in cause.alternatives),
+                ]
+                for cause in shown
+            ],
+            'twin files and `report.json` write `backlash.x` for backlash of x',
+        )  # fmt: skip
+    _others(page, [cause for cause in diagnosis.causes if cause not in shown])
+
+
+def _others(page: Page, causes: list[Cause]) -> None:
+    """The unlikely candidates by what became of them."""
+    named: dict[str, list[str]] = {}
+    for cause in causes:
+        named.setdefault(status_words(cause.status), []).append(effect_words(cause.effect))
+    if named:
+        page.text(f'The other candidates have a probability below {LIKELY:.2f}:')
+        page.items([f'{status}: {", ".join(names)}.' for status, names in named.items()])
 
 
 def contained_section(page: Page, diagnosis: Diagnosis) -> None:

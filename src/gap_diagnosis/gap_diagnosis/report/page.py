@@ -116,7 +116,7 @@ def _conditions(page: Page, diagnosis: Diagnosis) -> None:
     page.conditions(
         [
             ('Recording', ', '.join(Path(name).name for name in diagnosis.sessions)),
-            ('Twin', Path(diagnosis.twin_name).stem),
+            ('Twin', Path(diagnosis.twin_name).name),
             *(('Simulator', Path(name).name) for name in diagnosis.simulators),
             ('Recorded', date_words(diagnosis.started)),
             ('Diagnosed', time.strftime('%Y-%m-%d %H:%M')),
@@ -190,7 +190,7 @@ def _leftovers(page: Page, diagnosis: Diagnosis) -> None:
         ['channel', 'events', 'largest', 'at (s)', 'soon after a reversal'],
         [
             [
-                item.channel,
+                effect_words(item.channel),
                 item.count,
                 measure(item.largest, item.unit),
                 ', '.join(f'{t:.2f}' for t in item.times),

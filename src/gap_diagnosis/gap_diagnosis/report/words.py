@@ -28,9 +28,9 @@ _STATUS = {
 
 
 def condition_words(condition: Condition) -> str:
-    """*side of approach of x (the servo loop)*."""
+    """*x: side of approach (the servo loop)*."""
     name = _CONDITIONS.get(condition.name, condition.name.replace('_', ' '))
-    return f'{name} of {condition.axis} ({link_words(condition.link)})'
+    return f'{condition.axis}: {name} ({link_words(condition.link)})'
 
 
 def link_words(link: str) -> str:

@@ -6,9 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import MultipleLocator
 
 from stage_core.drawing import MICRO, Array, canvas, colours, envelope, styled
 from stage_core.errors import StageError
+from stage_core.quantities import MICROMETRE
 from stage_core.theme import INK
 
 #: Name, place along the path (n,), contour error there (n,) [m].
@@ -30,6 +33,9 @@ def error_over_path(runs: Sequence[Run], label: str) -> Figure:
         index = envelope(error)
         axes.plot(place[index], error[index] * MICRO, lw=1.0, color=colour, label=name)
     axes.set(xlabel=label, ylabel='contour error (µm)')
+    if '°' in label:
+        # An axis reverses at each multiple of 90°.
+        axes.xaxis.set_major_locator(MultipleLocator(45.0))
     axes.margins(x=0.01)
     axes.legend(ncols=len(runs), loc='upper right')
     return figure
@@ -41,22 +47,27 @@ def contour_polar(runs: Sequence[Run], radius: float) -> Figure:
 
     Parameters
     ----------
-    radius : of the circle, m; the title states the magnification.
+    radius : of the circle, m.
     """
     _check(runs)
     figure = canvas(5.6, 5.8)
     axes = figure.add_subplot(projection='polar')
-    widest = max(float(np.abs(e).max()) for _, _, e in runs) * MICRO or 1.0
-    turn = np.linspace(0.0, 2.0 * np.pi, 181)
-    axes.plot(turn, np.zeros_like(turn), color=INK, lw=0.9, label='nominal circle')
+    widest = max(float(np.abs(e).max()) for _, _, e in runs)
     for colour, (name, angle, error) in zip(colours(len(runs)), runs, strict=True):
         index = envelope(error)
         axes.plot(angle[index], error[index] * MICRO, lw=1.0, color=colour, label=name)
-    axes.set_ylim(-3.0 * widest, 1.25 * widest)
-    axes.set_rlabel_position(67.5)
-    magnified = radius * MICRO / (3.0 * widest)
     axes.set_title(
-        f'error magnified about {float(f"{magnified:.2g}"):.0f} times', fontsize=10, loc='center'
+        f'contour error in µm, {on_circle(axes, radius, widest)}', fontsize=10, loc='center'
     )
     figure.legend(loc='outside lower center', ncols=3)
     return figure
+
+
+def on_circle(axes: PolarAxes, radius: float, widest: float) -> str:
+    """Draw the nominal circle with room for errors up to `widest` [m]; the magnification."""
+    widest = widest or MICROMETRE
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    axes.plot(turn, np.zeros_like(turn), color=INK, lw=0.9, label='nominal circle')
+    axes.set_ylim(-3.0 * widest * MICRO, 1.5 * widest * MICRO)
+    axes.set_rlabel_position(67.5)
+    return f'magnified about {float(f"{radius / (3.0 * widest):.2g}"):.0f} times'

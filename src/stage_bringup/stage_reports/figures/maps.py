@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from stage_core.drawing import MICRO, MILLI, Array, canvas, colours, styled, thin
 from stage_core.errors import StageError
 from stage_core.theme import BLUE, MUTED, ORANGE
-from stage_core.wording import measure
 from stage_reports.figures.checks import pairs
 
 #: The longest arrow spans this share of the workspace.
@@ -51,7 +50,7 @@ def error_map(
         index = thin(len(places), arrows)
         _arrows(axes, places[index], values[index], scale, colour, _round(longest * MICRO))
         rms = float(np.sqrt((values**2).sum(axis=1).mean()))
-        axes.set_title(f'{name}: RMS {measure(rms)}')
+        axes.set_title(f'{name}: RMS {rms * MICRO:.2f} µm')
     return figure
 
 

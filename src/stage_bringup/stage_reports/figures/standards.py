@@ -10,6 +10,7 @@ from stage_core.drawing import MICRO, MILLI, canvas, styled, thin
 from stage_core.theme import BLUE, INK, MUTED, ORANGE
 from stage_core.wording import measure
 from stage_reports.figures.checks import pairs
+from stage_reports.figures.contours import on_circle
 from stage_reports.iso230 import Circular, Positioning
 
 
@@ -58,7 +59,6 @@ def circular_plot(
     paths = [('counter-clockwise', pairs('path', counter_clockwise), BLUE)]
     if clockwise is not None:
         paths.append(('clockwise', pairs('path', clockwise), ORANGE))
-    widest = max(abs(result.F_max), abs(result.F_min), np.finfo(float).tiny) * MICRO
     for name, path, colour in paths:
         offset = path[thin(len(path))] - result.centre
         deviation = np.linalg.norm(offset, axis=1) - result.radius
@@ -66,11 +66,12 @@ def circular_plot(
         # A jump of the angle's branch would draw a line across the circle.
         deviation[1:][np.abs(np.diff(angle)) > np.pi] = np.nan
         axes.plot(angle, deviation * MICRO, color=colour, lw=0.9, label=name)
-    turn = np.linspace(0.0, 2.0 * np.pi, 181)
-    axes.plot(turn, np.zeros_like(turn), color=INK, lw=0.9, label='nominal circle')
-    axes.set_ylim(-3.0 * widest, 1.5 * widest)
-    axes.set_rlabel_position(67.5)
-    axes.set_title(_circular_figures(result), fontsize=10, loc='center')
+    magnified = on_circle(axes, result.radius, max(abs(result.F_max), abs(result.F_min)))
+    axes.set_title(
+        f'{_circular_figures(result)}\nradial deviation in µm, {magnified}',
+        fontsize=10,
+        loc='center',
+    )
     figure.legend(loc='outside lower center', ncols=3)
     return figure
 
