@@ -9,7 +9,8 @@ import numpy as np
 
 from contour_ctrl import contour_error, curves, reference
 from contour_ctrl.feedrate import AxisLimits
-from contour_ctrl.path import ArcLength, PathTable
+from contour_ctrl.path import PathTable
+from hra_curves.arc_length import ArcLength
 
 CURVES = {
     'circle 20 mm': curves.circle(0.02),
@@ -36,7 +37,7 @@ def main() -> None:
     print('|---|---|---|---|---|---|---|')
     limits = AxisLimits(jerk=(1e5, 1e5), acceleration=(50.0, 50.0))
     for name, curve in CURVES.items():
-        arc = ArcLength(curve)
+        arc = ArcLength.of(curve)
         path = PathTable.from_curve(arc)
         table = path.values, path.step, path.closed
         fluctuation = reference.plan(curve, 0.06, limits=limits).fluctuation

@@ -19,7 +19,8 @@ from contour_ctrl.curves import circle
 from contour_ctrl.figures import figures
 from contour_ctrl.friction import lugre_force
 from contour_ctrl.identify_friction import identify
-from contour_ctrl.path import ArcLength, PathTable
+from contour_ctrl.path import PathTable
+from hra_curves.arc_length import ArcLength
 from stage_core.errors import StageError
 
 PERIOD = 0.001
@@ -37,7 +38,7 @@ def fitted_circle(points: np.ndarray) -> tuple[np.ndarray, float]:
 def contour_of(reference: np.ndarray, encoder: np.ndarray) -> np.ndarray:
     """Signed contour error (n,) [m] against the fitted circle, in the sense of travel."""
     centre, radius = fitted_circle(reference)
-    path = PathTable.from_curve(ArcLength(circle(radius, (centre[0], centre[1]))))
+    path = PathTable.from_curve(ArcLength.of(circle(radius, (centre[0], centre[1]))))
     angle = np.unwrap(np.arctan2(*(reference - centre).T[::-1]))
     sense = 1.0 if angle[-1] > angle[0] else -1.0
     return sense * of_record(path, radius * np.mod(angle, 2.0 * np.pi), encoder)

@@ -11,7 +11,8 @@ from contour_ctrl.contour_error import of_record
 from contour_ctrl.curves import circle
 from contour_ctrl.figures import figures
 from contour_ctrl.identify_friction import identify
-from contour_ctrl.path import ArcLength, PathTable
+from contour_ctrl.path import PathTable
+from hra_curves.arc_length import ArcLength
 
 
 def test_contour_error_and_friction_of_the_recorded_stage(data_root: Path) -> None:
@@ -23,7 +24,7 @@ def test_contour_error_and_friction_of_the_recorded_stage(data_root: Path) -> No
     centre = 0.5 * (reference.max(axis=0) + reference.min(axis=0))
     radius = float(np.median(np.hypot(*(reference - centre).T)))
     angle = np.unwrap(np.arctan2(*(reference - centre).T[::-1]))
-    path = PathTable.from_curve(ArcLength(circle(radius, (centre[0], centre[1]))))
+    path = PathTable.from_curve(ArcLength.of(circle(radius, (centre[0], centre[1]))))
     contour = of_record(path, radius * np.mod(angle, 2.0 * np.pi), encoder)
     # Counter-clockwise, a point outside the circle has a positive contour error.
     assert contour == pytest.approx(np.hypot(*(encoder - centre).T) - radius, abs=1e-9)

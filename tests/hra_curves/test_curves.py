@@ -122,7 +122,7 @@ def test_the_cycloid_is_eight_radii_long_and_fed_evenly_over_its_cusps() -> None
         table.feed(0.0, 0.01)
     with pytest.raises(StageError, match='arc length'):
         table.parameter(1.0)
-    with pytest.raises(StageError, match='segments'):
+    with pytest.raises(StageError, match='cells'):
         ArcLength.of(curve, 0)
 
 
@@ -176,7 +176,7 @@ def test_the_fewest_control_points_within_a_tolerance(basis: Basis, expected: in
     assert curve.control_points.shape == (expected, 2)
     nodes = parameter_nodes(basis.domain, 501)
     assert np.linalg.norm(curve.evaluate(nodes) - points, axis=1).max() <= 5e-8
-    with pytest.raises(StageError, match='no number'):
+    with pytest.raises(StageError, match='no curve'):
         fit_to_tolerance(points[::50], 1e-30, basis)
     with pytest.raises(StageError, match='positive'):
         fit_to_tolerance(points, 0.0, basis)
@@ -189,7 +189,7 @@ def test_the_fewest_interpolation_points_within_a_tolerance(basis: Basis, expect
     assert curve.control_points.shape == (expected, 2)
     theta = np.linspace(0.0, TURN, 997)
     assert np.linalg.norm(curve.evaluate(theta) - cycloid(theta), axis=1).max() < 5.5e-8
-    with pytest.raises(StageError, match='no interpolant'):
+    with pytest.raises(StageError, match='no curve'):
         interpolate_to_tolerance(cycloid, (0.0, TURN), 5e-8, basis, 8)
     with pytest.raises(StageError, match='positive'):
         interpolate_to_tolerance(cycloid, (0.0, TURN), -1.0, basis)

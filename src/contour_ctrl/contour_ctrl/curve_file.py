@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import hra_curves
 from contour_ctrl import curves, nurbs
 from stage_core.errors import StageError
 from stage_core.names import refuse_unknown_keys
@@ -56,10 +57,6 @@ def _through(
         if not isinstance(closed, bool):
             raise StageError(f'{origin}: closed must be true or false, got {closed!r}')
         return curves.freeform(points, closed)
-    try:
-        import hra_curves
-    except ImportError:
-        raise StageError('the contour hra needs the package hra_curves: build it') from None
     name = content.get('basis')
     if name is None:
         return hra_curves.interpolate(points)

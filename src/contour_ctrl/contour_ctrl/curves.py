@@ -4,37 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import make_interp_spline
 
 from contour_ctrl import nurbs
+from hra_curves.arc_length import Curve
 from stage_core.errors import StageError
 
 FloatArray = NDArray[np.float64]
 
 NAMES = ('circle', 'square', 'star', 'eight', 'freeform', 'nurbs', 'hra')
-
-
-class Curve(Protocol):
-    """What the interpolator asks of a contour."""
-
-    @property
-    def domain(self) -> tuple[float, float]:
-        """First and last parameter."""
-
-    @property
-    def breaks(self) -> FloatArray:
-        """(k,) parameters, the domain's ends included, where the smoothness may drop."""
-
-    @property
-    def closed(self) -> bool:
-        """Whether the last point is the first one."""
-
-    def derivatives(self, parameter: ArrayLike, order: int) -> FloatArray:
-        """Return (order + 1, n, 2): the point [m] and its derivatives by the parameter."""
 
 
 @dataclass(frozen=True)

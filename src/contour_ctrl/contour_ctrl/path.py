@@ -1,68 +1,16 @@
-"""Arc length of a curve, and a table of the path for the real-time kernels."""
+"""A table of the path for the real-time kernels."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from contour_ctrl.curves import Curve
+from hra_curves.arc_length import ArcLength, Curve
 
 FloatArray = NDArray[np.float64]
-
-#: Arc lengths that are inverted together: what they need stays in the processor's cache.
-_BLOCK = 4096
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
-
-
-class ArcLength:
-    """Arc length s(u) of a curve and its inverse.
-
-    Six-point Gauss-Legendre quadrature in about `cells` cells that never straddle a knot;
-    the inverse is the table's cell, then Newton on s(u) - s with the same quadrature.
-    """
-
-    def __init__(self, curve: Curve, cells: int = 512) -> None:
-        self.curve = curve
-        breaks = np.asarray(curve.breaks, dtype=float)
-        span = np.diff(breaks)
-        counts = np.maximum(np.ceil(cells * span / span.sum()).astype(int), 4)
-        edges = [
-            np.linspace(breaks[i], breaks[i + 1], counts[i] + 1)[:-1] for i in range(len(span))
-        ]
-        self.parameter = np.concatenate([*edges, breaks[-1:]])
-        lengths = self._integral(self.parameter[:-1], self.parameter[1:])
-        self.arc = np.concatenate([[0.0], np.cumsum(lengths)])
-
-    @property
-    def length(self) -> float:
-        """Length of the whole curve [m]."""
-        return float(self.arc[-1])
-
-    def parameter_at(self, arc: ArrayLike, steps: int = 4) -> FloatArray:
-        """Return the parameter (n,) at arc lengths (n,) [m]."""
-        s = np.clip(np.atleast_1d(np.asarray(arc, dtype=float)), 0.0, self.length)
-        if len(s) > _BLOCK:
-            parts = np.split(s, np.arange(_BLOCK, len(s), _BLOCK))
-            return np.concatenate([self.parameter_at(part, steps) for part in parts])
-        cell = np.clip(np.searchsorted(self.arc, s, side='right') - 1, 0, len(self.arc) - 2)
-        low, high = self.parameter[cell], self.parameter[cell + 1]
-        share = (s - self.arc[cell]) / (self.arc[cell + 1] - self.arc[cell])
-        u = low + share * (high - low)
-        for _ in range(steps):
-            residual = self._integral(low, u) - (s - self.arc[cell])
-            speed = np.linalg.norm(self.curve.derivatives(u, 1)[1], axis=1)
-            u = np.clip(u - residual / speed, low, high)
-        return u
-
-    def _integral(self, start: FloatArray, stop: FloatArray) -> FloatArray:
-        half = 0.5 * (stop - start)
-        u = (0.5 * (start + stop))[:, None] + half[:, None] * _NODES
-        speed = np.linalg.norm(self.curve.derivatives(u.ravel(), 1)[1], axis=1)
-        return half * (speed.reshape(u.shape) @ _WEIGHTS)
 
 
 @dataclass(frozen=True)
@@ -94,8 +42,8 @@ class PathTable:
     @staticmethod
     def from_curve(arc: ArcLength, points: int = 4096) -> PathTable:
         """Sample a curve by its arc length."""
-        s = np.linspace(0.0, arc.length, points + 1)
-        position, tangent, bend = arc_derivatives(arc.curve, arc.parameter_at(s))
+        s = np.linspace(0.0, arc.total, points + 1)
+        position, tangent, bend = arc_derivatives(arc.curve, arc.parameter(s))
         return PathTable(
             float(s[1]), np.column_stack([position, tangent, bend]), bool(arc.curve.closed)
         )

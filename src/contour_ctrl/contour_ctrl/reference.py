@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from contour_ctrl.curves import Curve, check_regular
+from contour_ctrl.curves import check_regular
 from contour_ctrl.feedrate import AxisLimits, SCurve
-from contour_ctrl.path import ArcLength, PathTable, arc_derivatives, sampled_derivatives
+from contour_ctrl.path import PathTable, arc_derivatives, sampled_derivatives
+from hra_curves.arc_length import ArcLength, Curve
 from stage_core.errors import StageError
 
 FloatArray = NDArray[np.float64]
@@ -168,25 +169,25 @@ def plan(
     """
     _check(curve, period, laps)
     bounds = AxisLimits() if limits is None else limits
-    arc = ArcLength(curve)
+    arc = ArcLength.of(curve)
     path = PathTable.from_curve(arc)
     if feed > 0.0:
-        _refuse_endless(feed, laps * arc.length / (feed * period))
+        _refuse_endless(feed, laps * arc.total / (feed * period))
 
     def attempt(wanted: float) -> Reference:
-        profile = SCurve.plan(laps * arc.length, wanted, path_acceleration, path_jerk)
+        profile = SCurve.plan(laps * arc.total, wanted, path_acceleration, path_jerk)
         return _sample(arc, path, profile, period)
 
     reference = attempt(feed)
     excess, name, tick = _excess(reference, bounds)
     if excess <= 1.0:
         return reference
-    where = f'{name} at arc {np.mod(reference.arc[tick], arc.length):.4g} m'
+    where = f'{name} at arc {np.mod(reference.arc[tick], arc.total):.4g} m'
     # Nothing falls faster than the jerk, with the third power of the feed.
     least = feed * excess ** (-1.0 / 3.0)
     low, high = _highest_feed(
         feed,
-        lambda wanted: laps * arc.length / (min(wanted, least) * period) > SLOWEST,
+        lambda wanted: laps * arc.total / (min(wanted, least) * period) > SLOWEST,
         lambda wanted: _excess(attempt(wanted), bounds)[0] <= 1.0,
     )
     _refuse_feed(feed, low, high, where, reduce_feed)
@@ -246,8 +247,8 @@ def _excess(reference: Reference, limits: AxisLimits) -> tuple[float, str, int]:
 def _sample(arc: ArcLength, path: PathTable, profile: SCurve, period: float) -> Reference:
     count = int(np.ceil(profile.duration / period - 1e-9)) + 1
     s, speed, acceleration = profile.at(period * np.arange(count))
-    wrapped = np.where(s > 0.0, s - arc.length * np.ceil(s / arc.length - 1.0), 0.0)
-    position, tangent, bend = arc_derivatives(arc.curve, arc.parameter_at(wrapped))
+    wrapped = np.where(s > 0.0, s - arc.total * np.ceil(s / arc.total - 1.0), 0.0)
+    position, tangent, bend = arc_derivatives(arc.curve, arc.parameter(wrapped))
     steps = np.linalg.norm(np.diff(position, axis=0), axis=1) / period
     planned = np.diff(s) / period
     cruising = planned > (1.0 - 1e-9) * profile.feed

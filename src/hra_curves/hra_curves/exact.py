@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,16 +20,16 @@ DIGITS = 100
 Table = list[list[Any]]
 
 
-def need_mpmath() -> None:
-    """Raise a :class:`StageError` where mpmath is not installed."""
+def _exactly() -> Any:
+    """Context in which mpmath counts 100 digits; a :class:`StageError` where it is missing."""
     if mpmath is None:
         raise StageError('the exact results need mpmath: pip install mpmath')
+    return mpmath.workdps(DIGITS)
 
 
 def difference(basis: Basis, upper: float, lower: float) -> Any:
     """f(upper) g(lower) - f(lower) g(upper) of doubles taken as exact, in 100 digits."""
-    need_mpmath()
-    with mpmath.workdps(DIGITS):
+    with _exactly():
         f_upper, g_upper = basis.pair(mpmath.mpf(upper), mpmath)
         f_lower, g_lower = basis.pair(mpmath.mpf(lower), mpmath)
         return f_upper * g_lower - f_lower * g_upper
@@ -38,8 +37,7 @@ def difference(basis: Basis, upper: float, lower: float) -> Any:
 
 def collocation(basis: Basis, nodes: ArrayLike, degree: int) -> Table:
     """Collocation matrix of the given doubles, taken as exact, in 100 digits."""
-    need_mpmath()
-    with mpmath.workdps(DIGITS):
+    with _exactly():
         rows = []
         for node in np.asarray(nodes, dtype=float):
             f, g = basis.pair(mpmath.mpf(float(node)), mpmath)
@@ -54,8 +52,7 @@ def solve(matrix: Table, values: Array | Table) -> Table:
 
     Elimination without exchange of rows, which a totally positive matrix allows.
     """
-    need_mpmath()
-    with mpmath.workdps(DIGITS):
+    with _exactly():
         work = [
             list(row) + [mpmath.mpf(value) for value in right]
             for row, right in zip(matrix, values, strict=True)
@@ -81,8 +78,7 @@ def solve(matrix: Table, values: Array | Table) -> Table:
 
 def least_squares(matrix: Table, values: Array) -> Table:
     """Least-squares solution by the normal equations, which 100 digits bear."""
-    need_mpmath()
-    with mpmath.workdps(DIGITS):
+    with _exactly():
         columns = list(zip(*matrix, strict=True))
         right = [[mpmath.mpf(float(value)) for value in column] for column in values.T]
         normal = [[mpmath.fdot(a, b) for b in columns] for a in columns]
@@ -91,24 +87,10 @@ def least_squares(matrix: Table, values: Array) -> Table:
 
 def relative_error(computed: NDArray[Any], exact: Table) -> float:
     """Relative error in the 2-norm of vectors or tables (n, m), as Table 1 of paper 4."""
-    need_mpmath()
-    with mpmath.workdps(DIGITS):
+    with _exactly():
         numerator = denominator = mpmath.mpf(0)
         for row, reference in zip(np.atleast_2d(computed.T).T, exact, strict=True):
             for value, true in zip(row, reference, strict=True):
                 numerator += (mpmath.mpf(float(value)) - true) ** 2
                 denominator += true**2
         return float(mpmath.sqrt(numerator / denominator))
-
-
-def componentwise_error(computed: NDArray[Any], exact: Sequence[Sequence[Any]]) -> float:
-    """Largest relative error of a component."""
-    need_mpmath()
-    with mpmath.workdps(DIGITS):
-        worst = mpmath.mpf(0)
-        for row, reference in zip(np.atleast_2d(computed.T).T, exact, strict=True):
-            for value, true in zip(row, reference, strict=True):
-                difference = abs(mpmath.mpf(float(value)) - true)
-                if difference:
-                    worst = max(worst, difference / abs(true) if true else mpmath.inf)
-        return float(worst)

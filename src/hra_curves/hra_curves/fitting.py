@@ -183,23 +183,40 @@ def interpolate_to_tolerance(
         If no number of points reaches the tolerance.
     """
     chosen = basis or Bernstein()
-    if not tolerance > 0.0:
-        raise StageError(f'the tolerance {tolerance} must be positive: give metres')
-    best = math.inf
-    for count in range(2, maximum_points + 1):
-        if not chosen.contains_constants(count - 1):
-            continue
+
+    def curve_and_error(count: int) -> tuple[HraCurve, float]:
         points = _check_points(function(parameter_nodes(domain, count)))
         nodes = parameter_nodes(chosen.domain, count)
         curve = HraCurve(chosen, solve(factorise(chosen, nodes), points), domain)
         between = parameter_nodes(domain, 8 * (count - 1) + 1)
         error = np.linalg.norm(curve.evaluate(between) - function(between), axis=1).max()
-        best = min(best, float(error))
-        if best <= tolerance:
-            return curve
+        return curve, float(error)
+
+    return _simplest(chosen, maximum_points, tolerance, curve_and_error)
+
+
+def _simplest(
+    basis: Basis,
+    most: int,
+    tolerance: float,
+    curve_and_error: Callable[[int], tuple[HraCurve, float]],
+) -> HraCurve:
+    """The first curve of 2, 3, .. `most` control points whose error [m] stays in a tolerance.
+
+    Tried are only those whose space contains the constants.
+    """
+    if not tolerance > 0.0:
+        raise StageError(f'the tolerance {tolerance} must be positive: give metres')
+    best = math.inf
+    for count in range(2, most + 1):
+        if basis.contains_constants(count - 1):
+            curve, error = curve_and_error(count)
+            best = min(best, error)
+            if best <= tolerance:
+                return curve
     raise StageError(
-        f'no interpolant of up to {maximum_points} points stays within {tolerance:.3g} m (the '
-        f'best reaches {best:.3g} m): split the curve, raise the tolerance or use a spline'
+        f'no curve of up to {most} control points stays within {tolerance:.3g} m (the best '
+        f'reaches {best:.3g} m): split the curve, raise the tolerance or use a spline'
     )
 
 
@@ -247,19 +264,11 @@ def fit_to_tolerance(
     """
     chosen = basis or Bernstein()
     values = _check_points(points)
-    if not tolerance > 0.0:
-        raise StageError(f'the tolerance {tolerance} must be positive: give metres')
     parameters = _nodes(chosen, None, values.shape[0])
-    best = math.inf
-    for count in range(2, min(values.shape[0] // 2, 101) + 1):
-        if not chosen.contains_constants(count - 1):
-            continue
+
+    def curve_and_error(count: int) -> tuple[HraCurve, float]:
         curve = least_squares_curve(values, count, chosen, parameters)
         distances = np.linalg.norm(curve.evaluate(parameters) - values, axis=1)
-        best = min(best, float(distances.max()))
-        if best <= tolerance:
-            return curve
-    raise StageError(
-        f'no number of control points fits the {values.shape[0]} points within {tolerance:.3g} m '
-        f'(the best reaches {best:.3g} m): allow more, raise the tolerance or use a spline'
-    )
+        return curve, float(distances.max())
+
+    return _simplest(chosen, min(values.shape[0] // 2, 101), tolerance, curve_and_error)

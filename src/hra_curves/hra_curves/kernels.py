@@ -205,19 +205,6 @@ def rotate_vectors(cosines: Array, sines: Array, vectors: Array) -> None:
 
 
 @njit(cache=True)
-def rotate_back(cosines: Array, sines: Array, vectors: Array) -> None:
-    """Apply Q to ``vectors`` (l+1, m) in place."""
-    rows, columns = cosines.shape
-    for j in range(columns - 1, -1, -1):
-        for i in range(j + 1, rows):
-            cosine, sine = cosines[i, j], sines[i, j]
-            for m in range(vectors.shape[1]):
-                upper, lower = vectors[i - 1, m], vectors[i, m]
-                vectors[i - 1, m] = cosine * upper - sine * lower
-                vectors[i, m] = cosine * lower + sine * upper
-
-
-@njit(cache=True)
 def evaluate_series(control: Array, f: Array, g: Array, result: Array) -> None:
     """Evaluate sum_j C(n,j) f**j g**(n-j) c_j with derivatives, by corner cutting.
 

@@ -84,23 +84,6 @@ class OrthogonalFactors:
     cosines: Array
     sines: Array
 
-    def apply_transpose(self, values: ArrayLike) -> Array:
-        """Q^T times ``values`` (l+1,) or (l+1, m)."""
-        result = _right_hand_side(self.upper, values)
-        kernels.rotate_vectors(self.cosines, self.sines, result)
-        return result.reshape(np.shape(values))
-
-    def orthogonal(self) -> Array:
-        """Q with n+1 columns, (l+1, n+1)."""
-        result = np.eye(*self.upper.shape)
-        kernels.rotate_back(self.cosines, self.sines, result)
-        return result
-
-    def triangular(self) -> Array:
-        """R multiplied out, (n+1, n+1)."""
-        columns = self.upper.shape[1]
-        return Bidiagonal(np.ascontiguousarray(self.upper.entries[:columns])).assemble()
-
 
 def orthogonal_factors(matrix: Bidiagonal) -> OrthogonalFactors:
     """QR factorisation of a totally positive matrix from its bidiagonal factors, O(l n**2)."""
