@@ -20,12 +20,13 @@ from tracker_bridge.bridge import Bridge
 from tracker_bridge.sa_text import SaTextDecoder, SaTextError
 from tracker_bridge.samples import Sample
 from tracker_bridge.sources.emscon import EmsconSource
+from tracker_bridge.tpi_packets import POINT, MultiMeasurement, TpiError
 
 
 def codec_rate(points: int = 200_000, per_packet: int = 10) -> float:
     """Points per second from bytes to arrays."""
-    record = np.zeros(per_packet, tpi.POINT)
-    packet = tpi.encode_multi(tpi.MultiMeasurement(0, 1, 0, 20.0, 1013.0, 45.0, record))
+    record = np.zeros(per_packet, POINT)
+    packet = tpi.encode_multi(MultiMeasurement(0, 1, 0, 20.0, 1013.0, 45.0, record))
     splitter = tpi.StreamSplitter()
     begin = time.perf_counter()
     for _ in range(points // per_packet):
@@ -82,7 +83,7 @@ def fuzz(frames: int, seed: int = 1) -> tuple[int, int, int]:
                 for packet in tpi.StreamSplitter().feed(body):
                     tpi.decode(packet)
             understood += 1
-        except (tpi.TpiError, SaTextError):
+        except (TpiError, SaTextError):
             refused += 1
     return refused, understood, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
 

@@ -17,7 +17,15 @@ from stage_driver.zaber_words import FLAGS, REJECTIONS
 from stage_twin.effects import EFFECTS, link_of
 from stage_twin.emulators.zaber_axis import CLEARABLE, UNTIL_NEXT_MOVE
 from stage_twin.emulators.zaber_lines import FLAG_ORDER, PACKET_SIZE
-from tracker_bridge import tpi
+from tracker_bridge.tpi_packets import POINT, POINT_2
+from tracker_bridge.tpi_words import (
+    Command,
+    Event,
+    LengthUnit,
+    PacketType,
+    PointStatus,
+    ResultStatus,
+)
 
 DOCS = Path(__file__).resolve().parents[1] / 'docs' / 'reference'
 PAGE, ZABER, TRACKER = (
@@ -123,20 +131,20 @@ def test_packets_and_units_of_zaber_devices() -> None:
 
 def test_numbers_of_the_tracker_protocol() -> None:
     packets = {int(row[0]): row[1] for row in rows('emScon TPI', TRACKER) if row[0].isdigit()}
-    assert set(packets) < set(tpi.PacketType)
+    assert set(packets) < set(PacketType)
     numbers = {int(n) for row in rows('emScon TPI', TRACKER)
                if re.fullmatch(r'\d+(, \d+)?', row[1]) for n in row[1].split(', ')}  # fmt: skip
-    assert numbers == set(tpi.Command) - {tpi.Command.UNKNOWN} - {
-        tpi.Command.SET_STATION_ORIENTATION,
-        tpi.Command.SET_TRANSFORMATION,
+    assert numbers == set(Command) - {Command.UNKNOWN} - {
+        Command.SET_STATION_ORIENTATION,
+        Command.SET_TRANSFORMATION,
     }
     values = {row[0]: row[1] for row in rows('emScon TPI', TRACKER) if len(row) == 2}
     for name, words in (
-        ('length', tpi.LengthUnit),
-        ('point status', tpi.PointStatus),
-        ('result status', tpi.ResultStatus),
-        ('event', tpi.Event),
+        ('length', LengthUnit),
+        ('point status', PointStatus),
+        ('result status', ResultStatus),
+        ('event', Event),
     ):
         assert {int(n) for n in re.findall(r'\b\d+\b', values[name])} == set(words)
     text = section('emScon TPI', TRACKER)
-    assert f'48 + {tpi.POINT.itemsize} n' in text and f'48 + {tpi.POINT_2.itemsize} n' in text
+    assert f'48 + {POINT.itemsize} n' in text and f'48 + {POINT_2.itemsize} n' in text

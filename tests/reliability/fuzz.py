@@ -13,6 +13,7 @@ from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.stepper import StepperPlant
 from tracker_bridge import tpi
 from tracker_bridge.sa_text import SaTextDecoder, SaTextError, format_script_line
+from tracker_bridge.tpi_packets import TpiError
 
 #: Takes a frame; returns whether it was understood. Only what a parser promises is caught.
 Parser = Callable[[bytes], bool]
@@ -71,7 +72,7 @@ def tracker_stream() -> tuple[Parser, list[bytes]]:
         nonlocal splitter
         try:
             return [tpi.decode(packet) for packet in splitter.feed(frame)] != []
-        except tpi.TpiError:
+        except TpiError:
             splitter = tpi.StreamSplitter(maximum_size=65536)
             return False
 
@@ -79,7 +80,6 @@ def tracker_stream() -> tuple[Parser, list[bytes]]:
         tpi.encode_answer(49),
         tpi.encode_error(49, 4),
         tpi.encode_status_change(1),
-        tpi.encode_reflector_position(0, (1.0, 2.0, 3.0)),
         tpi.HEADER.pack(8 + 100, 3) + bytes(100),
     ]
 
@@ -90,7 +90,7 @@ def tracker_commands() -> tuple[Parser, list[bytes]]:
     def parse(frame: bytes) -> bool:
         try:
             tpi.decode_command(frame)
-        except tpi.TpiError:
+        except TpiError:
             return False
         return True
 

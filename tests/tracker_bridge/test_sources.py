@@ -14,6 +14,8 @@ from tracker_bridge import tpi
 from tracker_bridge.sa_text import SaFormat
 from tracker_bridge.sources.emscon import EmsconSource
 from tracker_bridge.sources.sa_text import SaTextSource
+from tracker_bridge.tpi_packets import Answer, SingleMeasurement, StatusChange
+from tracker_bridge.tpi_words import Command, Event, LengthUnit, PointStatus, ResultStatus
 
 from ..patience import PATIENCE
 
@@ -75,7 +77,7 @@ class Client:
         self.socket.sendall(tpi.encode_command(command, *arguments))
         while True:
             packet = self.next()
-            if isinstance(packet, tpi.Answer) and packet.command == command:
+            if isinstance(packet, Answer) and packet.command == command:
                 return packet
 
     def close(self):
@@ -96,9 +98,9 @@ def test_stream_arrives_complete_with_stamps_and_metres():
 def test_flush_leaves_nothing_unsent_and_points_share_packets():
     with serving(packet_points=10) as server:
         client = Client(server)
-        client.ask(tpi.Command.INITIALIZE)
-        client.ask(tpi.Command.SET_MEASUREMENT_MODE, 1)
-        assert client.ask(tpi.Command.START_MEASUREMENT).status == 0
+        client.ask(Command.INITIALIZE)
+        client.ask(Command.SET_MEASUREMENT_MODE, 1)
+        assert client.ask(Command.START_MEASUREMENT).status == 0
         push(server, range(20))
         server.flush()
         assert not any(server.instrument.outbox(n) for n in list(server._clients.values()))
@@ -109,48 +111,48 @@ def test_flush_leaves_nothing_unsent_and_points_share_packets():
 def test_the_public_clients_sequence_is_answered():
     with serving() as server:
         client = Client(server)
-        assert client.ask(tpi.Command.START_MEASUREMENT).status == tpi.ResultStatus.NOT_INITIALISED
+        assert client.ask(Command.START_MEASUREMENT).status == ResultStatus.NOT_INITIALISED
         sequence = [
-            (tpi.Command.SET_UNITS, 1, 0, 0, 0, 0),
-            (tpi.Command.INITIALIZE,),
-            (tpi.Command.SET_MEASUREMENT_MODE, 1),
-            (tpi.Command.SET_CONTINUOUS_TIME_MODE_PARAMS, 20, 3, 0, 0),
-            (tpi.Command.SET_REFLECTOR, 1),
-            (tpi.Command.GO_BIRD_BATH,),
-            (tpi.Command.SET_STATION_ORIENTATION,),
-            (tpi.Command.SET_TRANSFORMATION,),
-            (tpi.Command.SET_COORDINATE_SYSTEM_TYPE, 0),
-            (tpi.Command.SET_SYSTEM_SETTINGS, 1, 0, 0, 1, 1, 0, 0, 0, 0),
-            (tpi.Command.START_MEASUREMENT,),
+            (Command.SET_UNITS, 1, 0, 0, 0, 0),
+            (Command.INITIALIZE,),
+            (Command.SET_MEASUREMENT_MODE, 1),
+            (Command.SET_CONTINUOUS_TIME_MODE_PARAMS, 20, 3, 0, 0),
+            (Command.SET_REFLECTOR, 1),
+            (Command.GO_BIRD_BATH,),
+            (Command.SET_STATION_ORIENTATION,),
+            (Command.SET_TRANSFORMATION,),
+            (Command.SET_COORDINATE_SYSTEM_TYPE, 0),
+            (Command.SET_SYSTEM_SETTINGS, 1, 0, 0, 1, 1, 0, 0, 0, 0),
+            (Command.START_MEASUREMENT,),
         ]
         for command in sequence:
-            assert client.ask(*command).status == tpi.ResultStatus.OK
-        assert client.ask(tpi.Command.START_MEASUREMENT).status == tpi.ResultStatus.BUSY
-        assert len(client.ask(tpi.Command.GET_SYSTEM_STATUS).payload) == 40
-        assert len(client.ask(tpi.Command.GET_REFLECTORS).payload) == 84
-        assert client.ask(999).status == tpi.ResultStatus.NOT_IMPLEMENTED
-        wrong = client.ask(tpi.Command.SET_UNITS, 99, 0, 0, 0, 0)
-        assert wrong.status == tpi.ResultStatus.WRONG_PARAMETER
+            assert client.ask(*command).status == ResultStatus.OK
+        assert client.ask(Command.START_MEASUREMENT).status == ResultStatus.BUSY
+        assert len(client.ask(Command.GET_SYSTEM_STATUS).payload) == 40
+        assert len(client.ask(Command.GET_REFLECTORS).payload) == 84
+        assert client.ask(999).status == ResultStatus.NOT_IMPLEMENTED
+        wrong = client.ask(Command.SET_UNITS, 99, 0, 0, 0, 0)
+        assert wrong.status == ResultStatus.WRONG_PARAMETER
         # Every 20 ms of the plant's 10 ms, three points, in millimetres.
         push(server, range(10))
         for k in (0, 2, 4):
             packet = client.next()
             assert packet.times_ns().tolist() == [k * 10 * MS]
             assert packet.points['values'][0].tolist() == pytest.approx([k, -500.0, 250.0])
-        assert client.next() == tpi.StatusChange(tpi.Event.COUNT_REACHED)
+        assert client.next() == StatusChange(Event.COUNT_REACHED)
         client.close()
 
 
 def test_stationary_mode_gives_one_point():
     with serving() as server:
         client = Client(server)
-        client.ask(tpi.Command.INITIALIZE)
-        client.ask(tpi.Command.START_MEASUREMENT)
+        client.ask(Command.INITIALIZE)
+        client.ask(Command.START_MEASUREMENT)
         push(server, range(3, 6))
         single = client.next()
-        assert isinstance(single, tpi.SingleMeasurement)
+        assert isinstance(single, SingleMeasurement)
         assert single.values == pytest.approx((3e-3, -0.5, 0.25))
-        client.ask(tpi.Command.STOP_MEASUREMENT)
+        client.ask(Command.STOP_MEASUREMENT)
         assert client.packets == []
         client.close()
 
@@ -161,7 +163,7 @@ def test_beam_lost_and_found():
         server.set_fault('beam_lost')
         push(server, range(5, 20))
         wait(lambda: 'beam lost' in source.trouble and len(source.samples) == 6)
-        assert source.samples[-1].status == tpi.PointStatus.PRISM_ERROR
+        assert source.samples[-1].status == PointStatus.PRISM_ERROR
         server.set_fault('none')
         push(server, range(20, 25))
         wait(lambda: len(source.samples) == 11)
@@ -224,7 +226,7 @@ def test_several_clients_and_a_foreign_change_of_units():
         other = Client(server)
         push(server, range(3))
         wait(lambda: len(source.samples) == 3)
-        other.ask(tpi.Command.SET_UNITS, tpi.LengthUnit.INCH, 0, 0, 0, 0)
+        other.ask(Command.SET_UNITS, LengthUnit.INCH, 0, 0, 0, 0)
         # The source must not read inches as metres: it connects and sets its units again.
         wait(lambda: source.counters.get('reconnects') and source.connected)
         push(server, range(3, 6))
@@ -259,9 +261,9 @@ def test_a_client_that_reads_nothing_is_dropped_and_time_goes_on(monkeypatch):
         client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         client.socket.settimeout(PATIENCE)
         client.socket.connect(('127.0.0.1', server.port))
-        client.ask(tpi.Command.INITIALIZE)
-        client.ask(tpi.Command.SET_MEASUREMENT_MODE, 1)
-        client.ask(tpi.Command.START_MEASUREMENT)
+        client.ask(Command.INITIALIZE)
+        client.ask(Command.SET_MEASUREMENT_MODE, 1)
+        client.ask(Command.START_MEASUREMENT)
         for first in range(0, 60_000, 1000):
             with server._lock:
                 for k in range(first, first + 1000):

@@ -206,17 +206,9 @@ class TrackerBridge(StageNode):
 
     def _connection_status(self) -> tuple[bytes, str, dict[str, Any]]:
         source = self._source
-        if source.connected:
-            return (
-                (WARN, source.trouble, source.counters)
-                if source.trouble
-                else (
-                    OK,
-                    'connected',
-                    source.counters,
-                )
-            )
-        return ERROR, source.trouble or 'not connected yet', source.counters
+        if not source.connected:
+            return ERROR, source.trouble or 'not connected yet', source.counters
+        return WARN if source.trouble else OK, source.trouble or 'connected', source.counters
 
     def _stream_status(self) -> tuple[bytes, str, dict[str, Any]]:
         with self._lock:

@@ -4,9 +4,6 @@ from stage_core.parameters import Parameter
 from tracker_bridge.bridge import Limits
 from tracker_bridge.rest import RestRules
 
-_LIMITS = Limits()
-_REST = RestRules()
-
 PARAMETERS = (
     Parameter(
         'source',
@@ -66,25 +63,23 @@ PARAMETERS = (
         'sa_text: unit where a datagram names none; empty: refuse it',
         read_only=True,
     ),
-    Parameter('limits.gap', _LIMITS.gap, 'longest time between points', 's', 0.0, read_only=True),
-    Parameter('limits.age', _LIMITS.age, 'oldest point on arrival', 's', 0.0, read_only=True),
-    Parameter(
-        'limits.jump', _LIMITS.jump, 'largest leap between points', 'm', 0.0, read_only=True
-    ),
+    Parameter('limits.gap', Limits.gap, 'longest time between points', 's', 0.0, read_only=True),
+    Parameter('limits.age', Limits.age, 'oldest point on arrival', 's', 0.0, read_only=True),
+    Parameter('limits.jump', Limits.jump, 'largest leap between points', 'm', 0.0, read_only=True),
     Parameter(
         'limits.identical',
-        _LIMITS.identical,
+        Limits.identical,
         'longest run of identical points',
         '',
         1,
         read_only=True,
     ),
     Parameter(
-        'limits.quantum', _LIMITS.quantum, 'sa_text: coarsest display', 'm', 0.0, read_only=True
+        'limits.quantum', Limits.quantum, 'sa_text: coarsest display', 'm', 0.0, read_only=True
     ),
     Parameter(
         'rest.tolerance',
-        _REST.tolerance,
+        RestRules.tolerance,
         'encoder movement within a rest',
         'm',
         0.0,
@@ -92,11 +87,17 @@ PARAMETERS = (
         read_only=True,
     ),
     Parameter(
-        'rest.shortest', _REST.shortest, 'least length of a rest', 's', 0.0, 60.0, read_only=True
+        'rest.shortest',
+        RestRules.shortest,
+        'least length of a rest',
+        's',
+        0.0,
+        60.0,
+        read_only=True,
     ),
     Parameter(
         'rest.settle',
-        _REST.settle,
+        RestRules.settle,
         'part at the beginning that is not used',
         's',
         0.0,
@@ -105,7 +106,7 @@ PARAMETERS = (
     ),
     Parameter(
         'rest.guard',
-        _REST.guard,
+        RestRules.guard,
         'part at the end that is not used',
         's',
         0.0,
@@ -114,7 +115,7 @@ PARAMETERS = (
     ),
     Parameter(
         'rest.longest',
-        _REST.longest,
+        RestRules.longest,
         'a longer rest is used up to here',
         's',
         0.1,

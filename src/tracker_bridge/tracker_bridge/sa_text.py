@@ -135,7 +135,7 @@ def parse_script_line(text: str, receive_ns: int) -> tuple[Sample, str]:
     # Nanoseconds of years still fit a stamp; more is a damaged number.
     if abs(time_ms) > 1e13 or abs(sequence) > 2**53 or abs(status) > 2**31:
         raise SaTextError('a number of the line SA1 is out of range: check the script')
-    sample = Sample(point, receive_ns, round(time_ms * 1e6), int(status), int(sequence))
+    sample = Sample(point, receive_ns, round(time_ms * 1e6), int(status))
     return sample, fields[6]
 
 
@@ -150,21 +150,17 @@ def format_script_line(
 
 @dataclass
 class SaTextDecoder:
-    """Turn datagrams into samples and watch what text cannot say: freshness and resolution.
+    """Turn datagrams into samples and watch what text cannot say: its resolution.
 
     Attributes
     ----------
-    repeats
-        Length of the present run of identical datagrams: "not proven fresh".
     quantum
         Smallest non-zero change of a coordinate seen [m]; inf before the first change.
     """
 
     form: SaFormat = field(default_factory=SaFormat)
-    repeats: int = 0
     quantum: float = math.inf
     unit: str | None = None
-    _previous: bytes = b''
     _point: Point | None = None
 
     def decode(self, datagram: bytes, receive_ns: int) -> Sample:
@@ -191,8 +187,6 @@ class SaTextDecoder:
                 f'the unit changed from {self.unit} to {unit}: set it back or call ~/reset'
             )
         self.unit = unit
-        self.repeats = self.repeats + 1 if datagram == self._previous else 0
-        self._previous = datagram
         self._measure_quantum(sample.point)
         return sample
 

@@ -20,12 +20,9 @@ class Sample(NamedTuple):
         When it was measured, on the source's own clock [ns]; None where the source sends none.
     status
         Status of the point as sent; 0 is good. Others are counted, never published.
-    sequence
-        The source's running number; None where it sends none.
     """
 
     point: Point
     receive_ns: int
     source_ns: int | None = None
     status: int = 0
-    sequence: int | None = None

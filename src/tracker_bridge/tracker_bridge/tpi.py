@@ -21,61 +21,16 @@ from tracker_bridge.tpi_packets import (
     ErrorPacket,
     MultiMeasurement,
     OtherPacket,
-    ReflectorPosition,
     ServerPacket,
     SingleMeasurement,
     StatusChange,
     TpiError,
 )
 from tracker_bridge.tpi_words import (
-    CARTESIAN_RIGHT_HANDED,
-    CONTINUOUS_TIME_MODE,
-    METRES_PER_UNIT,
     Command,
-    Event,
-    LengthUnit,
     PacketType,
-    PointStatus,
     ResultStatus,
 )
-
-__all__ = [
-    'Answer',
-    'CARTESIAN_RIGHT_HANDED',
-    'CONTINUOUS_TIME_MODE',
-    'Command',
-    'CommandPacket',
-    'ErrorPacket',
-    'Event',
-    'HEADER',
-    'LengthUnit',
-    'MAXIMUM_SIZE',
-    'METRES_PER_UNIT',
-    'MultiMeasurement',
-    'OtherPacket',
-    'POINT',
-    'POINT_2',
-    'PacketType',
-    'PointStatus',
-    'ReflectorPosition',
-    'ResultStatus',
-    'ServerPacket',
-    'SingleMeasurement',
-    'StatusChange',
-    'StreamSplitter',
-    'TpiError',
-    'decode',
-    'decode_command',
-    'encode_answer',
-    'encode_command',
-    'encode_error',
-    'encode_multi',
-    'encode_reflector_position',
-    'encode_reflectors',
-    'encode_single',
-    'encode_status_change',
-    'set_units',
-]
 
 HEADER = struct.Struct('<ii')
 MAXIMUM_SIZE = 65536
@@ -111,11 +66,6 @@ def encode_error(command: int, status: int) -> bytes:
 def encode_status_change(event: int) -> bytes:
     """Encode an event."""
     return _packet(PacketType.STATUS_CHANGE, struct.pack('<i', event))
-
-
-def encode_reflector_position(status: int, values: tuple[float, float, float]) -> bytes:
-    """Encode a reflector position in the units set."""
-    return _packet(PacketType.REFLECTOR_POSITION, struct.pack('<i3d', status, *values))
 
 
 def encode_single(measurement: SingleMeasurement) -> bytes:
@@ -174,21 +124,10 @@ def _multi(body: bytes, record: np.dtype) -> MultiMeasurement:
     return MultiMeasurement(status, mode, tries, temperature, pressure, humidity, points)
 
 
-def _single(body: bytes, values_at: int, environment_at: int) -> SingleMeasurement:
-    status, mode, tries = struct.unpack_from('<iii', body)
-    numbers = struct.unpack_from('<7d', body, values_at)
-    temperature, pressure, humidity = struct.unpack_from('<3d', body, environment_at)
-    return SingleMeasurement(
-        status,
-        mode,
-        tries,
-        numbers[:3],
-        numbers[3:6],
-        numbers[6],
-        temperature,
-        pressure,
-        humidity,
-    )
+def _single(body: bytes) -> SingleMeasurement:
+    status, mode, tries, *numbers = struct.unpack_from('<iii17d', body)
+    values, deviations = tuple(numbers[:3]), tuple(numbers[3:6])
+    return SingleMeasurement(status, mode, tries, values, deviations, numbers[6], *numbers[14:])
 
 
 def decode(packet: bytes) -> ServerPacket:
@@ -212,12 +151,7 @@ def decode(packet: bytes) -> ServerPacket:
         if kind == PacketType.STATUS_CHANGE:
             return StatusChange(*struct.unpack_from('<i', body))
         if kind == PacketType.SINGLE_MEASUREMENT:
-            return _single(body, 12, 124)
-        if kind == PacketType.SINGLE_MEASUREMENT_2:
-            return _single(body, 12, 172)
-        if kind == PacketType.REFLECTOR_POSITION:
-            status, *values = struct.unpack_from('<i3d', body)
-            return ReflectorPosition(status, (values[0], values[1], values[2]))
+            return _single(body)
     except struct.error as error:
         raise TpiError(
             f'packet of type {kind} with {size} bytes is too short: connect again'

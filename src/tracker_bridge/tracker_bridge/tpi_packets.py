@@ -80,14 +80,6 @@ class SingleMeasurement:
     humidity: float
 
 
-@dataclass(frozen=True)
-class ReflectorPosition:
-    """Position of the reflector while nothing is measured, at most 10 per second."""
-
-    status: int
-    values: tuple[float, float, float]
-
-
 @dataclass(frozen=True, eq=False)
 class MultiMeasurement:
     """Points of a continuous measurement: structured array of dtype `POINT` or `POINT_2`."""
@@ -115,11 +107,5 @@ class OtherPacket:
 
 
 ServerPacket = (
-    Answer
-    | ErrorPacket
-    | StatusChange
-    | SingleMeasurement
-    | ReflectorPosition
-    | MultiMeasurement
-    | OtherPacket
+    Answer | ErrorPacket | StatusChange | SingleMeasurement | MultiMeasurement | OtherPacket
 )

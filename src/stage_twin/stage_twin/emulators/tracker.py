@@ -14,6 +14,21 @@ import numpy as np
 
 from stage_core.errors import StageError
 from tracker_bridge import tpi
+from tracker_bridge.tpi_packets import (
+    POINT,
+    CommandPacket,
+    MultiMeasurement,
+    SingleMeasurement,
+)
+from tracker_bridge.tpi_words import (
+    CARTESIAN_RIGHT_HANDED,
+    METRES_PER_UNIT,
+    Command,
+    Event,
+    LengthUnit,
+    PointStatus,
+    ResultStatus,
+)
 
 Point = tuple[float, float, float]
 FAULTS = ('none', 'beam_lost', 'stall', 'duplicate', 'out_of_order', 'time_jump', 'flood')
@@ -116,81 +131,81 @@ class TrackerInstrument:
         if fault == self.fault:
             return
         if self.fault == 'beam_lost':
-            self.broadcast(tpi.Event.MEASUREMENT_READY)
+            self.broadcast(Event.MEASUREMENT_READY)
         if fault == 'time_jump':
             self._jump_ns += TIME_JUMP_NS
         if fault == 'beam_lost':
-            self.broadcast(tpi.Event.MEASUREMENT_NOT_READY)
+            self.broadcast(Event.MEASUREMENT_NOT_READY)
         self._held = None
         self.fault = fault
 
     # Commands
 
-    def _execute(self, number: int, command: tpi.CommandPacket) -> None:
+    def _execute(self, number: int, command: CommandPacket) -> None:
         client = self._clients[number]
-        status = tpi.ResultStatus.OK
+        status = ResultStatus.OK
         payload = b''
         event: int | None = None
         arguments = command.arguments
         code = command.command
-        if code == tpi.Command.GET_SYSTEM_STATUS:
+        if code == Command.GET_SYSTEM_STATUS:
             payload = struct.pack('<10i', *([0] * 10))
-        elif code == tpi.Command.GET_REFLECTORS:
+        elif code == Command.GET_REFLECTORS:
             client.outbox += tpi.encode_reflectors(1, 1, 0.0, 'RRR 1.5in')
             return
-        elif code == tpi.Command.SET_UNITS:
-            if len(arguments) == 5 and arguments[0] in tpi.METRES_PER_UNIT:
-                event = tpi.Event.UNITS_CHANGED if arguments != self._units else None
+        elif code == Command.SET_UNITS:
+            if len(arguments) == 5 and arguments[0] in METRES_PER_UNIT:
+                event = Event.UNITS_CHANGED if arguments != self._units else None
                 self._units = arguments
             else:
-                status = tpi.ResultStatus.WRONG_PARAMETER
-        elif code == tpi.Command.INITIALIZE:
+                status = ResultStatus.WRONG_PARAMETER
+        elif code == Command.INITIALIZE:
             self._initialised = True
-        elif code == tpi.Command.SET_MEASUREMENT_MODE:
+        elif code == Command.SET_MEASUREMENT_MODE:
             status = self._one_of(arguments, (0, 1))
             self._mode = arguments[0] if status == 0 else self._mode
-        elif code == tpi.Command.SET_COORDINATE_SYSTEM_TYPE:
-            status = self._one_of(arguments, (tpi.CARTESIAN_RIGHT_HANDED,))
-        elif code == tpi.Command.SET_CONTINUOUS_TIME_MODE_PARAMS:
+        elif code == Command.SET_COORDINATE_SYSTEM_TYPE:
+            status = self._one_of(arguments, (CARTESIAN_RIGHT_HANDED,))
+        elif code == Command.SET_CONTINUOUS_TIME_MODE_PARAMS:
             if len(arguments) == 4 and arguments[0] >= 0 and arguments[1] >= 0:
                 self._separation_ns, self._count = arguments[0] * 1_000_000, arguments[1]
             else:
-                status = tpi.ResultStatus.WRONG_PARAMETER
-        elif code == tpi.Command.SET_REFLECTOR:
+                status = ResultStatus.WRONG_PARAMETER
+        elif code == Command.SET_REFLECTOR:
             status = self._one_of(arguments, (1,))
-        elif code == tpi.Command.START_MEASUREMENT:
+        elif code == Command.START_MEASUREMENT:
             status = self._start(client)
-        elif code == tpi.Command.STOP_MEASUREMENT:
+        elif code == Command.STOP_MEASUREMENT:
             client.measuring = False
             self._emit(client)
         elif code not in (
-            tpi.Command.SET_SYSTEM_SETTINGS,
-            tpi.Command.SET_STATION_ORIENTATION,
-            tpi.Command.SET_TRANSFORMATION,
-            tpi.Command.GO_BIRD_BATH,
-            tpi.Command.FIND_REFLECTOR,
+            Command.SET_SYSTEM_SETTINGS,
+            Command.SET_STATION_ORIENTATION,
+            Command.SET_TRANSFORMATION,
+            Command.GO_BIRD_BATH,
+            Command.FIND_REFLECTOR,
         ):
-            status = tpi.ResultStatus.NOT_IMPLEMENTED
+            status = ResultStatus.NOT_IMPLEMENTED
         client.outbox += tpi.encode_answer(code, status, payload)
         if event is not None:
             self.broadcast(event, but=number)
 
     @staticmethod
-    def _one_of(arguments: tuple[int, ...], allowed: tuple[int, ...]) -> tpi.ResultStatus:
+    def _one_of(arguments: tuple[int, ...], allowed: tuple[int, ...]) -> ResultStatus:
         if len(arguments) == 1 and arguments[0] in allowed:
-            return tpi.ResultStatus.OK
-        return tpi.ResultStatus.WRONG_PARAMETER
+            return ResultStatus.OK
+        return ResultStatus.WRONG_PARAMETER
 
-    def _start(self, client: _Client) -> tpi.ResultStatus:
+    def _start(self, client: _Client) -> ResultStatus:
         if not self._initialised:
-            return tpi.ResultStatus.NOT_INITIALISED
+            return ResultStatus.NOT_INITIALISED
         if client.measuring:
-            return tpi.ResultStatus.BUSY
+            return ResultStatus.BUSY
         client.measuring = True
         client.sent = 0
         client.due_ns = client.newest_ns = None
         client.pending.clear()
-        return tpi.ResultStatus.OK
+        return ResultStatus.OK
 
     # Points
 
@@ -203,7 +218,7 @@ class TrackerInstrument:
         if self.fault == 'beam_lost':
             if self._held is None:
                 self._held = record
-                self._send((controller_ns, point, tpi.PointStatus.PRISM_ERROR))
+                self._send((controller_ns, point, PointStatus.PRISM_ERROR))
             return
         if self.fault == 'out_of_order':
             if self._held is None:
@@ -234,7 +249,7 @@ class TrackerInstrument:
             if self._mode == 0 or complete:
                 client.measuring = False
                 if complete:
-                    client.outbox += tpi.encode_status_change(tpi.Event.COUNT_REACHED)
+                    client.outbox += tpi.encode_status_change(Event.COUNT_REACHED)
 
     def _due(self, client: _Client, time_ns: int) -> bool:
         """Return whether a point belongs on the client's grid; a point out of order does."""
@@ -254,8 +269,8 @@ class TrackerInstrument:
         """Put the gathered points of a client into its outbox as one packet."""
         if not client.pending:
             return
-        scale = 1.0 / tpi.METRES_PER_UNIT[tpi.LengthUnit(self._units[0])]
-        points = np.zeros(len(client.pending), tpi.POINT)
+        scale = 1.0 / METRES_PER_UNIT[LengthUnit(self._units[0])]
+        points = np.zeros(len(client.pending), POINT)
         for row, (time_ns, point, status) in enumerate(client.pending):
             microseconds = (time_ns + 500) // 1000
             points[row] = (
@@ -267,9 +282,9 @@ class TrackerInstrument:
         client.pending.clear()
         if self._mode == 0:
             x, y, z = points['values'][-1]
-            single = tpi.SingleMeasurement(0, 0, 0, (x, y, z), (0.0, 0.0, 0.0), 0.0, *self.weather)
+            single = SingleMeasurement(0, 0, 0, (x, y, z), (0.0, 0.0, 0.0), 0.0, *self.weather)
             client.outbox += tpi.encode_single(single)
             return
         client.outbox += tpi.encode_multi(
-            tpi.MultiMeasurement(0, self._mode, 0, *self.weather, points)
+            MultiMeasurement(0, self._mode, 0, *self.weather, points)
         )

@@ -11,8 +11,9 @@ import time
 
 from stage_core.errors import StageError
 from stage_twin.emulators.tracker import Point, TrackerInstrument
-from tracker_bridge import tpi
 from tracker_bridge.sa_text import format_script_line
+from tracker_bridge.tpi_packets import TpiError
+from tracker_bridge.tpi_words import Event
 
 LOOPBACK = '127.0.0.1'
 # A client that leaves this much unread has died: it is dropped, memory stays bounded.
@@ -111,7 +112,7 @@ class TrackerServer:
             if not self._running:
                 return
             self._running = False
-            self.instrument.broadcast(tpi.Event.SERVER_CLOSING)
+            self.instrument.broadcast(Event.SERVER_CLOSING)
             for client in list(self._clients):
                 self._send(client)
         self._notify()
@@ -169,7 +170,7 @@ class TrackerServer:
                     return
             except BlockingIOError:
                 return
-            except (OSError, tpi.TpiError):
+            except (OSError, TpiError):
                 pass
             self._drop(client)
 

@@ -10,6 +10,23 @@ from stage_core.errors import StageError
 from tracker_bridge import tpi
 from tracker_bridge.samples import Sample
 from tracker_bridge.sources.base import Deliver, Source
+from tracker_bridge.tpi_packets import (
+    Answer,
+    ErrorPacket,
+    MultiMeasurement,
+    ServerPacket,
+    StatusChange,
+)
+from tracker_bridge.tpi_words import (
+    CARTESIAN_RIGHT_HANDED,
+    CONTINUOUS_TIME_MODE,
+    METRES_PER_UNIT,
+    Command,
+    Event,
+    LengthUnit,
+    PointStatus,
+    ResultStatus,
+)
 
 CONNECT_TIMEOUT = 2.0
 ANSWER_TIMEOUT = 10.0
@@ -22,11 +39,11 @@ ECHO_TIME = 1.0
 POLL = 0.2
 # Another client has changed what the numbers mean: they must not be read any more.
 SPOILING = {
-    tpi.Event.UNITS_CHANGED: 'the units',
-    tpi.Event.COORDINATE_SYSTEM_CHANGED: 'the coordinate system',
-    tpi.Event.TRANSFORMATION_CHANGED: 'the transformation',
+    Event.UNITS_CHANGED: 'the units',
+    Event.COORDINATE_SYSTEM_CHANGED: 'the coordinate system',
+    Event.TRANSFORMATION_CHANGED: 'the transformation',
 }
-NOT_MEASURING = (tpi.Event.MEASUREMENT_NOT_READY, tpi.Event.COUNT_REACHED)
+NOT_MEASURING = (Event.MEASUREMENT_NOT_READY, Event.COUNT_REACHED)
 
 
 class TrackerLost(StageError):
@@ -80,7 +97,7 @@ class EmsconSource(Source):
     def _leave(self) -> None:
         if self.connected and self.ended.is_set():
             with contextlib.suppress(OSError):
-                self._socket.sendall(tpi.encode_command(tpi.Command.STOP_MEASUREMENT))
+                self._socket.sendall(tpi.encode_command(Command.STOP_MEASUREMENT))
         self.connected = False
         self._socket.close()
 
@@ -102,36 +119,36 @@ class EmsconSource(Source):
         self._splitter = tpi.StreamSplitter()
 
     def _set_up(self) -> None:
-        self._command(tpi.set_units(tpi.LengthUnit.METRE))
-        self._metres = tpi.METRES_PER_UNIT[tpi.LengthUnit.METRE]
-        mode = tpi.CONTINUOUS_TIME_MODE
-        self._command(tpi.encode_command(tpi.Command.SET_MEASUREMENT_MODE, mode))
+        self._command(tpi.set_units(LengthUnit.METRE))
+        self._metres = METRES_PER_UNIT[LengthUnit.METRE]
+        mode = CONTINUOUS_TIME_MODE
+        self._command(tpi.encode_command(Command.SET_MEASUREMENT_MODE, mode))
         self._command(
             tpi.encode_command(
-                tpi.Command.SET_CONTINUOUS_TIME_MODE_PARAMS, self._separation_ms, 0, 0, 0
+                Command.SET_CONTINUOUS_TIME_MODE_PARAMS, self._separation_ms, 0, 0, 0
             )
         )
         self._command(
-            tpi.encode_command(tpi.Command.SET_COORDINATE_SYSTEM_TYPE, tpi.CARTESIAN_RIGHT_HANDED)
+            tpi.encode_command(Command.SET_COORDINATE_SYSTEM_TYPE, CARTESIAN_RIGHT_HANDED)
         )
         # Keep the last position, send events unsolicited; no transformation is applied.
         settings = (1, 0, 0, 1, 1, 0, 0, 0, 0)
-        self._command(tpi.encode_command(tpi.Command.SET_SYSTEM_SETTINGS, *settings))
-        start = tpi.encode_command(tpi.Command.START_MEASUREMENT)
+        self._command(tpi.encode_command(Command.SET_SYSTEM_SETTINGS, *settings))
+        start = tpi.encode_command(Command.START_MEASUREMENT)
         status = self._answer(start)
-        if status == tpi.ResultStatus.NOT_INITIALISED:
-            initialize = tpi.encode_command(tpi.Command.INITIALIZE)
+        if status == ResultStatus.NOT_INITIALISED:
+            initialize = tpi.encode_command(Command.INITIALIZE)
             self._command(initialize, INITIALIZE_TIMEOUT)
             status = self._answer(start)
-        if status == tpi.ResultStatus.BUSY:
-            self._command(tpi.encode_command(tpi.Command.STOP_MEASUREMENT))
+        if status == ResultStatus.BUSY:
+            self._command(tpi.encode_command(Command.STOP_MEASUREMENT))
             status = self._answer(start)
-        if status != tpi.ResultStatus.OK:
+        if status != ResultStatus.OK:
             raise TrackerLost(f'StartMeasurement was refused with status {status}')
 
     def _command(self, packet: bytes, timeout: float = ANSWER_TIMEOUT) -> None:
         status = self._answer(packet, timeout)
-        if status != tpi.ResultStatus.OK:
+        if status != ResultStatus.OK:
             code = tpi.decode_command(packet).command
             raise TrackerLost(
                 f'command {code} was refused with status {status}: see the tracker controller'
@@ -145,10 +162,7 @@ class EmsconSource(Source):
         status: int | None = None
         while status is None and not self.ended.is_set():
             for received in self._receive():
-                if (
-                    isinstance(received, (tpi.Answer, tpi.ErrorPacket))
-                    and received.command == code
-                ):
+                if isinstance(received, (Answer, ErrorPacket)) and received.command == code:
                     status = received.status
                 elif status is not None:
                     # Points that follow the answer to StartMeasurement at once.
@@ -162,7 +176,7 @@ class EmsconSource(Source):
             raise TrackerLost('stopped')
         return status
 
-    def _receive(self) -> list[tpi.ServerPacket]:
+    def _receive(self) -> list[ServerPacket]:
         try:
             data = self._socket.recv(65536)
         except TimeoutError:
@@ -172,22 +186,22 @@ class EmsconSource(Source):
             raise TrackerLost('the tracker closed the connection: check that it is on')
         return [tpi.decode(packet) for packet in self._splitter.feed(data)]
 
-    def _take(self, packet: tpi.ServerPacket) -> None:
-        if isinstance(packet, tpi.MultiMeasurement):
+    def _take(self, packet: ServerPacket) -> None:
+        if isinstance(packet, MultiMeasurement):
             self._take_points(packet)
-        elif isinstance(packet, tpi.StatusChange):
+        elif isinstance(packet, StatusChange):
             self._take_event(packet.event)
-        elif isinstance(packet, tpi.ErrorPacket):
+        elif isinstance(packet, ErrorPacket):
             self.count('errors')
             self.trouble = f'tracker error {packet.status} of command {packet.command}'
 
-    def _take_points(self, packet: tpi.MultiMeasurement) -> None:
-        if packet.status != tpi.ResultStatus.OK:
+    def _take_points(self, packet: MultiMeasurement) -> None:
+        if packet.status != ResultStatus.OK:
             self.count('bad_packets')
             return
         times = packet.times_ns().tolist()
         statuses = packet.points['status'].tolist()
-        if tpi.PointStatus.OK in statuses:
+        if PointStatus.OK in statuses:
             self.trouble = ''
         values = (packet.points['values'] * self._metres).tolist()
         for time_ns, status, (x, y, z) in zip(times, statuses, values, strict=True):
@@ -197,11 +211,11 @@ class EmsconSource(Source):
         self.count(f'event_{event}')
         if event in SPOILING and time.monotonic() - self._ready > ECHO_TIME:
             raise TrackerLost(
-                f'another client changed {SPOILING[tpi.Event(event)]}: setting the tracker up anew'
+                f'another client changed {SPOILING[Event(event)]}: setting the tracker up anew'
             )
-        if event == tpi.Event.SERVER_CLOSING:
+        if event == Event.SERVER_CLOSING:
             raise TrackerLost('the tracker server closes: start it again')
         if event in NOT_MEASURING:
             self.trouble = 'the tracker does not measure (beam lost?): put the reflector back'
-        elif event == tpi.Event.MEASUREMENT_READY:
+        elif event == Event.MEASUREMENT_READY:
             self.trouble = ''
