@@ -10,10 +10,10 @@ import time
 import numpy as np
 
 from stage_core.twin_file import StepperAxis, TwinFile
+from stage_driver.config import ServoConfig, ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.protocol import decode_answer, encode_command
-from stage_driver.servo_axes import ServoAxes, ServoConfig
-from stage_driver.zaber_setup import ZaberConfig
+from stage_driver.servo_axes import ServoAxes
 from stage_driver.zaber_stage import ZaberStage
 from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty

@@ -80,6 +80,7 @@ def tracker_stream() -> tuple[Parser, list[bytes]]:
         tpi.encode_answer(49),
         tpi.encode_error(49, 4),
         tpi.encode_status_change(1),
+        tpi.HEADER.pack(8 + 28, 7) + bytes(28),
         tpi.HEADER.pack(8 + 100, 3) + bytes(100),
     ]
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from stage_core.twin_file import TwinFile
+from stage_driver.config import ServoConfig
 from stage_driver.limits import AxisLimits, Setpoint, SetpointKind
-from stage_driver.servo_axes import ServoAxes, ServoConfig
+from stage_driver.servo_axes import ServoAxes
 
 LIMITS = (AxisLimits(-0.15, 0.15, 0.2, 2.0, 4.0),) * 2
 PERIOD = 1e-3

@@ -4,9 +4,9 @@ import time
 from contextlib import contextmanager
 
 from stage_core.twin_file import TwinFile
+from stage_driver.config import ServoConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.servo import ServoBackend
-from stage_driver.servo_axes import ServoConfig
 from stage_driver.states import State
 
 from ..patience import PATIENCE
@@ -21,7 +21,7 @@ def rig(lockstep=True, start=(0.0, 0.0), **options):
     options.setdefault('home_required', False)
     options.setdefault('settle_time', 0.3)
     config = ServoConfig(
-        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), port=plant.port, **options
+        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), drive_port=plant.port, **options
     )
     backend = ServoBackend(config, recorder)
     plant.start()
@@ -39,7 +39,7 @@ def lonely(port=9, **options):
     """Backend of both axes whose drive is not there (yet)."""
     recorder = Recorder()
     config = ServoConfig(
-        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), port=port, **options
+        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), drive_port=port, **options
     )
     backend = ServoBackend(config, recorder)
     backend.start()

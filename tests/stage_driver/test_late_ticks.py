@@ -17,9 +17,9 @@ from contour_ctrl.sequence import ContourRun
 from contour_ctrl.tick import Controller, Gains
 from stage_core import drive_link
 from stage_core.twin_file import TwinFile
+from stage_driver.config import ServoConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.servo import ServoBackend
-from stage_driver.servo_axes import ServoConfig
 from stage_driver.states import State
 
 from .driver_rig import Recorder, SmallPlant

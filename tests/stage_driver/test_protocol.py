@@ -22,8 +22,6 @@ from stage_driver.protocol import (
 )
 from stage_driver.zaber_words import FLAGS, REJECTIONS, describe_flag, describe_rejection
 
-WORD = st.text('abcdefghijklmnopqrstuvwxyz0123456789.-', min_size=1, max_size=20)
-
 
 def sealed(body: bytes) -> bytes:
     return body + b':%02X\r\n' % checksum(body[1:])
@@ -63,39 +61,6 @@ def test_reply_vector():
 def test_answers_with_and_without_checksum(line, expected):
     assert decode_answer(line) == expected
     assert decode_answer(sealed(line)) == expected
-
-
-def test_long_command_is_split_as_seen_on_the_wire():
-    words = 'tools echo ' + ' '.join(f'w{n:02d}' for n in range(40))
-    packets = encode_command(words, 1, 0, 10).splitlines(keepends=True)
-    assert len(packets) == 3
-    assert all(len(packet) <= 80 for packet in packets)
-    assert packets[0].startswith(b'/1 0 10 tools echo w00 ') and packets[0][-5:-3] == b'\\:'
-    assert (
-        packets[0]
-        == b'/1 0 10 tools echo w00 w01 w02 w03 w04 w05 w06 w07 w08 w09 w10 w11 w12 w13\\:D9\n'
-    )
-    assert packets[1].startswith(b'/1 0 10 cont 1 w14 ') and packets[2].startswith(
-        b'/1 0 10 cont 2 '
-    )
-    assert b'\\' not in packets[2]
-
-
-@given(st.lists(WORD, max_size=60), st.integers(1, 99), st.integers(0, 9), st.integers(0, 99))
-@settings(max_examples=60, deadline=None)
-def test_split_commands_hold_every_word_once(words, device, axis, message_id):
-    head = f'/{device} {axis} {message_id:02d}'
-    collected = []
-    for number, packet in enumerate(
-        encode_command(' '.join(words), device, axis, message_id).splitlines(keepends=True)
-    ):
-        assert len(packet) <= 80
-        body, _, digits = packet[:-1].rpartition(b':')
-        assert (sum(body[1:]) + int(digits, 16)) % 256 == 0
-        start = head + (f' cont {number}' if number else '')
-        assert body.decode().startswith(start)
-        collected += body.decode()[len(start) :].rstrip('\\').split()
-    assert collected == words
 
 
 @given(st.binary(max_size=120))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from stage_core.errors import StageError
 from stage_core.twin_file import StepperAxis, TwinFile
-from stage_driver.protocol import Assembler, Info, LineSplitter, decode_answer, encode_command
+from stage_driver.protocol import Assembler, Info, LineSplitter, checksum, decode_answer
 from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_faults import KINDS
 from stage_twin.stepper import StepperPlant
@@ -124,13 +124,16 @@ def test_alerts_come_at_the_end_of_moves_only(chain):
 
 
 def test_long_messages_are_continued_both_ways(chain):
-    words = 'tools echo ' + ' '.join(f'w{n:02d}' for n in range(40))
-    received = chain.feed(encode_command(words, 1, 0, 10), 0.0)
+    # As seen on the wire.
+    names = [f'w{n:02d}' for n in range(16)]
+    command = b'/1 0 10 tools echo w00 w01 w02 w03 w04 w05 w06 w07 w08 w09 w10 w11 w12 w13\\:D9\n'
+    rest = b'1 0 10 cont 1 w14 w15'
+    received = chain.feed(command + b'/%b:%02X\n' % (rest, checksum(rest)), 0.0)
     lines = LineSplitter().feed(received)
     assert len(lines) > 1 and all(len(line) + 2 <= 80 for line in lines)
     assembler = Assembler()
     whole = [m for line in lines if (m := assembler.add(decode_answer(line)))]
-    assert whole[0].data == words.removeprefix('tools echo ')
+    assert whole[0].data == ' '.join(names)
     assert isinstance(decode_answer(lines[1]), Info)
 
 

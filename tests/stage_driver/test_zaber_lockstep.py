@@ -5,10 +5,10 @@ import time
 
 from stage_core.clocks import LOCKSTEP_EXCHANGE, NANOSECONDS
 from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
+from stage_driver.config import ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.states import State
 from stage_driver.zaber_lockstep import LockstepZaberBackend
-from stage_driver.zaber_setup import ZaberConfig
 from stage_twin.loops import LOCKSTEP_START_NS
 from stage_twin.stepper_loop import StepperLoop
 

@@ -6,9 +6,10 @@ import threading
 import pytest
 
 from stage_core.errors import StageError
+from stage_driver.config import ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.zaber import ZaberBackend
-from stage_driver.zaber_setup import ZaberConfig, connect
+from stage_driver.zaber_setup import connect
 from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
 from stage_twin.stepper import StepperPlant

@@ -4,10 +4,10 @@ import time
 from contextlib import contextmanager
 
 from stage_core.twin_file import StepperAxis, TwinFile
+from stage_driver.config import ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.states import State
 from stage_driver.zaber import ZaberBackend
-from stage_driver.zaber_setup import ZaberConfig
 from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
 from stage_twin.stepper import StepperPlant

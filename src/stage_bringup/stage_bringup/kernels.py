@@ -20,8 +20,9 @@ import numpy as np
 
 from contour_ctrl.sequence import compile_kernels
 from stage_core.twin_file import TwinFile
+from stage_driver.config import ServoConfig
 from stage_driver.limits import AxisLimits
-from stage_driver.servo_axes import ServoAxes, ServoConfig
+from stage_driver.servo_axes import ServoAxes
 from stage_twin.plant import ServoPlant
 from stage_twin.simulate import simulate
 

@@ -1,9 +1,8 @@
-"""What the node asks of a backend, and what a backend tells the node."""
+"""What a backend tells the node, and a controller that the driver's own process holds."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -64,37 +63,3 @@ class Status:
     connected: bool
     details: dict[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-
-
-class Backend(Protocol):
-    """A stage behind a wire. No call blocks: futures are resolved by the backend's thread."""
-
-    def start(self) -> None:
-        """Open the wire and start the thread; StageError where that is impossible."""
-
-    def close(self) -> None:
-        """Bring the stage to rest, end the thread, close the wire."""
-
-    def submit(
-        self,
-        stamp: int,
-        names: Sequence[str],
-        positions: Sequence[float],
-        velocities: Sequence[float],
-    ) -> None:
-        """Check a set-point and hand it over; a refused one is an event and moves nothing."""
-
-    def home(self) -> Future[str]:
-        """Home all axes; the future ends when they are home, or fails with a StageError."""
-
-    def stop(self) -> str:
-        """Start a controlled stop and return at once."""
-
-    def reset_fault(self) -> Future[str]:
-        """Clear a latched fault."""
-
-    def enable(self, on: bool) -> Future[str]:
-        """Enable or disable the stage."""
-
-    def status(self) -> Status:
-        """State and counters of now."""

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from stage_core import drive_link
 from stage_core.errors import StageError
 from stage_core.parameters import THREAD_PRIORITY, Parameter
 from stage_core.quantities import AXES
-from stage_core.twin_file import TwinFile
+from stage_core.twin_file import StepperAxis, TwinFile
+from stage_driver.config import DriverConfig, ServoConfig, ZaberConfig
 from stage_driver.limits import AxisLimits
-from stage_driver.servo_axes import ServoConfig
-from stage_driver.zaber_setup import ZaberConfig
 
 Values = Callable[[str], Any]
 
@@ -22,6 +21,13 @@ Values = Callable[[str], Any]
 def _fixed(name: str, default: Any, description: str, unit: str = '', **bounds: Any) -> Parameter:
     """Parameter that the running driver does not change."""
     return Parameter(name, default, description, unit, read_only=True, **bounds)
+
+
+def _of(
+    config: type[DriverConfig], name: str, description: str, unit: str = '', **bounds: Any
+) -> Parameter:
+    """Such a parameter that is a field of a configuration, which has its default."""
+    return _fixed(name, getattr(config, name), description, unit, **bounds)
 
 
 def _axis_parameters(axis: str, number: int) -> list[Parameter]:
@@ -57,7 +63,13 @@ def _axis_parameters(axis: str, number: int) -> list[Parameter]:
             maximum=99,
         ),
         _fixed(f'{axis}.device_axis', 1, 'zaber: axis of that device', minimum=1, maximum=9),
-        _fixed(f'{axis}.microstep', 4.7625e-8, 'zaber: size of a microstep', 'm', minimum=1e-12),
+        _fixed(
+            f'{axis}.microstep',
+            StepperAxis.microstep,
+            'zaber: size of a microstep',
+            'm',
+            minimum=1e-12,
+        ),
     ]
 
 
@@ -67,79 +79,73 @@ PARAMETERS: tuple[Parameter, ...] = (
         'backend', 'servo', 'what drives the stage', choices=('servo', 'zaber'), read_only=True
     ),
     _fixed('axes', list(AXES), 'axes of the stage, of x and y'),
-    _fixed(
+    _of(
+        DriverConfig,
         'enable_on_start',
-        True,
         'enable when the stage is found and after ~/reset_fault, unless ~/enable said no',
     ),
-    _fixed('home_required', True, 'refuse to move before homing'),
-    _fixed('homing_velocity', 0.05, 'speed of homing (servo)', 'm/s', minimum=1e-5),
-    _fixed(
+    _of(DriverConfig, 'home_required', 'refuse to move before homing'),
+    _of(ServoConfig, 'homing_velocity', 'speed of homing (servo)', 'm/s', minimum=1e-5),
+    _of(
+        DriverConfig,
         'setpoint_timeout',
-        0.1,
         'a stream stops when no set-point came for this time',
         's',
         minimum=0.002,
         maximum=10.0,
     ),
     _fixed('twin', '', 'servo: nominal twin file with the gains; empty is the built-in one'),
-    _fixed('drive_host', '127.0.0.1', 'servo: host of the drive link'),
-    _fixed(
-        'drive_port',
-        drive_link.DEFAULT_PORT,
-        'servo: UDP port of the drive link',
-        minimum=1,
-        maximum=65535,
-    ),
-    _fixed(
+    _of(ServoConfig, 'drive_host', 'servo: host of the drive link'),
+    _of(ServoConfig, 'drive_port', 'servo: UDP port of the drive link', minimum=1, maximum=65535),
+    _of(
+        DriverConfig,
         'drive_timeout',
-        60.0,
         'longest wait of ~/home for a drive or port that is not there yet',
         's',
         minimum=0.0,
     ),
-    _fixed('max_jerk', 100.0, 'servo: jerk of moves', 'm/s^3', minimum=0.01),
-    _fixed(
+    _of(ServoConfig, 'max_jerk', 'servo: jerk of moves', 'm/s^3', minimum=0.01),
+    _of(
+        DriverConfig,
         'settle_time',
-        0.6,
         'dwell that ends a move (zaber: in lockstep)',
         's',
         minimum=0.0,
         maximum=60.0,
     ),
-    _fixed(
+    _of(
+        ServoConfig,
         'following_error_limit',
-        0.002,
         'servo: following error that latches a fault',
         'm',
         minimum=1e-6,
     ),
-    _fixed(
+    _of(
+        DriverConfig,
         'link_timeout',
-        1.0,
         'silence of the drive or device that latches a fault',
         's',
         minimum=0.05,
     ),
-    _fixed(
+    _of(
+        DriverConfig,
         'lockstep_timeout',
-        5.0,
         'lockstep: wall time that a tick waits for its set-point',
         's',
         minimum=0.1,
     ),
     _fixed('port', '', 'zaber: serial device, pseudo-terminal or URL such as socket://host:55550'),
-    _fixed('baud', 115200, 'zaber: baud rate', minimum=9600, maximum=921600),
-    _fixed(
+    _of(ZaberConfig, 'baud', 'zaber: baud rate', minimum=9600, maximum=921600),
+    _of(
+        ZaberConfig,
         'rate',
-        50.0,
         'zaber: polls and streamed set-points a second',
         'Hz',
         minimum=1.0,
         maximum=200.0,
     ),
-    _fixed('reply_timeout', 0.2, 'zaber: longest wait for a reply', 's', minimum=0.01),
-    _fixed('homing_timeout', 120.0, 'zaber: longest homing', 's', minimum=1.0),
+    _of(ZaberConfig, 'reply_timeout', 'zaber: longest wait for a reply', 's', minimum=0.01),
+    _of(ZaberConfig, 'homing_timeout', 'zaber: longest homing', 's', minimum=1.0),
     Parameter(
         'friction_compensation',
         'none',
@@ -193,22 +199,10 @@ def servo_config(value: Values) -> ServoConfig:
         # Static friction below the Coulomb force has no meaning: at rest nothing would hold.
         friction[:, 1] = np.maximum(friction[:, 0], friction[:, 1])
     return ServoConfig(
-        axes=axes,
         limits=limits_of(value),
         twin=twin,
-        host=value('drive_host'),
-        port=value('drive_port'),
-        homing_velocity=value('homing_velocity'),
-        max_jerk=value('max_jerk'),
-        settle_time=value('settle_time'),
-        setpoint_timeout=value('setpoint_timeout'),
-        following_error_limit=value('following_error_limit'),
-        link_timeout=value('link_timeout'),
-        lockstep_timeout=value('lockstep_timeout'),
-        drive_timeout=value('drive_timeout'),
-        home_required=value('home_required'),
-        enable_on_start=value('enable_on_start'),
         friction=friction,
+        **_same_named(ServoConfig, value),
     )
 
 
@@ -227,21 +221,15 @@ def zaber_config(value: Values) -> ZaberConfig:
     if len(set(places)) != len(places):
         raise StageError(f'two axes have the same device and device_axis: {places}')
     return ZaberConfig(
-        axes=axes,
         limits=limits_of(value),
-        port=value('port'),
         devices=tuple(device for device, _ in places),
         device_axes=tuple(axis for _, axis in places),
         microsteps=tuple(value(f'{axis}.microstep') for axis in axes),
-        baud=value('baud'),
-        rate=value('rate'),
-        reply_timeout=value('reply_timeout'),
-        setpoint_timeout=value('setpoint_timeout'),
-        homing_timeout=value('homing_timeout'),
-        link_timeout=value('link_timeout'),
-        settle_time=value('settle_time'),
-        lockstep_timeout=value('lockstep_timeout'),
-        drive_timeout=value('drive_timeout'),
-        home_required=value('home_required'),
-        enable_on_start=value('enable_on_start'),
+        **_same_named(ZaberConfig, value),
     )
+
+
+def _same_named(config: type[DriverConfig], value: Values) -> dict[str, Any]:
+    """Those fields of a configuration that are a parameter of the node."""
+    names = {f.name for f in fields(config)} & {p.name for p in PARAMETERS} - {'axes', 'twin'}
+    return {'axes': axes_of(value), **{name: value(name) for name in names}}

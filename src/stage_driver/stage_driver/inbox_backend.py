@@ -1,4 +1,7 @@
-"""What both backends share: requests of other threads become calls in the backend's thread."""
+"""What both backends share: requests of other threads become calls in the backend's thread.
+
+No call of another thread blocks: futures are resolved by the backend's thread.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +12,16 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
 from stage_core.errors import StageError
-from stage_driver.backend import FAILURE, WARNING, Listener
+from stage_driver.backend import FAILURE, WARNING, Listener, Status
+from stage_driver.config import DriverConfig
 from stage_driver.limits import AxisLimits, Setpoint, check_setpoint
-from stage_driver.servo_axes import ServoConfig
 from stage_driver.states import Event, State, StateMachine
-from stage_driver.zaber_setup import ZaberConfig
 
 
 class InboxBackend(ABC):
     """State machine, inbox, checked set-points, homing's future, refusals."""
 
-    def __init__(self, config: ServoConfig | ZaberConfig, listener: Listener) -> None:
+    def __init__(self, config: DriverConfig, listener: Listener) -> None:
         self._config = config
         #: Soft limits in the order of the axes.
         self._limits: Sequence[AxisLimits] = config.limits
@@ -40,6 +42,22 @@ class InboxBackend(ABC):
 
     # -- calls from other threads -------------------------------------------------------------
 
+    @abstractmethod
+    def start(self) -> None:
+        """Open the wire and start the thread; StageError where that is impossible."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Bring the stage to rest, end the thread, close the wire."""
+
+    @abstractmethod
+    def stop(self) -> str:
+        """Start a controlled stop and return at once."""
+
+    @abstractmethod
+    def status(self) -> Status:
+        """State and counters of now."""
+
     def submit(
         self,
         stamp: int,
@@ -47,7 +65,7 @@ class InboxBackend(ABC):
         positions: Sequence[float],
         velocities: Sequence[float],
     ) -> None:
-        """See `Backend.submit`."""
+        """Check a set-point and hand it over; a refused one is an event and moves nothing."""
         try:
             setpoint = check_setpoint(
                 self._config.axes, self._limits, stamp, names, positions, velocities
@@ -64,17 +82,17 @@ class InboxBackend(ABC):
         self._inbox.put(lambda: self._receive(setpoint))
 
     def home(self) -> Future[str]:
-        """See `Backend.home`."""
+        """Home all axes; the future ends when they are home, or fails with a StageError."""
         done: Future[str] = Future()
         self._inbox.put(lambda: self._start_homing(done))
         return done
 
     def reset_fault(self) -> Future[str]:
-        """See `Backend.reset_fault`."""
+        """Clear a latched fault."""
         return self._request(self._reset)
 
     def enable(self, on: bool) -> Future[str]:
-        """See `Backend.enable`."""
+        """Enable or disable the stage."""
 
         def switch() -> str:
             self._kept_disabled = not on

@@ -26,8 +26,9 @@ from stage_core.ros.node import (
     run,
     set_stamp,
 )
-from stage_driver.backend import FAILURE, WARNING, Backend, Controller
+from stage_driver.backend import FAILURE, WARNING, Controller
 from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config, zaber_config
+from stage_driver.inbox_backend import InboxBackend
 from stage_driver.servo import ServoBackend
 from stage_driver.states import State
 from stage_driver.zaber import ZaberBackend
@@ -72,7 +73,7 @@ class StageDriver(StageNode):
         #: Set-points of the controller in this process, which come back by the topic.
         self._own: dict[bytes, None] = {}
         self._own_lock = threading.Lock()
-        self._backend: Backend = self._make_backend()
+        self._backend = self._make_backend()
         self.create_subscription(
             JointState, topics.SETPOINT, self._on_setpoint, SETPOINT_QOS, raw=True
         )
@@ -97,7 +98,7 @@ class StageDriver(StageNode):
         """Bring the stage to rest and close the wire."""
         self._backend.close()
 
-    def _make_backend(self) -> Backend:
+    def _make_backend(self) -> InboxBackend:
         if self.value('backend') == 'zaber':
             config = zaber_config(self.value)
             if self.value('use_sim_time'):

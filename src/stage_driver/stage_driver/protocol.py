@@ -7,8 +7,8 @@ Frames (docs/reference/interfaces_zaber.md, "Framing"):
     info     #AA A [II ][cont ]text[:CC]
     alert    !AA A BUSY|IDLE WW[ data][:CC]               never carries a message id
 
-`CC` is the two's complement of the byte sum between the start character and the colon. A packet
-that ends with a backslash before the checksum goes on in `cont` packets.
+`CC` is the two's complement of the byte sum between the start character and the colon. A device's
+packet that ends with a backslash before the checksum goes on in `cont` packets.
 """
 
 from __future__ import annotations
@@ -80,20 +80,15 @@ def checksum(body: bytes) -> int:
 
 
 def encode_command(
-    words: str,
-    device: int = 0,
-    axis: int = 0,
-    message_id: int | None = None,
-    with_checksum: bool = True,
-    packet_size: int = PACKET_SIZE,
+    words: str, device: int = 0, axis: int = 0, message_id: int | None = None
 ) -> bytes:
-    """Bytes of a command, split into continuation packets where it exceeds `packet_size`.
+    """Bytes of a command with its checksum.
 
     Raises
     ------
     ProtocolError
         If address, axis or id are out of range, `words` holds a reserved or unprintable character,
-        or one word alone does not fit into a packet.
+        or does not fit into a packet. Nothing that the driver sends is longer.
     """
     if not 0 <= device <= 99 or not 0 <= axis <= 9:
         raise ProtocolError(f'address {device} {axis} is outside 0..99 and 0..9')
@@ -101,30 +96,12 @@ def encode_command(
         raise ProtocolError(f'message id {message_id} is outside 0..{LARGEST_ID}')
     if _RESERVED.search(words) or not words.isascii() or (words and not words.isprintable()):
         raise ProtocolError(f'a command cannot hold reserved or unprintable characters: {words!r}')
-    head = f'{device} {axis}' if message_id is None else f'{device} {axis} {message_id:02d}'
-    packets = _split_words(words.split(), head, packet_size)
-    encoded = b''
-    for body in packets:
-        raw = body.encode('ascii')
-        encoded += b'/' + raw + (b':%02X' % checksum(raw) if with_checksum else b'') + b'\n'
-    return encoded
-
-
-def _split_words(words: list[str], head: str, packet_size: int) -> list[str]:
-    """Bodies of the packets: `head words\\`, `head cont 1 words\\`, ... each within the limit."""
-    longest = packet_size - len('/\\:CC\n')
-    bodies = []
-    body, has_words = head, False
-    for word in words:
-        if has_words and len(body) + 1 + len(word) > longest:
-            bodies.append(body + '\\')
-            body, has_words = f'{head} cont {len(bodies)}', False
-        body, has_words = f'{body} {word}', True
-        if len(body) > longest:
-            raise ProtocolError(
-                f'the word {word!r} is longer than a packet of {packet_size} bytes'
-            )
-    return [*bodies, body]
+    number = '' if message_id is None else f'{message_id:02d}'
+    body = ' '.join(filter(None, [str(device), str(axis), number, words])).encode('ascii')
+    packet = b'/%b:%02X\n' % (body, checksum(body))
+    if len(packet) > PACKET_SIZE:
+        raise ProtocolError(f'{words!r} is longer than a packet of {PACKET_SIZE} bytes')
+    return packet
 
 
 def decode_answer(line: bytes) -> Answer:
@@ -171,12 +148,8 @@ def _without_checksum(body: bytes) -> bytes:
     head, colon, digits = body.rpartition(b':')
     if not colon:
         return body
-    try:
-        # int() alone would take signs, blanks and underscores.
-        wanted = int(digits, 16) if re.fullmatch(rb'[0-9A-Fa-f]{2}', digits) else -1
-    except ValueError:
-        wanted = -1
-    if wanted != checksum(head[1:]):
+    # int() alone would take signs, blanks and underscores.
+    if not re.fullmatch(rb'[0-9A-Fa-f]{2}', digits) or int(digits, 16) != checksum(head[1:]):
         raise ProtocolError(f'wrong checksum: {body[:60]!r}')
     return head
 

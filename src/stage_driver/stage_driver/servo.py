@@ -13,10 +13,11 @@ from stage_core import drive_link
 from stage_core.errors import StageError
 from stage_driver.awaited_homing import AwaitedHoming
 from stage_driver.backend import INFO, WARNING, Listener, Status
+from stage_driver.config import ServoConfig
 from stage_driver.drive_socket import DriveSocket
 from stage_driver.inbox_backend import InboxBackend
 from stage_driver.limits import Setpoint
-from stage_driver.servo_axes import ServoAxes, ServoConfig
+from stage_driver.servo_axes import ServoAxes
 from stage_driver.servo_clocks import Clock, Lockstep, RealTime
 from stage_driver.states import Event, State
 
@@ -37,9 +38,9 @@ class ServoBackend(InboxBackend):
         self.config = config
         self.axes = ServoAxes(config)
         self.motion = self.axes.motion
-        self.link = link or DriveSocket(config.host, config.port)
+        self.link = link or DriveSocket(config.drive_host, config.drive_port)
         self.ended = threading.Event()
-        self._drive = f'{config.host}:{config.port}'
+        self._drive = f'{config.drive_host}:{config.drive_port}'
         self._thread = threading.Thread(target=self._run, name='servo_loop', daemon=True)
         self._clock: Clock = RealTime(self)
         self._homed = not config.home_required
@@ -74,12 +75,12 @@ class ServoBackend(InboxBackend):
         self.link.close()
 
     def stop(self) -> str:
-        """See `Backend.stop`."""
+        """See `InboxBackend.stop`."""
         self._inbox.put(lambda: self._stop('stopped by request'))
         return 'stopping' if self._states.state is State.MOVING else 'at rest'
 
     def status(self) -> Status:
-        """See `Backend.status`."""
+        """See `InboxBackend.status`."""
         details = self._details()
         details['mode'] = self.motion.mode.value
         details['clamped_velocities'] = str(self.motion.clamped)

@@ -3,39 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stage_core import drive_link
-from stage_core.twin_file import TwinFile
 from stage_driver import servo_loop
-from stage_driver.limits import AxisLimits
+from stage_driver.config import ServoConfig
 from stage_driver.motion import Mode, MotionGenerator
-
-
-@dataclass(frozen=True)
-class ServoConfig:
-    """Parameters of the servo backend; SI units."""
-
-    axes: tuple[str, ...]
-    limits: tuple[AxisLimits, ...]
-    twin: TwinFile
-    host: str = '127.0.0.1'
-    port: int = drive_link.DEFAULT_PORT
-    homing_velocity: float = 0.05
-    max_jerk: float = 100.0
-    settle_time: float = 0.6
-    setpoint_timeout: float = 0.1
-    following_error_limit: float = 0.002
-    link_timeout: float = 1.0
-    lockstep_timeout: float = 5.0
-    drive_timeout: float = 60.0
-    home_required: bool = True
-    enable_on_start: bool = True
-    friction: NDArray[np.float64] | None = None
-    """(axes, 4) Coulomb force, static force [N], Stribeck velocity [m/s], presliding [m]."""
 
 
 class ServoAxes:

@@ -19,31 +19,6 @@ if TYPE_CHECKING:
 LATE_LIMIT = 0.02
 
 
-class Lateness:
-    """Ticks by which the driver is behind the drive, and whether the stage moved at the first."""
-
-    def __init__(self, period: float) -> None:
-        self._period = period
-        self._ticks, self._moved = 0, False
-
-    def add(self, ticks: int, moving: bool) -> None:
-        """Count ticks that passed without a force."""
-        if not self._ticks:
-            self._moved = moving
-        self._ticks += ticks
-
-    @property
-    def lost(self) -> bool:
-        """Whether the drive has braked by now."""
-        return self._ticks * self._period > LATE_LIMIT
-
-    def clear(self) -> float:
-        """Up to date again: by how much [s] a motion was late that the drive braked; else 0."""
-        late = self._ticks * self._period if self._moved and self.lost else 0.0
-        self._ticks = 0
-        return late
-
-
 class Clock(Protocol):
     """What differs between real time and lockstep; made anew with each contact to a drive."""
 
@@ -74,12 +49,19 @@ class RealTime:
     def __init__(self, backend: ServoBackend) -> None:
         self._backend = backend
         self.patience = backend.config.link_timeout
-        self._late = Lateness(backend.axes.period)
+        #: Ticks by which the driver is behind the drive; whether the stage moved at the first.
+        self._late, self._moved = 0, False
         self._stream_age = 0
 
     def missed(self, ticks: int) -> None:
         """See `Clock.missed`."""
-        self._late.add(ticks, not self._backend.motion.at_rest)
+        if not self._late:
+            self._moved = not self._backend.motion.at_rest
+        self._late += ticks
+
+    @property
+    def _lateness(self) -> float:
+        return self._late * self._backend.axes.period
 
     def answer(self) -> bool | None:
         """See `Clock.answer`."""
@@ -100,15 +82,16 @@ class RealTime:
 
     def _let_pass(self) -> bool | None:
         """A tick that is over: a force for it would come late; its reference goes by."""
-        if self._late.lost or not self._backend.controlling():
+        if self._lateness > LATE_LIMIT or not self._backend.controlling():
             return None
         self._watch_stream()
         return self._backend.axes.control() or None
 
     def _end_if_late(self) -> None:
         """Up to date again: a motion that the drive has braked meanwhile is ended."""
-        backend, late = self._backend, self._late.clear()
-        if late and not backend.motion.at_rest:
+        backend, late = self._backend, self._lateness
+        self._late = 0
+        if late > LATE_LIMIT and self._moved and not backend.motion.at_rest:
             backend.end_late(
                 f'the driver was late by {late * 1e3:.0f} ms: lower the load of this machine'
             )

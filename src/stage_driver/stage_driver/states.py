@@ -71,13 +71,9 @@ class StateMachine:
         self.reason = ''
         self._changed = changed
 
-    def allows(self, event: Event) -> bool:
-        """Whether the table has a transition for this event now."""
-        return (self.state, event) in TRANSITIONS
-
     def refusal(self, event: Event) -> str | None:
         """Why an event is refused now and what to do, or None where the table allows it."""
-        if self.allows(event):
+        if (self.state, event) in TRANSITIONS:
             return None
         template = REMEDIES.get(self.state, f'{event.value} is refused in {self.state.value}')
         return template.format(reason=self.reason)

@@ -15,6 +15,7 @@ from stage_core.clocks import NANOSECONDS
 from stage_core.errors import StageError
 from stage_driver.awaited_homing import AwaitedHoming
 from stage_driver.backend import INFO, WARNING, Listener, Status
+from stage_driver.config import ZaberConfig
 from stage_driver.inbox_backend import InboxBackend
 from stage_driver.limits import Setpoint
 from stage_driver.states import Event, State
@@ -22,7 +23,6 @@ from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_contact import ZaberContact
 from stage_driver.zaber_link import LinkLost, NoAnswer
 from stage_driver.zaber_motion import ZaberMotion
-from stage_driver.zaber_setup import ZaberConfig
 from stage_driver.zaber_stage import Poll, ZaberStage, first_fault
 
 
@@ -79,7 +79,7 @@ class ZaberBackend(InboxBackend):
         return 'stopping' if moving else 'at rest'
 
     def status(self) -> Status:
-        """See `Backend.status`."""
+        """See `InboxBackend.status`."""
         details = self._details()
         details['port'] = self.config.port
         stage = self._stage

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 
 from stage_core.errors import StageError
+from stage_driver.config import ZaberConfig
 from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_link import LinkLost, NoAnswer, PortAbsent
-from stage_driver.zaber_setup import ZaberConfig
 from stage_driver.zaber_stage import ZaberStage
 
 #: A stage that is not there is looked for this often [s].

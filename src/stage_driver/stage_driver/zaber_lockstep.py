@@ -13,12 +13,12 @@ from dataclasses import replace
 
 from stage_core.clocks import LOCKSTEP_EXCHANGE, NANOSECONDS
 from stage_driver.backend import Listener
+from stage_driver.config import ZaberConfig
 from stage_driver.limits import Setpoint
 from stage_driver.states import State
 from stage_driver.zaber import ZaberBackend
 from stage_driver.zaber_clock import LineClock
 from stage_driver.zaber_link import LinkLost
-from stage_driver.zaber_setup import ZaberConfig
 from stage_driver.zaber_stage import Poll, ZaberStage
 
 

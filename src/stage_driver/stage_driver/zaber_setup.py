@@ -1,39 +1,17 @@
-"""Configuration of the Zaber backend, and the first conversation with the devices."""
+"""The first conversation with the devices of a Zaber chain."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 from stage_core.errors import StageError
+from stage_driver.config import ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.protocol import Reply
 from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_link import NoAnswer, ZaberLink
 from stage_driver.zaber_units import ZaberUnits
 from stage_driver.zaber_words import describe_rejection
-
-
-@dataclass(frozen=True)
-class ZaberConfig:
-    """Parameters of the Zaber backend; SI units; tuples have one element per axis."""
-
-    axes: tuple[str, ...]
-    limits: tuple[AxisLimits, ...]
-    port: str
-    devices: tuple[int, ...] = (1, 2)
-    device_axes: tuple[int, ...] = (1, 1)
-    microsteps: tuple[float, ...] = (0.047625e-6, 0.047625e-6)
-    baud: int = 115200
-    rate: float = 50.0
-    reply_timeout: float = 0.2
-    setpoint_timeout: float = 0.1
-    homing_timeout: float = 120.0
-    link_timeout: float = 1.0
-    settle_time: float = 0.6
-    lockstep_timeout: float = 5.0
-    drive_timeout: float = 60.0
-    home_required: bool = True
-    enable_on_start: bool = True
 
 
 @dataclass(frozen=True)

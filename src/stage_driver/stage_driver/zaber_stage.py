@@ -8,11 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stage_core.clocks import NANOSECONDS
+from stage_driver.config import ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.protocol import ProtocolError, Reply, warning_list
 from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_link import LinkLost, NoAnswer, Query, ZaberLink
-from stage_driver.zaber_setup import ZaberAxisHandle, ZaberConfig, connect, integer
+from stage_driver.zaber_setup import ZaberAxisHandle, connect, integer
 from stage_driver.zaber_words import FLAGS, describe_flag, describe_rejection
 
 NANOSECOND = 1.0 / NANOSECONDS
