@@ -237,7 +237,9 @@ def test_zaber_node_keeps_its_port_reports_a_pulled_cable_and_goes_on_after_the_
         client.watch(DiagnosticArray, topics.DIAGNOSTICS)
         assert client.trigger('/stage_driver/home', PATIENCE) == 'homed: x, y'
         second = [*command[:-1], f'port:={server.port}']
-        refused = subprocess.run(second, env=ros_env, capture_output=True, text=True)
+        # In another terminal, with its own folder for temporary files.
+        elsewhere = {**ros_env, 'TMPDIR': str(tmp_path)}
+        refused = subprocess.run(second, env=elsewhere, capture_output=True, text=True)
         assert refused.returncode == 2
         assert re.search(
             rf'stage_driver with pid {first.pid} \(since \d\d:\d\d\) holds the port '

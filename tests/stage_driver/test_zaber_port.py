@@ -1,6 +1,7 @@
 """The Zaber backend and its port: absent, taken, silent, or with garbage on it."""
 
 import os
+import socket
 import threading
 
 import pytest
@@ -9,6 +10,7 @@ from stage_core.errors import StageError
 from stage_driver.config import ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.zaber import ZaberBackend
+from stage_driver.zaber_link import ZaberLink
 from stage_driver.zaber_setup import connect
 from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
@@ -50,7 +52,8 @@ def test_homing_waits_for_a_port_only_so_long(tmp_path):
 
 
 def test_a_port_has_one_driver(tmp_path):
-    with rig(tmp_path) as (server, backend, recorder):
+    # A busy machine is late with its answers.
+    with rig(tmp_path, reply_timeout=5.0, link_timeout=60.0) as (server, backend, recorder):
         for port in (backend.config.port, server.port):
             second = ZaberConfig(('x', 'y'), (LIMITS, LIMITS), port)
             with pytest.raises(
@@ -58,6 +61,15 @@ def test_a_port_has_one_driver(tmp_path):
             ):
                 ZaberBackend(second, Recorder()).start()
         assert backend.home().result()
+
+
+def test_a_port_behind_a_network_has_one_driver():
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        number = server.getsockname()[1]
+        first = ZaberLink(f'socket://127.0.0.1:{number}')
+        with pytest.raises(StageError, match=rf'holds the port socket://127.0.0.1:{number}'):
+            ZaberLink(f'socket://localhost:{number}')
+        first.close()
 
 
 @pytest.mark.parametrize(

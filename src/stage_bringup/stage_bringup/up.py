@@ -65,8 +65,12 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
     if given.port and given.tracker:
         nodes = [node for node in nodes if node.name != 'stage_twin']
     # The Foxglove socket is one port beside the page, as by default.
-    ports = {'page_port': given.page_port, 'port': given.page_port - 1}
-    nodes.append(NodeCommand('live_view', 'stage_bringup.live_view_node', ports))
+    live = {
+        'page_port': given.page_port,
+        'port': given.page_port - 1,
+        'use_sim_time': given.clock == 'lockstep',
+    }
+    nodes.append(NodeCommand('live_view', 'stage_bringup.live_view_node', live))
     return options, nodes
 
 

@@ -7,11 +7,13 @@ import fcntl
 import hashlib
 import os
 import socket
-import tempfile
 import time
 from pathlib import Path
 
 from stage_core.errors import StageError
+
+#: The same for every terminal, whatever its TMPDIR.
+FOLDER = Path('/tmp')
 
 
 class Ownership:
@@ -34,7 +36,7 @@ class Ownership:
 
     def __init__(self, wire: str, holder: str, remedy: str) -> None:
         name = hashlib.sha256(wire.encode()).hexdigest()[:16]
-        path = Path(tempfile.gettempdir()) / f'stage_owner_{name}.lock'
+        path = FOLDER / f'stage_owner_{name}.lock'
         self._file = _open(path)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -17,11 +17,12 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
 from dataclasses import dataclass
+from urllib.parse import urlsplit
 
 import serial
 
 from stage_core.errors import StageError
-from stage_core.ownership import Ownership
+from stage_core.ownership import Ownership, address
 from stage_driver.protocol import (
     LARGEST_ID,
     Alert,
@@ -97,9 +98,7 @@ class ZaberLink:
         self._line_sent = line_sent
         self.counts: Counter[str] = Counter()
         self.garbage_sample = b''
-        # A link to a device is that device.
-        wire = f'port {os.path.realpath(url) if "://" not in url else url}'
-        self._owned = Ownership(wire, 'stage_driver', 'give this driver another port')
+        self._owned = Ownership(_wire(url), 'stage_driver', 'give this driver another port')
         try:
             self._port = serial.serial_for_url(
                 url, baudrate=baud, timeout=0.05, write_timeout=WRITE_TIMEOUT
@@ -257,3 +256,13 @@ def _reason(error: BaseException) -> str:
     if isinstance(error, OSError) and error.errno:
         return os.strerror(error.errno)
     return ' '.join(str(error).split())
+
+
+def _wire(url: str) -> str:
+    """The port in the same words, by whatever link or host name it is reached."""
+    with contextlib.suppress(ValueError):
+        # Who opens the port refuses a number that is none.
+        host = urlsplit(url)
+        if host.hostname and host.port:
+            return f'port {host.scheme}://{address(host.hostname, host.port)}'
+    return f'port {url if "://" in url else os.path.realpath(url)}'
