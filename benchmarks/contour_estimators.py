@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from contour_ctrl import contour_error, curves, reference
+from contour_ctrl import contour_error, curves, nurbs, reference
 from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.path import PathTable
 from hra_curves.arc_length import ArcLength
@@ -17,7 +17,7 @@ CURVES = {
     'square, corners 5 mm': curves.square(0.04, 0.005),
     'star, corners 2 mm': curves.star(0.03, 0.015, 0.002),
     'eight 60 x 30 mm': curves.eight(0.06, 0.03),
-    'free form, 7 points': curves.freeform(
+    'free form, 7 points': nurbs.interpolate(
         [
             (0, 0),
             (0.02, -0.005),
@@ -26,7 +26,8 @@ CURVES = {
             (0.03, 0.035),
             (0.01, 0.03),
             (-0.005, 0.015),
-        ]
+        ],
+        closed=True,
     ),
 }
 
@@ -42,10 +43,8 @@ def main() -> None:
         table = path.values, path.step, path.closed
         fluctuation = reference.plan(curve, 0.06, limits=limits).fluctuation
         for lag in (2e-4, 1e-3):
-            s = np.linspace(0.0, arc.length, 1999, endpoint=False)
-            place, tangent = curve.derivatives(
-                arc.parameter_at(s - lag + (s < lag) * arc.length), 1
-            )
+            s = np.linspace(0.0, arc.total, 1999, endpoint=False)
+            place, tangent = curve.derivatives(arc.parameter(s - lag + (s < lag) * arc.total), 1)
             tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
             points = place + 3e-5 * np.column_stack([-tangent[:, 1], tangent[:, 0]])
             exact = contour_error.estimates(*table, s, points, 20)

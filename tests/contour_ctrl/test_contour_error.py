@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from contour_ctrl import contour_error, curves
-from contour_ctrl.path import ArcLength, PathTable
+from contour_ctrl import contour_error, curves, nurbs
+from contour_ctrl.path import PathTable
+from hra_curves.arc_length import ArcLength
 
 CURVES = {
     'circle': curves.circle(0.02),
     'square': curves.square(0.04, 0.005),
     'star': curves.star(0.03, 0.015, 0.002),
     'eight': curves.eight(0.06, 0.03),
-    'freeform': curves.freeform([(0, 0), (0.03, 0.01), (0.05, 0.04), (0.02, 0.05), (-0.01, 0.02)]),
+    'freeform': nurbs.interpolate(
+        [(0, 0), (0.03, 0.01), (0.05, 0.04), (0.02, 0.05), (-0.01, 0.02)], closed=True
+    ),
 }
 
 
@@ -22,13 +25,13 @@ def exact(curve: curves.Curve, arc: ArcLength, s: float, point: np.ndarray) -> f
     """Signed distance to the closest point of the curve near arc s, by bounded search."""
 
     def distance(t: float) -> float:
-        u = arc.parameter_at(np.mod(t, arc.length))
+        u = arc.parameter(np.mod(t, arc.total))
         return float(np.sum((curve.derivatives(u, 0)[0, 0] - point) ** 2))
 
     found = minimize_scalar(
         distance, bounds=(s - 6e-4, s + 6e-4), method='bounded', options={'xatol': 1e-12}
     ).x
-    place, tangent = curve.derivatives(arc.parameter_at(np.mod(found, arc.length)), 1)[:, 0]
+    place, tangent = curve.derivatives(arc.parameter(np.mod(found, arc.total)), 1)[:, 0]
     angle = np.arctan2(tangent[1], tangent[0])
     error = place - point
     return float(-np.sin(angle) * error[0] + np.cos(angle) * error[1])
@@ -37,11 +40,11 @@ def exact(curve: curves.Curve, arc: ArcLength, s: float, point: np.ndarray) -> f
 @pytest.mark.parametrize('name', sorted(CURVES))
 def test_parameter_estimate_is_the_closest_point(name: str) -> None:
     curve = CURVES[name]
-    arc = ArcLength(curve)
+    arc = ArcLength.of(curve)
     path = PathTable.from_curve(arc)
     rng = np.random.default_rng(7)
-    s = rng.uniform(0.0, arc.length, 40)
-    place, tangent = curve.derivatives(arc.parameter_at(s), 1)
+    s = rng.uniform(0.0, arc.total, 40)
+    place, tangent = curve.derivatives(arc.parameter(s), 1)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
     lag, across = rng.uniform(-2e-4, 2e-4, (2, 40))
@@ -57,7 +60,7 @@ def test_parameter_estimate_is_the_closest_point(name: str) -> None:
 
 
 def test_osculating_circle_is_exact_on_a_circle_and_on_a_line() -> None:
-    path = PathTable.from_curve(ArcLength(CURVES['circle']))
+    path = PathTable.from_curve(ArcLength.of(CURVES['circle']))
     for point in ((0.021, 0.001), (0.019, -0.002), (0.0, 0.0201)):
         s = 0.02 * float(np.arctan2(point[1], point[0]) % (2 * np.pi))
         found = contour_error.osculating_estimate(
@@ -81,7 +84,7 @@ def test_sign_follows_the_interface() -> None:
 
 
 def test_estimate_survives_a_point_beyond_the_centre_of_curvature() -> None:
-    path = PathTable.from_curve(ArcLength(CURVES['circle']))
+    path = PathTable.from_curve(ArcLength.of(CURVES['circle']))
     found = contour_error.of_record(path, np.array([0.01]), np.array([[1e-4, -2e-4]]))
     assert np.isfinite(found).all()
     assert abs(found[0]) < 0.041

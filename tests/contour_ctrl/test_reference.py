@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from geomdl import NURBS as geomdl_nurbs
@@ -14,7 +12,7 @@ from scipy.special import ellipe
 
 from calibrator.model_file import StoredModel
 from calibrator.models import make_model
-from contour_ctrl import curves, nurbs, reference
+from contour_ctrl import curve_file, curves, nurbs, reference
 from contour_ctrl.calibration import inverse, temperatures_line
 from contour_ctrl.feedrate import AxisLimits, SCurve
 from contour_ctrl.path import PathTable
@@ -26,7 +24,9 @@ ALL = {
     'square': curves.square(0.04, 0.005),
     'star': curves.star(0.03, 0.015, 0.002),
     'eight': curves.eight(0.06, 0.03),
-    'freeform': curves.freeform([(0, 0), (0.03, 0.01), (0.05, 0.04), (0.02, 0.05), (-0.01, 0.02)]),
+    'freeform': nurbs.interpolate(
+        [(0, 0), (0.03, 0.01), (0.05, 0.04), (0.02, 0.05), (-0.01, 0.02)], closed=True
+    ),
 }
 
 
@@ -151,7 +151,7 @@ def test_a_search_or_a_contour_without_end_is_refused_soon() -> None:
 
 def test_bad_curves_are_refused() -> None:
     with pytest.raises(StageError, match='zero-length segment between points 2 and 3'):
-        curves.freeform([(0, 0), (1, 0), (1, 0), (2, 1), (3, 0), (4, 2)], closed=False)
+        nurbs.interpolate([(0, 0), (1, 0), (1, 0), (2, 1), (3, 0), (4, 2)], closed=False)
     cusp = curves.CallableCurve(
         lambda u: np.column_stack([u**2, u**3]),
         (-1.0, 1.0),
@@ -177,12 +177,11 @@ def test_bad_curves_are_refused() -> None:
         curves.circle(-1.0)
 
 
-def test_nurbs_files(tmp_path: Path) -> None:
-    good = tmp_path / 'curve.yaml'
-    good.write_text(
-        'degree: 2\nknots: [0, 0, 0, 1, 1, 1]\ncontrol_points: [[0, 0], [0.01, 0.02], [0.02, 0]]\n'
-    )
-    assert nurbs.load(good).derivatives(0.5, 0)[0, 0] == pytest.approx([0.01, 0.01])
+def test_nurbs_texts() -> None:
+    points = '[[0, 0], [0.01, 0.02], [0.02, 0]]'
+    good = f'degree: 2\nknots: [0, 0, 0, 1, 1, 1]\ncontrol_points: {points}'
+    curve = curve_file.from_text('nurbs', good, 'the curve')
+    assert curve.derivatives(0.5, 0)[0, 0] == pytest.approx([0.01, 0.01])
     for text, words in (
         ('degree: 2\nknots: [0, 1]\ncontrol_points: [[0, 0], [1, 1], [2, 0]]', 'need 6 knots'),
         ('degree: 2', 'knots is missing'),
@@ -191,12 +190,8 @@ def test_nurbs_files(tmp_path: Path) -> None:
         ('degree: 1\nknots: [0,0,1,1]\ncontrol_points: [[0, 0], [.nan, 1]]', 'not finite'),
         ('degree: x\nknots: [0,0,1,1]\ncontrol_points: [[0, 0], [1, 1]]', 'numbers'),
     ):
-        bad = tmp_path / 'bad.yaml'
-        bad.write_text(text)
         with pytest.raises(StageError, match=words):
-            nurbs.load(bad)
-    with pytest.raises(StageError, match='cannot read the curve'):
-        nurbs.load(tmp_path / 'absent.yaml')
+            curve_file.from_text('nurbs', text, 'the curve')
 
 
 def test_braked_reference_stops_on_the_path() -> None:

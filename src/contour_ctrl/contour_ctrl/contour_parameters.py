@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any
 
 from contour_ctrl import cmac, curve_file, curves, reinforcement, timed
@@ -28,7 +29,9 @@ SCHEMES = tuple(base + learning for base in BASES for learning in ('', '+ilc', '
 
 
 def _axis_parameters(axis: str) -> list[Parameter]:
-    heavy = axis == 'x'
+    velocity_gain, integral_gain = (
+        gain[AXES.index(axis)] for gain in (Gains.velocity_gain, Gains.integral_gain)
+    )
     return [
         Parameter(f'{axis}.position_gain', 40.0, 'K_p', '1/s', 1e-3, 1e4),
         Parameter(f'{axis}.velocity_feedforward', 1.0, 'K_f', '', 0.0, 2.0),
@@ -39,14 +42,14 @@ def _axis_parameters(axis: str) -> list[Parameter]:
         Parameter(f'{axis}.max_jerk', 500.0, 'limit of the plan', 'm/s^3', 1e-3, 1e7),
         Parameter(
             f'{axis}.velocity_gain',
-            3600.0 if heavy else 1600.0,
+            velocity_gain,
             "gain of the driver's velocity loop, for the friction term",
             'N.s/m',
             1e-6,
         ),
         Parameter(
             f'{axis}.integral_gain',
-            90000.0 if heavy else 40000.0,
+            integral_gain,
             "integral gain of the driver's velocity loop",
             'N/m',
             0.0,
@@ -262,11 +265,5 @@ def make_learning(value: Values) -> LearningSettings | None:
 
 def make_run_settings(value: Values, lockstep: bool) -> RunSettings:
     """How a run approaches and stops."""
-    return RunSettings(
-        start_tolerance=value('start_tolerance'),
-        approach_timeout=value('approach_timeout'),
-        stop_time=value('stop_time'),
-        missed_share=value('missed_share'),
-        longest_step=value('longest_step'),
-        lockstep=lockstep,
-    )
+    given = {f.name: value(f.name) for f in fields(RunSettings) if f.name != 'lockstep'}
+    return RunSettings(**given, lockstep=lockstep)

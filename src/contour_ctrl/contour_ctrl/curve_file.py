@@ -15,10 +15,13 @@ from stage_core.errors import StageError
 from stage_core.names import refuse_unknown_keys
 from stage_core.untrusted import yaml_mapping
 
-#: Keys of a curve through points, by the kind of contour.
-KEYS = {'freeform': ('points', 'closed'), 'hra': ('points', 'basis')}
-#: Kinds of contour that a curve is given for.
-KINDS = ('nurbs', *KEYS)
+#: Keys of a curve by the kind of contour that it is given for.
+KEYS = {
+    'nurbs': ('degree', 'knots', 'control_points', 'weights'),
+    'freeform': ('points', 'closed'),
+    'hra': ('points', 'basis'),
+}
+KINDS = tuple(KEYS)
 
 
 def from_text(kind: str, text: str, origin: str) -> curves.Curve:
@@ -37,16 +40,36 @@ def from_text(kind: str, text: str, origin: str) -> curves.Curve:
     StageError
         What is wrong with it; the message names the key or the number of the point.
     """
-    if kind == 'nurbs':
-        return nurbs.from_text(text, origin)
     remedy = 'give points as a list of [x, y] in metres under the key points'
+    if kind == 'nurbs':
+        remedy = 'give degree, knots, control_points and, if wanted, weights'
     content = yaml_mapping(text, origin, remedy)
     refuse_unknown_keys(content, KEYS[kind], origin)
+    if kind == 'nurbs':
+        return _nurbs(content, origin, remedy)
     try:
         points = point_list(content.get('points'))
     except StageError as error:
         raise StageError(f'{origin}: {error}: {remedy}') from None
     return _through(kind, points, content, origin)
+
+
+def _nurbs(content: Mapping[Any, Any], origin: str, remedy: str) -> nurbs.NurbsCurve:
+    missing = [key for key in KEYS['nurbs'][:3] if key not in content]
+    if missing:
+        raise StageError(f'{origin}: the key {missing[0]} is missing: {remedy}')
+    weights = content.get('weights')
+    try:
+        return nurbs.NurbsCurve(
+            int(content['degree']),
+            np.asarray(content['knots'], dtype=float),
+            np.asarray(content['control_points'], dtype=float),
+            None if weights is None else np.asarray(weights, dtype=float),
+        )
+    except (TypeError, ValueError) as error:
+        raise StageError(f'{origin} is not made of numbers ({error}): correct it') from None
+    except StageError as error:
+        raise StageError(f'{origin}: {error}') from None
 
 
 def _through(
@@ -56,7 +79,7 @@ def _through(
         closed = content.get('closed', True)
         if not isinstance(closed, bool):
             raise StageError(f'{origin}: closed must be true or false, got {closed!r}')
-        return curves.freeform(points, closed)
+        return nurbs.interpolate(points, closed)
     name = content.get('basis')
     if name is None:
         return hra_curves.interpolate(points)

@@ -166,19 +166,18 @@ def eight(width: float, height: float, centre: tuple[float, float] = (0.0, 0.0))
     return CallableCurve(lambda u: exact(u, 0)[0], (0.0, 2.0 * np.pi), True, exact)
 
 
-def freeform(points: ArrayLike, closed: bool = True) -> nurbs.NurbsCurve:
-    """Free-form curve through (n, 2) points [m]: a quintic B-spline on the chord length."""
-    return nurbs.interpolate(points, closed)
+#: Turn of a tangent that is no corner [rad].
+CORNER = 1e-3
 
 
-def check_regular(curve: Curve, corner_tolerance: float = 1e-3) -> None:
+def check_regular(curve: Curve) -> None:
     """Refuse a curve that an axis cannot follow at any feed.
 
     Raises
     ------
     StageError
         A zero-length piece (speed of the parameter vanishes), or a jump of the tangent's
-        direction of more than `corner_tolerance` [rad] that remains under bisection.
+        direction of more than `CORNER` that remains under bisection.
     """
     breaks = curve.breaks
     per_piece = max(2048 // max(len(breaks) - 1, 1), 16)
@@ -207,13 +206,13 @@ def check_regular(curve: Curve, corner_tolerance: float = 1e-3) -> None:
         low, high = u[index], u[index + 1]
         turn = turns[index]
         for _ in range(40):
-            if turn <= corner_tolerance:
+            if turn <= CORNER:
                 break
             middle = 0.5 * (low + high)
             low_t, middle_t, high_t = curve.derivatives([low, middle, high], 1)[1]
             left, right = abs(_turn(low_t, middle_t)), abs(_turn(middle_t, high_t))
             low, high, turn = (low, middle, left) if left > right else (middle, high, right)
-        if turn > corner_tolerance:
+        if turn > CORNER:
             raise StageError(
                 f'the curve has a cusp or corner of {np.degrees(turn):.1f} deg at parameter '
                 f'{low:.6g}: no feed can follow it; round it'

@@ -16,6 +16,8 @@ FloatArray = NDArray[np.float64]
 
 #: Pauses between moves, so that stiction shows [s].
 PAUSE = 0.1
+#: Acceleration [m/s^2] and jerk [m/s^3] of the moves.
+RAMP = 1.0, 50.0
 #: Fade of the sines at both ends [s].
 FADE = 0.5
 #: Frequencies [Hz] without common multiples below the record's length.
@@ -40,8 +42,6 @@ def excitation(
     multisine_time: float = 10.0,
     period: float = 0.001,
     limits: AxisLimits | None = None,
-    path_acceleration: float = 1.0,
-    path_jerk: float = 50.0,
     seed: int = 0,
     micro_range: float = 6e-5,
     micro_time: float = 15.0,
@@ -69,7 +69,7 @@ def excitation(
         way = np.minimum(reach, max(2.0 * speed, 1e-3))
         corners = way * np.array(CORNERS)
         for start, stop in zip(corners[:-1], corners[1:], strict=True):
-            pieces.append(_straight(start, stop, speed, path_acceleration, path_jerk, period))
+            pieces.append(_straight(start, stop, speed, period))
     if micro_time > 2.0 * FADE and micro_range > 0.0:
         amplitude = micro_range * np.array(MICRO_SHARES)
         phase = np.zeros((2, len(amplitude)))
@@ -89,16 +89,11 @@ def excitation(
 
 
 def _straight(
-    start: FloatArray,
-    stop: FloatArray,
-    speed: float,
-    acceleration: float,
-    jerk: float,
-    period: float,
+    start: FloatArray, stop: FloatArray, speed: float, period: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     length = float(np.linalg.norm(stop - start))
     direction = (stop - start) / length
-    profile = SCurve.plan(length, speed, acceleration, jerk)
+    profile = SCurve.plan(length, speed, *RAMP)
     time = period * np.arange(int(np.ceil((profile.duration + PAUSE) / period)))
     arc, rate, change = profile.at(time)
     return (

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import comb
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from stage_core.errors import StageError
-from stage_core.names import refuse_unknown_keys
-from stage_core.untrusted import file_text, yaml_mapping
 
 FloatArray = NDArray[np.float64]
 
@@ -105,50 +99,6 @@ class NurbsCurve:
                 value -= comb(k, i) * homogeneous[i][:, 2:3] * result[k - i]
             result[k] = value / weight
         return result
-
-    def digest(self) -> str:
-        """Return a hash of the curve's definition."""
-        assert self.weights is not None
-        content = [np.array([self.degree], float), self.knots, self.control_points, self.weights]
-        return hashlib.sha256(b''.join(part.tobytes() for part in content)).hexdigest()
-
-
-#: Keys that a NURBS curve must have.
-REQUIRED = ('degree', 'knots', 'control_points')
-
-
-def from_mapping(content: Mapping[str, Any]) -> NurbsCurve:
-    """Make a NURBS curve from a mapping with degree, knots, control_points [m] and weights."""
-    refuse_unknown_keys(content, (*REQUIRED, 'weights'), 'NURBS')
-    missing = [key for key in REQUIRED if key not in content]
-    if missing:
-        raise StageError(
-            f'the key {missing[0]} is missing: give degree, knots, control_points and, if '
-            'wanted, weights'
-        )
-    try:
-        return NurbsCurve(
-            int(content['degree']),
-            np.asarray(content['knots'], dtype=float),
-            np.asarray(content['control_points'], dtype=float),
-            None if content.get('weights') is None else np.asarray(content['weights'], float),
-        )
-    except (TypeError, ValueError) as error:
-        raise StageError(f'the NURBS curve is not made of numbers ({error}): correct it') from None
-
-
-def from_text(text: str, origin: str) -> NurbsCurve:
-    """Make a NURBS curve from YAML text; `origin` names it in errors."""
-    content = yaml_mapping(text, origin, 'give degree, knots and control_points')
-    try:
-        return from_mapping(content)
-    except StageError as error:
-        raise StageError(f'{origin}: {error}') from None
-
-
-def load(path: str | Path) -> NurbsCurve:
-    """Read a NURBS curve from a YAML file."""
-    return from_text(file_text(path, f'the curve {path}', 'check the path'), str(path))
 
 
 def bezier_chain(segments: FloatArray) -> NurbsCurve:

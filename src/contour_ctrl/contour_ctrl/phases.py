@@ -22,7 +22,7 @@ class SetPoint:
     """A set-point [m], [m/s] with the stamp [ns] of its tick."""
 
     stamp: int
-    position: Pair | None
+    position: Pair
     velocity: Pair | None = None
 
 
@@ -34,8 +34,6 @@ class RunSettings:
     ----------
     start_tolerance
         Largest distance from the start point at which the contour begins [m].
-    rest_motion, rest_time
-        At rest: moved less than this [m] for this long [s].
     approach_timeout
         Time to reach the start point [s].
     stop_time
@@ -50,8 +48,6 @@ class RunSettings:
     """
 
     start_tolerance: float = 1e-4
-    rest_motion: float = 5e-6
-    rest_time: float = 0.1
     approach_timeout: float = 30.0
     stop_time: float = 0.2
     lockstep: bool = False

@@ -35,6 +35,12 @@ def defuzzified(change: float, reward: float) -> float:
     return float(np.sum(firing * CENTRES[RULES]) / np.sum(firing))
 
 
+#: As shares of the first RMS error: the improvement that counts as PB (s_e), e_limit of eq. 14.
+CHANGE_SCALE, LIMIT = 0.1, 0.01
+#: K_et of eq. 14, per first RMS error.
+REWARD_GAIN = 5.0
+
+
 @dataclass
 class LearningRate:
     """The factor on the initial learning rate of one axis, from iteration to iteration.
@@ -45,19 +51,10 @@ class LearningRate:
         One of `READINGS`.
     floor
         Smallest factor (recommended reading only): without it learning dies.
-    change_scale
-        s_e: the improvement, as a share of the first RMS error, that counts as PB.
-    limit
-        e_limit of eq. 14 as a share of the first RMS error.
-    reward_gain
-        K_et of eq. 14, per first RMS error.
     """
 
     reading: str = 'recommended'
     floor: float = 0.2
-    change_scale: float = 0.1
-    limit: float = 0.01
-    reward_gain: float = 5.0
     reward: float = field(default=1.0, init=False)
     factor: float = field(default=1.0, init=False)
     history: list[float] = field(default_factory=list, init=False)
@@ -65,8 +62,8 @@ class LearningRate:
     def __post_init__(self) -> None:
         if self.reading not in READINGS:
             raise StageError(f'the reading {self.reading!r} is unknown: one of {READINGS}')
-        if not (0.0 < self.floor <= 1.0 and self.change_scale > 0.0 and self.limit >= 0.0):
-            raise StageError('rilc floor must be in (0, 1], scale positive, limit not negative')
+        if not 0.0 < self.floor <= 1.0:
+            raise StageError(f'rilc_floor must be above 0 and at most 1, not {self.floor}')
 
     def after(self, rms: float) -> float:
         """Take the RMS error of the newest iteration; return the factor for learning from it.
@@ -80,13 +77,13 @@ class LearningRate:
             return self.factor
         first = max(self.history[0], 1e-12)
         change = (self.history[-1] - self.history[-2]) / first
-        if change >= self.limit:
+        if change >= LIMIT:
             # Eq. 14: no reward. Little is learned from an iteration that was disturbed.
             self.reward, self.factor = 0.0, self.floor
             return self.factor
         # A reward that fell to zero is earned back: eq. 14 with the newest difference.
-        self.reward = min(max(self.reward - self.reward_gain * change, 0.0), 1.0)
-        improvement = max(0.0, -change) / self.change_scale
+        self.reward = min(max(self.reward - REWARD_GAIN * change, 0.0), 1.0)
+        improvement = max(0.0, -change) / CHANGE_SCALE
         self.factor = max(defuzzified(improvement, self.reward), self.floor)
         return self.factor
 
@@ -96,9 +93,9 @@ class LearningRate:
             return self.factor
         first = max(self.history[0], 1e-12)
         change = (self.history[-2] - self.history[-3]) / first
-        if change >= self.limit:
+        if change >= LIMIT:
             self.reward = 0.0
         else:
-            self.reward = min(max(self.reward - self.reward_gain * change, 0.0), 1.0)
-        self.factor = defuzzified(change / self.change_scale, self.reward)
+            self.reward = min(max(self.reward - REWARD_GAIN * change, 0.0), 1.0)
+        self.factor = defuzzified(change / CHANGE_SCALE, self.reward)
         return self.factor

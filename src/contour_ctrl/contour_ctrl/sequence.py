@@ -23,6 +23,9 @@ from stage_core.errors import StageError
 
 FloatArray = NDArray[np.float64]
 
+#: At rest: moved less than this [m] for this long [s].
+REST_MOTION, REST_TIME = 5e-6, 0.1
+
 
 class ContourRun:
     """Runs a controller `iterations` times.
@@ -175,12 +178,12 @@ class ContourRun:
     def _approach(self, stamp: int, qx: float, qy: float) -> SetPoint | None:
         settings = self.settings
         anchor = self._anchor
-        if anchor is None or max(abs(qx - anchor[1]), abs(qy - anchor[2])) > settings.rest_motion:
+        if anchor is None or max(abs(qx - anchor[1]), abs(qy - anchor[2])) > REST_MOTION:
             self._anchor = anchor = (stamp, qx, qy)
         distance = max(abs(qx - self._target[0]), abs(qy - self._target[1]))
         # In lockstep a world that stands still is at rest, however its last ticks crept.
         since = self._sent if settings.lockstep else anchor[0]
-        resting = stamp - since >= settings.rest_time * NANOSECONDS
+        resting = stamp - since >= REST_TIME * NANOSECONDS
         self._ready = resting and distance <= settings.start_tolerance
         if self._ready and not settings.lockstep:
             return self._start(stamp, qx, qy)

@@ -188,7 +188,7 @@ class StreamingNode(StageNode):
             self._conclude()
 
     def _publish(self, point: SetPoint | None) -> None:
-        if point is None or point.position is None:
+        if point is None:
             return
         if point.velocity is None:
             data = self._position_only.encode(point.stamp, point.position)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from contour_ctrl import cmac
 from contour_ctrl.cmac import CmacSettings
 from contour_ctrl.contour_error import DEFAULT_STEPS, parameter_estimate
-from contour_ctrl.cross_coupling import along_normal
 from contour_ctrl.friction import LuGre, lugre_step
 from contour_ctrl.reference import Reference
 from stage_core.errors import StageError
@@ -67,7 +66,7 @@ def tick(
 
     `table` (n, 8), `path` (m, 6), `settings` (21,), `learned` (n, 2), `weights`
     (layers, cells + 1, cells + 1), `friction` (2, 6), `memory` (6,), `record` (n, 6):
-    all preallocated by `Controller`.
+    the `Controller.arrays`, all preallocated.
     """
     ex, ey = table[k, RX] - qx, table[k, RX + 1] - qy
     sine, cosine = np.sin(table[k, ANGLE]), np.cos(table[k, ANGLE])
@@ -91,7 +90,8 @@ def tick(
         amount += cmac.output(weights, x, y)
     memory[ESTIMATE_2] = memory[ESTIMATE_1]
     memory[ESTIMATE_1] = estimate
-    normal_x, normal_y = along_normal(amount, sine, cosine)
+    # Along the contour's normal (eqs. 1 and 2, 21 and 22).
+    normal_x, normal_y = -sine * amount, cosine * amount
     record[k, QX], record[k, QX + 1] = qx, qy
     record[k, EX], record[k, EX + 1] = ex, ey
     record[k, ESTIMATE], record[k, CONTOUR] = estimate, contour
@@ -202,6 +202,11 @@ class Controller:
         settings[KV : KV + 2] = gains.velocity_gain
         settings[KI : KI + 2] = gains.integral_gain
         self.settings = settings
+        #: What `tick` takes after the encoder, in its order.
+        self.arrays = (
+            *(self.table, self.path, self.settings, self.learned, self.weights),
+            *(self.friction, self.memory, self.record, self.command),
+        )
         self._warm_up()
 
     def __len__(self) -> int:
@@ -219,20 +224,7 @@ class Controller:
 
     def tick(self, k: int, qx: float, qy: float) -> FloatArray:
         """Return vc (2,) [m/s] of tick k; the array is overwritten by the next tick."""
-        tick(
-            k,
-            qx,
-            qy,
-            self.table,
-            self.path,
-            self.settings,
-            self.learned,
-            self.weights,
-            self.friction,
-            self.memory,
-            self.record,
-            self.command,
-        )
+        tick(k, qx, qy, *self.arrays)
         return self.command
 
     def restart(self) -> None:
