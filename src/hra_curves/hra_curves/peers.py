@@ -1,6 +1,6 @@
-"""What a user would pick otherwise: linear, cubic and B-spline curves through SciPy.
+"""What a user would pick otherwise: splines over the chord length and of fewer control points.
 
-Each function returns a callable from parameters (m,) to points (m, d), over the nodes given.
+Polylines and splines through points are SciPy's `make_interp_spline` and `CubicSpline`.
 """
 
 from __future__ import annotations
@@ -9,24 +9,12 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, make_interp_spline, make_lsq_spline
+from scipy.interpolate import CubicSpline, make_lsq_spline
 
 from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
 Evaluator = Callable[[Array], Array]
-
-
-def linear(nodes: Array, points: Array) -> Evaluator:
-    """Polyline through the points."""
-    return lambda u: np.column_stack(
-        [np.interp(u, nodes, points[:, axis]) for axis in range(points.shape[1])]
-    )
-
-
-def cubic_spline(nodes: Array, points: Array, boundary: str = 'not-a-knot') -> Evaluator:
-    """Cubic spline over the nodes; ``boundary`` is SciPy's name, such as ``natural``."""
-    return CubicSpline(nodes, points, bc_type=boundary)
 
 
 def chord_length_spline(points: Array) -> tuple[Array, Evaluator]:
@@ -40,12 +28,7 @@ def chord_length_spline(points: Array) -> tuple[Array, Evaluator]:
     if (steps <= 0.0).any():
         raise StageError('two neighbouring points coincide: remove one of them')
     nodes = np.concatenate(([0.0], np.cumsum(steps)))
-    return nodes, cubic_spline(nodes, points, 'natural')
-
-
-def b_spline(nodes: Array, points: Array, degree: int = 5) -> Evaluator:
-    """Interpolating B-spline of odd degree over the nodes."""
-    return make_interp_spline(nodes, points, k=degree)
+    return nodes, CubicSpline(nodes, points, bc_type='natural')
 
 
 def least_squares_b_spline(

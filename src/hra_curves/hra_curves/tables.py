@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from hra_curves import exact, peers
 from hra_curves.bases import Basis, Bernstein, Trigonometric
@@ -101,7 +102,7 @@ def interval_errors(method: str, count: int, intervals: Sequence[int]) -> list[f
     step = TURN / (count - 1)
     fractions = np.linspace(0.0, 1.0, 101)
     if method == 'linear':
-        polyline = peers.linear(theta, points)
+        polyline = make_interp_spline(theta, points, k=1)
         return [error_to_the_curve(polyline((k + fractions) * step)) for k in intervals]
     if method == 'CAM':
         nodes, spline = peers.chord_length_spline(points)
@@ -111,7 +112,7 @@ def interval_errors(method: str, count: int, intervals: Sequence[int]) -> list[f
         ]
     curve: Callable[[Array], Array]
     if method == 'quintic B-spline':
-        curve = peers.b_spline(theta, points, 5)
+        curve = make_interp_spline(theta, points, k=5)
     else:
         curve = hra_cycloid(count, BASIS_1 if method == 'IB1' else BASIS_2).evaluate
     return [error_at_equal_parameter(curve, k * step, (k + 1) * step) for k in intervals]

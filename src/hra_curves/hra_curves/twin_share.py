@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from hra_curves import peers
 from hra_curves.cycloid import cycloid, nearest_points
@@ -150,7 +151,7 @@ def defined_curve(method: str) -> Evaluator:
     theta = np.linspace(0.0, TURN, DATA)
     places = np.arange(DATA, dtype=float)
     if method == 'linear':
-        return peers.linear(places, cycloid(theta))
+        return make_interp_spline(places, cycloid(theta), k=1)
     if method == 'CAM':
         nodes, spline = peers.chord_length_spline(cycloid(theta))
         return lambda u: spline(np.interp(u, places, nodes))

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
-from hra_curves import exact, peers
+from hra_curves import exact
 from hra_curves.bases import Basis, Bernstein, Trigonometric
 from hra_curves.cycloid import cycloid
 from hra_curves.factorisation import collocation_matrix, factorise
@@ -93,7 +94,7 @@ def _cycloid_curves(count: int) -> dict[str, float]:
     return {
         'plain solve': error(plain),
         'HRA': error(hra_cycloid(count, Bernstein()).evaluate(fine)),
-        'cubic spline': error(peers.cubic_spline(theta, cycloid(theta))(fine)),
+        'cubic spline': error(CubicSpline(theta, cycloid(theta))(fine)),
     }
 
 
@@ -120,7 +121,7 @@ def _runge_curves(count: int) -> dict[str, float]:
         'HRA equal nodes': error(equal.evaluate),
         'HRA Chebyshev nodes': error(chebyshev.evaluate),
         'HRA least squares': error(fitted.evaluate),
-        'cubic spline': error(peers.cubic_spline(even, _runge(even))),
+        'cubic spline': error(CubicSpline(even, _runge(even))),
     }
 
 
