@@ -9,7 +9,7 @@ import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.evidence.describe import not_seen
-from gap_diagnosis.report.causes import effect_sentence, parameter_words
+from gap_diagnosis.report.causes import causes_section, effect_sentence, parameter_words
 from gap_diagnosis.report.experiment import section
 from gap_diagnosis.report.hysteresis import hysteresis, hysteresis_plot, since_reversal
 from gap_diagnosis.report.leftovers import leftovers
@@ -136,6 +136,32 @@ def test_an_effect_that_is_rather_not_there_is_named_apart() -> None:
     assert _lacks(found) == (  # type: ignore[arg-type]
         'The twin lacks (in brackets: probability) backlash of x (0.96). '
         'Kept, though its probability is below a half: tracker misalignment (0.49).'
+    )
+
+
+def cause(effect: str, probability: float, status: str) -> Any:
+    """A candidate without rivals."""
+    return SimpleNamespace(
+        effect=effect, probability=probability, status=status, alternatives=(), shrink=0.5,
+        interval=(0.4, 0.6), parameters={},
+    )  # fmt: skip
+
+
+def test_an_unlikely_candidate_is_named_and_has_no_row() -> None:
+    kept = cause('backlash.x', 0.96, 'accepted')
+    kept.parameters = {'width': (8e-6, 1e-7)}
+    causes = [
+        kept,
+        cause('drive_gain.x', 0.4, 'below_noise'),
+        cause('drive_gain.y', 0.003, 'below_noise'),
+        *(cause(name, 0.002, 'rejected') for name in ('cable_force.x', 'unknown', 'none')),
+    ]
+    page = Page('evidence')
+    causes_section(page, SimpleNamespace(causes=causes))  # type: ignore[arg-type]
+    text = page.render()
+    assert text.count('<tr>') == 3
+    assert (
+        '<li>too small to tell: drive gain of y.</li><li>rejected: cable force of x.</li>' in text
     )
 
 

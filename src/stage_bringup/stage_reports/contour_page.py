@@ -56,8 +56,8 @@ def contour_page(
             *_largest(found[best], seen),
             *_more_runs(rms),
             *([] if deviation is None else [_table_says(deviation)]),
-            f'The interval is that of other paths made of such stretches (block bootstrap, '
-            f'{STRETCHES} stretches).',
+            f'The interval says how much the RMS depends on single stretches of the path (block '
+            f'bootstrap of {STRETCHES} stretches).',
         ]
     )
     _learning(page, found, rms)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from gap_diagnosis.evidence.describe import not_seen
-from gap_diagnosis.evidence.judgement import Cause
+from gap_diagnosis.evidence.judgement import NONE, Cause
 from gap_diagnosis.report.words import status_words
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
-from stage_core.quantities import split_effect
+from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.wording import effect_words, parameter_name, rounded, with_std
 from stage_twin.effects import EFFECTS, effect_of
 
@@ -119,7 +119,8 @@ def causes_section(page: Page, diagnosis: Diagnosis) -> None:
             ],
             'twin files and `report.json` write `backlash.x` for backlash of x',
         )  # fmt: skip
-    _others(page, [cause for cause in diagnosis.causes if cause not in shown])
+    effects = [c for c in diagnosis.causes if c.effect not in (UNKNOWN, NONE)]
+    _others(page, [c for c in effects if c not in shown])
 
 
 def _others(page: Page, causes: list[Cause]) -> None:

@@ -212,7 +212,8 @@ def _where(page: Page, diagnosis: Diagnosis) -> None:
         'Which conditions the gap depends on',
         'Side of approach points to friction or play, the turn of the screw to its pitch, '
         'position to guides, scale and squareness, speed to viscous friction or latency, time '
-        'and temperature to drift. A grey bar may be chance (p ≥ 0.05).',
+        'and temperature to drift. Conditions go together, so the shares do not add up to 100 %. '
+        'A grey bar may be chance (p ≥ 0.05).',
     )
     page.figure(
         figures.heat_map(diagnosis),

@@ -67,7 +67,7 @@ def on_circle(axes: PolarAxes, radius: float, widest: float) -> str:
     """Draw the nominal circle with room for errors up to `widest` [m]; the magnification."""
     widest = widest or MICROMETRE
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
-    axes.plot(turn, np.zeros_like(turn), color=INK, lw=0.9, label='nominal circle')
+    axes.plot(turn, np.zeros_like(turn), color=INK, lw=0.9, zorder=1, label='nominal circle')
     axes.set_ylim(-3.0 * widest * MICRO, 1.5 * widest * MICRO)
     axes.set_rlabel_position(67.5)
     return f'magnified about {float(f"{radius / (3.0 * widest):.2g}"):.0f} times'
