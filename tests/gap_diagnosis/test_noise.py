@@ -12,6 +12,7 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.acceptance import far_from_explained
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.data import load_record
+from gap_diagnosis.input.noise import Noise, Sampling, jitter_finding, sampling_jitter
 from gap_diagnosis.report.document import as_dict
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.residuals.servo import Servo
@@ -162,6 +163,33 @@ def test_a_controller_that_is_limited_has_no_other_gains(
     session = planted({'force_saturation.x': {'limit': limit, 'known': 1.0}}, duration=12.0)
     found = diagnose([with_read_noise(session, white, jitter)], [], TwinFile.nominal_servo())
     assert found.verdict == ['force_saturation.x']
+
+
+def read_late(reach: float, jitter: float) -> Sampling | None:
+    """What strokes [m] show that are read at moments that jitter [s], by an encoder of 5 nm."""
+    times = 1e-3 * np.arange(20_000)
+    late = jitter * np.random.default_rng(3).standard_normal(len(times))
+    read = reach * np.sin(2.0 * np.pi * 0.5 * (times + late))
+    counted = 5e-9 * np.rint(read / 5e-9)
+    return sampling_jitter(counted, np.zeros_like(times), 1e-3, 5e-9, np.ones(len(times), bool))
+
+
+def test_a_jitter_shows_where_it_is_most_of_the_noise() -> None:
+    shown = [read_late(reach, 3e-6) for reach in (0.03, 0.02)]
+    found = jitter_finding([Noise((), sampling=tuple(shown))], 1e-3, (False, False))
+    assert found is not None
+    assert found[0] == pytest.approx(3e-6, rel=0.05)
+    # What makes less noise than the counts do is none, and says nothing against another axis.
+    hidden = read_late(0.03, 1e-8)
+    assert hidden is not None
+    assert hidden.std == 0.0
+    assert jitter_finding([Noise((), sampling=(hidden,))], 1e-3, (False,)) is None
+    slow = read_late(2e-5, 3e-6)
+    assert slow is None or slow.std == 0.0
+    assert jitter_finding([Noise((), sampling=(shown[0], slow))], 1e-3, (False, False)) is not None
+    # An axis that would show it and does not speaks against it.
+    calm = read_late(0.03, 0.0)
+    assert jitter_finding([Noise((), sampling=(shown[0], calm))], 1e-3, (False, False)) is None
 
 
 def test_stamps_of_the_tracker_that_scatter_are_named(planted: Maker) -> None:

@@ -31,9 +31,8 @@ SURE = 5.0  # standard deviations of a jitter above zero
 QUIET = 0.3  # share of a session's slowest points that tell a tracker's noise
 WILD = 5.0  # times the expected power, from which on a block is a knock and no noise
 TRACKER_BLOCK = 10  # points
-#: Shares of a control period: least jitter about the stamps that is named, and one beyond which
-#: ticks would change places. Clocks of good loops are within 0.02.
-LEAST_JITTER, MOST_JITTER = 0.05, 0.5
+#: Share of a control period beyond which ticks would change places by a jitter.
+MOST_JITTER = 0.5
 #: Between the jitters that two axes of a machine show.
 AGREE = 1.5
 
@@ -65,16 +64,29 @@ class AxisNoise:
 
 
 @dataclass(frozen=True)
+class Sampling:
+    """Jitter of the moments of reading about their stamps, as one axis shows it [s].
+
+    `least` is the jitter that would make as much noise as the axis has otherwise: what is less
+    does not show. `deviation` is the standard deviation of `std`; both are 0 where none shows.
+    """
+
+    std: float
+    deviation: float
+    least: float
+
+
+@dataclass(frozen=True)
 class Noise:
     """Noise of a session: of each axis, and of the tracker [m] (None without one).
 
-    `sampling` is that of the moments of reading about their stamps [s] and its own standard
-    deviation, as each axis shows it; None where it is too slow.
+    `sampling` is that of the moments of reading about their stamps as each axis shows it; None
+    where it is too slow.
     """
 
     axes: tuple[AxisNoise, ...]
     tracker: float | None = None
-    sampling: tuple[tuple[float, float] | None, ...] = ()
+    sampling: tuple[Sampling | None, ...] = ()
 
 
 def axis_noise(
@@ -103,15 +115,16 @@ def axis_noise(
 
 def sampling_jitter(
     position: Array, offset: Array, period: float, quantum: float, whole: Mask
-) -> tuple[float, float] | None:
-    """Standard deviation [s] of the moments of reading about their stamps, and its own.
+) -> Sampling | None:
+    """Jitter of the moments of reading about their stamps; None where the axis is too slow.
+
+    It shows where it makes more noise than all else does at the speeds of the axis: on 68 axes
+    without one at most 0.04 of the power was taken for it, of one of 3 µs there was 2000 times.
 
     Parameters
     ----------
     position, period, quantum, whole : as for :func:`axis_noise`
     offset : (n,) of the stamps from the ticks [s]
-
-    0 where none is shown, None where the axis is too slow to show `LEAST_JITTER`.
     """
     on_tick = position - np.gradient(position, period) * offset
     power, square, moved = _blocks(on_tick, period, whole)
@@ -119,11 +132,10 @@ def sampling_jitter(
     if np.count_nonzero(fast) < LEAST_BLOCKS:
         return None
     white, jitter, deviation = speed_fit(power[fast], square[fast])
-    if LEAST_JITTER * period * np.quantile(moved, 0.95) < math.sqrt(max(white, quantum**2 / 12)):
-        return None
-    if jitter <= SURE * deviation:
-        return 0.0, 0.0
-    return math.sqrt(jitter), 0.5 * deviation / math.sqrt(jitter)
+    least = max(white, quantum**2 / 12.0) / float(np.mean(square[fast]))
+    if jitter <= max(SURE * deviation, least):
+        return Sampling(0.0, 0.0, math.sqrt(least))
+    return Sampling(math.sqrt(jitter), 0.5 * deviation / math.sqrt(jitter), math.sqrt(least))
 
 
 def jitter_finding(
@@ -131,21 +143,22 @@ def jitter_finding(
 ) -> tuple[float, float] | None:
     """Jitter [s] of the samples about their stamps, and its standard deviation; None without.
 
-    All axes that can tell must show the same, those left out whose encoder errs (`doubted`).
+    All axes that would show it must show the same, those left out whose encoder errs (`doubted`).
     """
-    told = [
+    asked = [
         own
         for noise in noises
         for own, doubt in zip(noise.sampling, doubted, strict=True)
         if own is not None and not doubt
     ]
-    values = np.array([value for value, _ in told])
-    if not told or values.min() < LEAST_JITTER * period or values.max() > MOST_JITTER * period:
+    largest = max((own.std for own in asked), default=0.0)
+    told = [own for own in asked if AGREE * own.least < largest]
+    values = np.array([own.std for own in told])
+    if not told or values.max() > min(AGREE * values.min(), MOST_JITTER * period):
         return None
-    if values.max() > AGREE * values.min():
-        return None
-    spread = float(np.ptp(values)) if len(values) > 1 else 0.0
-    return float(values.mean()), math.hypot(max(std for _, std in told), 0.5 * spread)
+    return float(values.mean()), math.hypot(
+        max(own.deviation for own in told), 0.5 * float(np.ptp(values))
+    )
 
 
 def _blocks(position: Array, period: float, whole: Mask) -> tuple[Array, Array, Array]:
