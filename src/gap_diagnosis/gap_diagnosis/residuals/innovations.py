@@ -40,8 +40,8 @@ def _with_shapes(problem: Problem, fit: Fit) -> Problem:
     """The problem with its terms as rich as they are in a fit."""
     for name, theta in fit.thetas.items():
         term = problem.terms[name]
-        while not _fits(term, theta, len(fit.coefficients[name])) and term.richer is not None:
-            term = term.richer()
+        while not _fits(term, theta, len(fit.coefficients[name])) and term.next is not None:
+            term = term.next
         problem.terms[name] = term
     return problem
 

@@ -93,8 +93,8 @@ def _over(name: str, term: Term, base: Array) -> Term:
         return found
 
     def richer() -> Term:
-        assert term.richer is not None
-        return _over(name, term.richer(), base)
+        assert term.next is not None
+        return _over(name, term.next, base)
 
     return replace(
         term,

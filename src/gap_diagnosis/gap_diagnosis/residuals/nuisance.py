@@ -48,8 +48,8 @@ def _free(term: Term, free: Callable[[Array], Array]) -> Term:
         return free(term.columns(theta))
 
     def richer() -> Term:
-        assert term.richer is not None
-        return _free(term.richer(), free)
+        assert term.next is not None
+        return _free(term.next, free)
 
     return replace(
         term,

@@ -44,8 +44,8 @@ class Problem:
     before: dict[str, Array] = field(default_factory=dict)
     seams: NDArray[np.int64] | None = None  # rows before which no row of the same series comes
     stands: Stands | None = None  # rows that share an error; None where none do
-    #: What single effects gained beside a set, by all that this depends on: each pass of a
-    #: selection goes the way of the last one until a barred effect was taken.
+    #: What was searched for a set, by all that this depends on: each pass of a selection goes the
+    #: way of the last one until a barred effect was taken.
     tried: dict[Hashable, Any] = field(default_factory=dict)
 
     def whiten(self, rows: Array) -> Array:

@@ -8,7 +8,7 @@ Evidence for a term is the gain of its set on rows that no fit has seen.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -180,6 +180,19 @@ class Regression:
 
         Its columns are freed of what the set's columns explain (Frisch, Waugh, Lovell).
         """
+        key = 'start', name, self.problem.terms[name].columns, self._set(base.thetas)
+        if key not in self.problem.tried:
+            self.problem.tried[key] = self._started(base, name)
+        found: Theta = self.problem.tried[key]
+        return found
+
+    def _set(self, thetas: dict[str, Theta]) -> Hashable:
+        """What tells a set from all others of the problem: its shapes and their parameters."""
+        terms = self.problem.terms
+        shapes = ((name, terms[name].columns, theta) for name, theta in thetas.items())
+        return self.problem.whitening, *shapes
+
+    def _started(self, base: Fit, name: str) -> Theta:
         term = self.problem.terms[name]
         everywhere = base.residual + self._base(name)
         grid = term.grid if term.propose is None else term.propose(everywhere)
@@ -218,12 +231,25 @@ class Regression:
     def refine(self, thetas: dict[str, Theta], names: Sequence[str], rounds: int = 12) -> Fit:
         """Set with the nonlinear parameters of `names` at a least-squares minimum on the fit rows.
 
+        A set that was refined before, in another pass perhaps, is not searched again.
+        """
+        free = [(n, i) for n in names for i in range(len(self.problem.terms[n].lower))]
+        if not free:
+            return self.linear(thetas)
+        key = 'refined', self._set(thetas), tuple(names), rounds
+        if key not in self.problem.tried:
+            self.problem.tried[key] = self._searched(thetas, free, rounds)
+        found: dict[str, Theta] = self.problem.tried[key]
+        return self.linear(found)
+
+    def _searched(
+        self, thetas: dict[str, Theta], free: list[tuple[str, int]], rounds: int
+    ) -> dict[str, Theta]:
+        """The set at its minimum over some θ, by the name and the index of each.
+
         Bounded trust-region Gauss-Newton on θ scaled to its range.
         """
         terms = self.problem.terms
-        free = [(n, i) for n in names for i in range(len(terms[n].lower))]
-        if not free:
-            return self.linear(thetas)
         low = np.array([terms[n].lower[i] for n, i in free])
         span = np.array([terms[n].upper[i] for n, i in free]) - low
         start = np.clip((np.array([thetas[n][i] for n, i in free]) - low) / span, 1e-4, 1 - 1e-4)
@@ -257,7 +283,7 @@ class Regression:
             xtol=1e-4,
             ftol=1e-5,
         )
-        return self.linear(unpack(np.asarray(result.x)))
+        return unpack(np.asarray(result.x))
 
     def uncertainty(self, fit: Fit, given: str | None = None) -> dict[str, tuple[Array, Array]]:
         """Standard deviations of (θ, coefficients) of each term of a fit.

@@ -187,11 +187,11 @@ class Selector:
         """
         shape = self.problem.terms[name]
         plain = self._shaped(base, name, shape, accepted)
-        if shape.propose is not None or shape.richer is None or self._counts(plain.evidence, base):
+        if shape.propose is not None or shape.next is None or self._counts(plain.evidence, base):
             return plain
         shapes = [shape]
-        while (richer := shapes[-1].richer) is not None:
-            shapes.append(richer())
+        while (richer := shapes[-1].next) is not None:
+            shapes.append(richer)
         found = self._shaped(base, name, shapes[-1], accepted)
         if not self._counts(found.evidence, base):
             return plain
@@ -317,20 +317,18 @@ class Selector:
     def prune(self, accepted: list[str], fit: Fit) -> tuple[list[str], Fit, dict[str, Evidence]]:
         """Leave one out, the weakest first, until each one counts."""
         while accepted:
-            evidence = {}
+            less = {n: self.without_effect(fit, n) for n in accepted}
+            evidence = {n: self._evidence(n, less[n], fit) for n in accepted}
             for name in accepted:
-                less = self.without_effect(fit, name)
-                evidence[name] = self._evidence(name, less, fit)
                 evidence[name].admissible = self.admissible(fit, name)
             weak = [
                 (evidence[n].gain, n)
                 for n in accepted
-                if n not in self.rules.kept
-                and not self._counts(evidence[n], self.without_effect(fit, n))
+                if n not in self.rules.kept and not self._counts(evidence[n], less[n])
             ]
             if not weak:
                 return accepted, fit, evidence
             _, worst = min(weak)
             accepted = [a for a in accepted if a != worst]
-            fit = self.without_effect(fit, worst)
+            fit = less[worst]
         return accepted, fit, {}

@@ -24,8 +24,8 @@ def grow(selector: Selector, fit: Fit, names: list[str]) -> Fit:
     terms = selector.problem.terms
     for name in names:
         plain, theta, lost = terms[name], fit.thetas[name], False
-        while (richer := terms[name].richer) is not None:
-            terms[name] = richer()
+        while (richer := terms[name].next) is not None:
+            terms[name] = richer
             if lost or len(terms[name].lower) > len(theta):
                 others = {n: t for n, t in fit.thetas.items() if n != name}
                 theta = selector.regression.warm_start(selector.regression.linear(others), name)

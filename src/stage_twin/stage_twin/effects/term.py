@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,11 @@ class Term:
     holds: bool = True
     answer: Callable[[Theta], Array] | None = None
     acting: Callable[[Theta, Array], float] = lambda theta, coefficients: 1.0
+
+    @cached_property
+    def next(self) -> Term | None:
+        """The next richer shape, the same one each time; None of the richest."""
+        return None if self.richer is None else self.richer()
 
     def share(self, theta: Theta, coefficients: Array) -> Array:
         """What the effect explains of the target (n,): all of it, less what the twin has."""
