@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.input.data import load_record
+from gap_diagnosis.residuals.servo import Servo
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS
@@ -46,6 +49,16 @@ def test_a_planted_effect_is_named(
         estimate, deviation = found.parameters[effect][name]
         near = pytest.approx(value, rel=tolerance, abs=2.0 * deviation)
         assert estimate == near, EFFECTS[effect.partition('.')[0]].parameter(name).meaning
+
+
+def test_no_error_of_an_integrator_follows_another_axis(planted: Maker) -> None:
+    session, twin = planted({}, axes=('x', 'y'), duration=8.0), TwinFile.nominal_servo()
+    record = load_record(session, twin)
+    alone = Servo([record], twin, 'x').problem().terms['axis_crosstalk.x'].follows
+    one = replace(record, encoder=record.encoder[:, [0, 0]], force=record.force[:, [0, 0]])
+    together = Servo([one], twin, 'x').problem().terms['axis_crosstalk.x'].follows
+    assert alone < 0.7
+    assert together > 0.9
 
 
 def test_friction_that_goes_with_the_position_is_named_with_its_curve(planted: Maker) -> None:

@@ -17,8 +17,8 @@ class Rules:
     ----------
     of_gap : least share of the whole gap's mean square above the noise
     of_rest : least share of what the set without the effect leaves above the noise
-    of_signal : least share of the variance of the whole signal; the step of another
-        integrator leaves 1e-4 of the force
+    of_signal : least share of the variance of the whole signal that an effect can follow
+        (`Term.follows`); the step of another integrator leaves 1e-4 of the force
     of_noise : least share of the noise's mean square
     of_own_noise : the same for effects whose columns hold the target's noise
     level : of the bootstrap interval

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Term, constant
+from stage_twin.effects.term import Array, Term, constant
 
 EFFECT = Effect(
     name='axis_crosstalk',
@@ -34,8 +36,19 @@ def term(rows: ForceRows) -> Term | None:
     acceleration, velocity = rows.other_acceleration(), rows.other_velocity()
     if acceleration is None or velocity is None:
         return None
+    columns = rows.columns(acceleration, velocity)
+    slope = [np.gradient(f, t) for f, t in zip(rows.applied(), rows.periods, strict=True)]
     return Term(
-        constant(rows.columns(acceleration, velocity)),
+        constant(columns),
         lambda theta, c: {'mass': float(c[0]), 'viscous': float(c[1])},
         admissible=lambda theta, c: bool(abs(c[0]) < 50.0 and abs(c[1]) < 500.0),
+        follows=_likeness(columns, rows.columns(rows.applied(), slope)),
     )
+
+
+def _likeness(one: Array, other: Array) -> float:
+    """Largest squared correlation of what two sets of columns (n, k) span (Hotelling 1936)."""
+    first, second = (
+        np.linalg.qr(c / (np.linalg.norm(c, axis=0) + 1e-300))[0] for c in (one, other)
+    )
+    return min(float(np.linalg.norm(first.T @ second, 2)) ** 2, 1.0)

@@ -39,6 +39,7 @@ class Term:
         own grid where it has more of them; taken where the data bear it
     holds : whether this shape holds the effect's special cases
     answer : θ -> columns (n, k) that the encoder's noise alone makes, where a resonance lifts it
+    follows : largest share of an error that goes with the axis' own force that the columns follow
     acting : (θ, coefficients) -> force that acts per force that is asked for; residuals are
         compared in units of the latter, as a drive that gives nothing would leave nothing
     """
@@ -60,6 +61,7 @@ class Term:
     richer: Callable[[], Term] | None = None
     holds: bool = True
     answer: Callable[[Theta], Array] | None = None
+    follows: float = 1.0
     acting: Callable[[Theta, Array], float] = lambda theta, coefficients: 1.0
 
     @cached_property
