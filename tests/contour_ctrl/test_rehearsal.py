@@ -92,30 +92,19 @@ def test_cross_coupling_and_cmac_reduce_the_contour_error() -> None:
 
 def test_tick_neither_allocates_nor_compiles() -> None:
     controller = Controller(REFERENCE, SCHEME_1)
-    arrays = (
-        controller.table,
-        controller.path,
-        controller.settings,
-        controller.learned,
-        controller.weights,
-        controller.friction,
-        controller.memory,
-        controller.record,
-        controller.command,
-    )
 
     @njit
     def many(count: int, arrays: tuple) -> None:
         for k in range(count):
             tick(k, 0.01, 0.0, *arrays)
 
-    many(1, arrays)
+    many(1, controller.arrays)
     compiled = len(tick.signatures)
     counts = []
     _nrt_python.memsys_enable_stats()
     for count in (10, len(REFERENCE)):
         before = rtsys.get_allocation_stats().alloc
-        many(count, arrays)
+        many(count, controller.arrays)
         counts.append(rtsys.get_allocation_stats().alloc - before)
         controller.tick(0, 0.01, 0.0)
     _nrt_python.memsys_disable_stats()

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from stage_core.twin_file import ServoAxis, TwinFile
-from stage_twin.simulate import simulate
+from stage_twin.plant import ServoPlant
 
 PERIOD = 1e-3
 MASS, VISCOUS = 18.0, 40.0
@@ -19,10 +19,12 @@ def one_axis(effects=None, **changes):
 
 
 def open_loop(twin, force):
-    """Motor position (n,) [m] for force commands (n,) [N] from rest at 0."""
-    zeros = np.zeros((len(force), 1))
-    result = simulate(twin, zeros, zeros, measured_force=force[:, None])
-    return result.encoder[:, 0]
+    """Motor positions [m] of the shape of the force commands (n,) or (n, n_axes) [N]."""
+    plant, positions = ServoPlant(twin), np.zeros(force.shape)
+    for k, held in enumerate(force):
+        positions[k] = plant.encoder() if force.ndim == 2 else plant.encoder()[0]
+        plant.step(np.atleast_1d(held))
+    return positions
 
 
 def swing(amplitude=30.0, rate=20.0, count=TICKS):

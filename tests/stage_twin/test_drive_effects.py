@@ -7,7 +7,6 @@ import numpy as np
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import torque_sag
 from stage_twin.measured_force import required_force
-from stage_twin.simulate import simulate
 
 from .one_axis import (
     MASS,
@@ -71,12 +70,10 @@ def test_the_other_axis_pulls():
         {'axis_crosstalk.x': {'mass': 2.0, 'viscous': 30.0}}
     )
     force = np.stack([np.zeros(TICKS), swing()], axis=1)
-    still = np.zeros_like(force)
-    result = simulate(twin, still, still, measured_force=force, noise=False)
-    alone = simulate(TwinFile.nominal_servo(), still, still, measured_force=force, noise=False)
-    np.testing.assert_array_equal(result.encoder[:, 1], alone.encoder[:, 1])
+    moved, alone = open_loop(twin, force), open_loop(TwinFile.nominal_servo(), force)
+    np.testing.assert_array_equal(moved[:, 1], alone[:, 1])
     # Momentum of x: m v + c p = -(2 v_y + 30 p_y), from rest.
-    p, q = result.encoder[:, 0], result.encoder[:, 1]
+    p, q = moved.T
     axis = twin.axes['x']
     balance = axis.mass * np.gradient(p, PERIOD) + axis.viscous * p
     pull = -(2.0 * np.gradient(q, PERIOD) + 30.0 * q)

@@ -20,8 +20,6 @@ EFFECTS = {
     'angular_error.y': {},
     'scale_error.x': {},
     'thermal_expansion.x': {'heating': 200.0, 'time_constant': 3.0},
-    'tracker_misalignment': {},
-    'tracker_latency': {},
 }
 
 
@@ -31,14 +29,11 @@ def test_the_motor_path_of_a_session_gives_its_table():
     twin = replace(twin, axes=axes)
     t = np.arange(1500) * 1e-3
     reference = 0.02 * np.stack([1.0 - np.cos(4.0 * t), np.sin(3.0 * t)], axis=1)
-    whole = simulate(twin, reference, np.gradient(reference, 1e-3, axis=0), seed=3)
-    carried = carry(twin, whole.encoder, seed=3)
+    whole = simulate(twin, reference, np.gradient(reference, 1e-3, axis=0))
     # Within a tick the motor may turn; a tick's mean speed differs from its speed at the start.
-    np.testing.assert_allclose(carried.table, whole.table, atol=5e-9)
-    np.testing.assert_allclose(carried.tracker_points, whole.tracker_points, atol=5e-9)
-    np.testing.assert_array_equal(carried.tracker_stamps, whole.tracker_stamps)
-    recorded = carry(twin, whole.encoder, temperatures=whole.temperatures)
-    np.testing.assert_allclose(recorded.table, whole.table, atol=2e-9)
+    np.testing.assert_allclose(carry(twin, whole.encoder), whole.table, atol=5e-9)
+    recorded = carry(twin, whole.encoder, whole.temperatures)
+    np.testing.assert_allclose(recorded, whole.table, atol=2e-9)
 
 
 def test_steps_of_a_stepper_give_its_table():
@@ -56,7 +51,7 @@ def test_steps_of_a_stepper_give_its_table():
         plant.advance_to(k * twin.control_period)
         motor.append([plant.position_steps(i) * plant.twin.axes['x'].microstep for i in (0, 1)])
         table.append(plant.table())
-    np.testing.assert_allclose(carry(twin, np.array(motor)).table, np.array(table), atol=1e-14)
+    np.testing.assert_allclose(carry(twin, np.array(motor)), np.array(table), atol=1e-14)
 
 
 def test_a_wrong_path_is_named():

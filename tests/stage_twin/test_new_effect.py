@@ -66,17 +66,17 @@ def drive(state, force, step, lag):
 SIMULATE = """
 import numpy as np
 from stage_core.twin_file import TwinFile
-from stage_twin.simulate import simulate
+from stage_twin.plant import ServoPlant
 
-twin = TwinFile.nominal_servo().with_effects({'slow_drive.x': {'lag': 2e-3}})
-still = np.zeros((3000, 2))
-push = np.zeros((3000, 2))
-push[:, 0] = 10.0
-late = simulate(twin, still, still, measured_force=push, noise=False)
-prompt = simulate(TwinFile.nominal_servo(), still, still, measured_force=push, noise=False)
+nominal = TwinFile.nominal_servo()
+late = ServoPlant(nominal.with_effects({'slow_drive.x': {'lag': 2e-3}}))
+prompt = ServoPlant(nominal)
+for plant in (late, prompt):
+    for _ in range(3000):
+        plant.step([10.0, 0.0])
 # A constant force that comes late by a lag leaves the axis behind by the lag times its speed.
-behind = prompt.encoder[-1, 0] - late.encoder[-1, 0]
-expected = 2e-3 * prompt.velocity[-1, 0]
+behind = prompt.encoder()[0] - late.encoder()[0]
+expected = 2e-3 * prompt.motor_velocity()[0]
 assert abs(behind / expected - 1.0) < 0.02, (behind, expected)
 """
 

@@ -72,7 +72,7 @@ def test_any_state_reaches_any_target(position, velocity, target, speed, acceler
 
 def test_speed_is_held_to_the_file_s_limit():
     plant = StepperPlant(twin())
-    plant.move_velocity(0, 1e9)
+    plant.move_abs(0, 10**8, speed=1e9)
     plant.advance_to(1.0)
     assert plant.velocity_steps(0) * MICROSTEP == pytest.approx(0.104)
     plant.stop(0)
@@ -82,17 +82,6 @@ def test_speed_is_held_to_the_file_s_limit():
     ramp = 0.104**2 / (2.0 * 0.5)
     expected = ramp + 0.104 * (1.0 - 0.104 / 0.5) + ramp
     assert plant.position_steps(0) * MICROSTEP == pytest.approx(expected, abs=2 * MICROSTEP)
-
-
-def test_a_velocity_reverses_through_rest():
-    plant = StepperPlant(twin())
-    plant.move_velocity(0, 50_000.0, 1e6)
-    plant.advance_to(0.5)
-    plant.move_velocity(0, -20_000.0, 1e6)
-    plant.advance_to(0.549)
-    assert plant.velocity_steps(0) == pytest.approx(1000.0)
-    plant.advance_to(0.6)
-    assert plant.velocity_steps(0) == pytest.approx(-20_000.0)
 
 
 def test_the_path_does_not_depend_on_when_it_is_looked_at():
@@ -132,7 +121,7 @@ def test_repeatability_is_four_deviations_of_where_a_move_ends():
 
 def test_the_tracker_sees_an_older_table():
     plant = StepperPlant(twin(effects={'tracker_latency': {'latency': 0.05}}))
-    plant.move_velocity(0, 100_000.0, 1e9)
+    plant.move_abs(0, 10**6, 100_000.0, 1e9)
     for time in np.arange(0.0, 0.5, 0.001):
         plant.advance_to(time)
     stamp, point = plant.tracker_point(0.5)

@@ -40,7 +40,7 @@ start = np.full((1, 2), -0.031)  # m, where every visit begins
 
 def measured(commands):
     """Where the tracker sees the table at each commanded position, (n, 2) [m]."""
-    table = carry(real, np.vstack([start, commands])).table[1:]
+    table = carry(real, np.vstack([start, commands]))[1:]
     return table + generator.normal(0.0, 0.5e-6, commands.shape)
 
 

@@ -27,27 +27,19 @@ FloatArray = NDArray[np.float64]
 
 @compiled
 def _run(
-    axes: FloatArray,
-    transitions: FloatArray,
-    schedule: FloatArray,
-    period: float,
+    machine: KernelArrays,
     external: FloatArray,
     force: FloatArray,
-    table: FloatArray,
-    path: FloatArray,
-    settings: FloatArray,
-    learned: FloatArray,
-    weights: FloatArray,
-    friction: FloatArray,
-    memory: FloatArray,
-    record: FloatArray,
+    start: FloatArray,
     command: FloatArray,
+    arrays: tuple[FloatArray, ...],
 ) -> None:
-    count = table.shape[0]
+    axes, period = machine.axes, machine.period
+    count = force.shape[1]
     state = np.zeros((2, at.STATE_WIDTH))
     loop = np.zeros((2, at.CONTROLLER_WIDTH))
     q = np.zeros(2)
-    start_plant(axes, table[0, :2].copy(), state)
+    start_plant(axes, start, state)
     for axis in range(2):
         q[axis] = encoder(axes[axis], state[axis])
     start_controller(q, loop)
@@ -55,24 +47,11 @@ def _run(
         for axis in range(2):
             q[axis] = encoder(axes[axis], state[axis])
             estimate_velocity(axes[axis], period, loop[axis], q[axis])
-        tick(
-            k,
-            q[0],
-            q[1],
-            table,
-            path,
-            settings,
-            learned,
-            weights,
-            friction,
-            memory,
-            record,
-            command,
-        )
+        tick(k, q[0], q[1], *arrays)
         for axis in range(2):
             force[axis, k] = velocity_loop(axes[axis], period, loop[axis], command[axis])
         if k + 1 < count:
-            advance(axes, transitions, schedule, state, force, k, external[k])
+            advance(machine, state, force, k, external[k])
 
 
 class Rehearsal:
@@ -85,31 +64,22 @@ class Rehearsal:
     """
 
     def __init__(self, twin: TwinFile) -> None:
-        self.arrays: KernelArrays = pack(twin)
+        self.machine: KernelArrays = pack(twin)
 
     def run(self, controller: Controller, external: FloatArray | None = None) -> Figures:
         """Run once; the record stays in `controller.record`.
 
         `external` (n, 2) [N] acts on the moving masses. Figures use the exact contour error.
         """
-        arrays, count = self.arrays, len(controller)
+        count = len(controller)
         controller.restart()
         _run(
-            arrays.axes,
-            arrays.transitions,
-            arrays.schedule,
-            arrays.period,
+            self.machine,
             np.zeros((count, 2)) if external is None else external,
             np.zeros((2, count)),
-            controller.table,
-            controller.path,
-            controller.settings,
-            controller.learned,
-            controller.weights,
-            controller.friction,
-            controller.memory,
-            controller.record,
+            controller.reference.position[0].copy(),
             controller.command,
+            controller.arrays,
         )
         reference = controller.reference
         contour = of_record(reference.path, reference.arc, controller.record[:, QX : QX + 2])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.linalg import expm
 
 from stage_twin import hooks
 from stage_twin import layout as at
@@ -13,25 +14,6 @@ from stage_twin import layout as at
 LONGEST_SUBSTEP = 2.5e-4
 # Four states and the held force.
 _AUGMENTED = 5
-
-
-def _exponential(matrix: np.ndarray) -> np.ndarray:
-    """exp of a small matrix by scaling, Taylor series and squaring."""
-    size = matrix.shape[0]
-    norm = np.abs(matrix).sum(axis=1).max()
-    halvings = 0
-    while norm > 0.25:
-        norm *= 0.5
-        halvings += 1
-    scaled = matrix / 2.0**halvings
-    result = np.eye(size)
-    term = np.eye(size)
-    for order in range(1, 14):
-        term = term @ scaled / order
-        result = result + term
-    for _ in range(halvings):
-        result = result @ result
-    return result
 
 
 def discretise(
@@ -47,8 +29,8 @@ def discretise(
     transitions : (n_axes, PIECES, DIRECTIONS, MOTION, MOTION + 1), written
         The last column is the gain of the held force.
     schedule : (n_axes, SCHEDULE_WIDTH), written
-        Length of a tick [s], whole ticks of delay, stiffness of the bristles [N/m], then per piece
-        the number of substeps and the length of one [s].
+        Whole ticks of delay, stiffness of the bristles [N/m], then per piece the number of
+        substeps and the length of one [s].
     """
     for axis in range(axes.shape[0]):
         row = axes[axis]
@@ -63,7 +45,6 @@ def discretise(
             or row[at.FINE_COLUMN] != 0.0
             or row[at.VISCOUS_POSITIVE] != row[at.VISCOUS_NEGATIVE]
         )
-        schedule[axis, at.TICK] = period
         schedule[axis, at.DELAY_TICKS] = ticks
         schedule[axis, at.BRISTLES] = stiffness
         for piece in range(at.PIECES):
@@ -99,4 +80,4 @@ def _transition(row: np.ndarray, direction: int, step: float, out: np.ndarray) -
         system[3, 2] = -(row[at.NATURAL] ** 2) - stiffness / motor
         system[3, 3] = -2.0 * row[at.DAMPING] * row[at.NATURAL] - damping / motor
         system[3, 4] = -1.0 / motor
-    out[:, :] = _exponential(system * step)[: at.MOTION, :]
+    out[:, :] = expm(system * step)[: at.MOTION, :]

@@ -11,15 +11,12 @@ from stage_twin import layout as at
 from stage_twin.compiled import compiled
 from stage_twin.friction import slide_bristle
 from stage_twin.kernel import advance, start_plant
+from stage_twin.packing import KernelArrays
 
 
 @compiled
 def follow_hidden_states(
-    axes: np.ndarray,
-    schedule: np.ndarray,
-    motion: np.ndarray,
-    force: np.ndarray,
-    states: np.ndarray,
+    arrays: KernelArrays, motion: np.ndarray, force: np.ndarray, states: np.ndarray
 ) -> None:
     """States that no sensor sees, driven by the recorded motion.
 
@@ -35,12 +32,12 @@ def follow_hidden_states(
         Commanded force [N].
     states : (n, n_axes, STATE_WIDTH), written
     """
+    axes, period = arrays.axes, arrays.period
     count = motion.shape[1]
-    period = schedule[0, at.TICK]
     start_plant(axes, motion[0, 0], states[0])
     for axis in range(axes.shape[0]):
         row = axes[axis]
-        stiffness = schedule[axis, at.BRISTLES]
+        stiffness = arrays.schedule[axis, at.BRISTLES]
         for k in range(count):
             own = states[k, axis]
             if k > 0:
@@ -116,21 +113,17 @@ def _step_mass(row: np.ndarray, period: float, acceleration: float, state: np.nd
 
 @compiled
 def needed_force(
-    axes: np.ndarray,
-    schedule: np.ndarray,
-    motion: np.ndarray,
-    states: np.ndarray,
-    out: np.ndarray,
+    arrays: KernelArrays, motion: np.ndarray, states: np.ndarray, out: np.ndarray
 ) -> None:
     """Force of the drive that the recorded motion needs, (n, n_axes) [N], written to `out`.
 
     `motion` and `states` as in :func:`follow_hidden_states`; the states are left as they are.
     """
+    axes, period = arrays.axes, arrays.period
     own = np.zeros(at.STATE_WIDTH)
-    period = schedule[0, at.TICK]
     for axis in range(axes.shape[0]):
         row = axes[axis]
-        stiffness = schedule[axis, at.BRISTLES]
+        stiffness = arrays.schedule[axis, at.BRISTLES]
         carried = row[at.CARRIED]
         spring = carried * row[at.NATURAL] ** 2
         damper = 2.0 * row[at.DAMPING] * carried * row[at.NATURAL]
@@ -148,12 +141,9 @@ def needed_force(
 
 @compiled
 def run_windows(
-    axes: np.ndarray,
-    transitions: np.ndarray,
-    schedule: np.ndarray,
+    arrays: KernelArrays,
     states: np.ndarray,
     force: np.ndarray,
-    external: np.ndarray,
     window: int,
     simulated: np.ndarray,
     simulated_velocity: np.ndarray,
@@ -168,11 +158,13 @@ def run_windows(
         Commanded force [N].
     simulated, simulated_velocity : (n, n_axes), written
     """
-    state = np.zeros((axes.shape[0], at.STATE_WIDTH))
+    width = states.shape[1]
+    state = np.zeros((width, at.STATE_WIDTH))
+    external = np.zeros(width)
     for k in range(states.shape[0]):
-        for axis in range(axes.shape[0]):
+        for axis in range(width):
             if k % window == 0:
                 _copy(states[k, axis], state[axis])
             simulated[k, axis] = state[axis, at.POSITION]
             simulated_velocity[k, axis] = state[axis, at.VELOCITY]
-        advance(axes, transitions, schedule, state, force, k, external[k])
+        advance(arrays, state, force, k, external)

@@ -6,16 +6,12 @@ import numpy as np
 
 from stage_twin import hooks
 from stage_twin.compiled import compiled
+from stage_twin.packing import KernelArrays
 
 
 @compiled
 def table_point(
-    axes: np.ndarray,
-    common: np.ndarray,
-    motor: np.ndarray,
-    played: np.ndarray,
-    rise: np.ndarray,
-    out: np.ndarray,
+    arrays: KernelArrays, motor: np.ndarray, played: np.ndarray, rise: np.ndarray, out: np.ndarray
 ) -> None:
     """Table position (n_axes,) [m] of one instant, written to `out`.
 
@@ -29,6 +25,7 @@ def table_point(
     rise : (n_axes,)
         Screw temperature above the reference [K].
     """
+    axes = arrays.axes
     none = motor  # these hooks have no states
     count = axes.shape[0]
     for axis in range(count):
@@ -42,18 +39,13 @@ def table_point(
     y = out[1]
     bent_x = x + hooks.across(axes[1], none, y) + hooks.turn(axes[0], none, x, y, -1.0)
     bent_y = y + hooks.across(axes[0], none, x) + hooks.turn(axes[1], none, y, x, 1.0)
-    out[0], out[1] = hooks.plane(common, none, bent_x, bent_y)
+    out[0], out[1] = hooks.plane(arrays.common, none, bent_x, bent_y)
 
 
 @compiled
 def table_path(
-    axes: np.ndarray,
-    common: np.ndarray,
-    motor: np.ndarray,
-    played: np.ndarray,
-    rise: np.ndarray,
-    out: np.ndarray,
+    arrays: KernelArrays, motor: np.ndarray, played: np.ndarray, rise: np.ndarray, out: np.ndarray
 ) -> None:
     """:func:`table_point` for every row of (n, n_axes) arrays."""
     for k in range(motor.shape[0]):
-        table_point(axes, common, motor[k], played[k], rise[k], out[k])
+        table_point(arrays, motor[k], played[k], rise[k], out[k])

@@ -180,14 +180,6 @@ def _value(effect: Effect, name: str, row: np.ndarray) -> Any:
     return np.array([row[slots[effect.name, n]] for n in _many(effect, name)])
 
 
-def _applied(hook: str, row: np.ndarray, value: Any, *signals: str) -> Any:
-    """A value passed through the functions of a hook; the first of `signals` is its name."""
-    for effect, function in _taking_part(hook):
-        if _on(effect, row):
-            value = function(value, **_own(effect, function, row, signals))
-    return value
-
-
 def stiffness(row: np.ndarray) -> float:
     """Stiffness before sliding [N/m] of all frictions of an axis together."""
     parts = _taking_part('stiffness')
@@ -211,31 +203,21 @@ def couples(effect: str) -> bool:
     return asked is not None and any(name.startswith('other_') for name in _asked(asked))
 
 
-def recorded(row: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Effort (n,) that is recorded of a force (n,) [N]."""
-    return np.asarray(_applied('recorded', row, force, 'force'))
+def _through(hook: str, signal: str) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """What is handed a row and values (n,) or (n, 3), and passes them through a hook in Python."""
+
+    def passed(row: np.ndarray, values: np.ndarray) -> np.ndarray:
+        for effect, function in _taking_part(hook):
+            if _on(effect, row):
+                values = function(values, **_own(effect, function, row, (signal,)))
+        return np.asarray(values)
+
+    return passed
 
 
-def tick_stamp(common: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Stamps (n,) [s] of ticks at some times of the session [s]."""
-    return np.asarray(_applied('tick_stamp', common, times, 'times'))
-
-
-def point_stamp(common: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Stamps [s] that scatter about those of the tracker's clock."""
-    return np.asarray(_applied('point_stamp', common, times, 'times'))
-
-
-def stamp(common: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Stamps (n,) of the tracker's clock at some times of the session [s]."""
-    return np.asarray(_applied('stamp', common, times, 'times'))
-
-
-def true_time(common: np.ndarray, stamps: np.ndarray) -> np.ndarray:
-    """Session time (n,) [s] at which the table was where points of these stamps show it."""
-    return np.asarray(_applied('true_time', common, stamps, 'stamps'))
-
-
-def seen(common: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (m, 3) [m] in the tracker's frame."""
-    return np.asarray(_applied('seen', common, points, 'points'))
+recorded = _through('recorded', 'force')
+tick_stamp = _through('tick_stamp', 'times')
+point_stamp = _through('point_stamp', 'times')
+stamp = _through('stamp', 'times')
+true_time = _through('true_time', 'stamps')
+seen = _through('seen', 'points')

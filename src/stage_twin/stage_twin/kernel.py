@@ -17,6 +17,7 @@ from stage_twin import hooks
 from stage_twin import layout as at
 from stage_twin.compiled import compiled
 from stage_twin.friction import solve_bristle
+from stage_twin.packing import KernelArrays
 
 
 @compiled
@@ -127,18 +128,12 @@ def advance_axis(
 
 @compiled
 def advance(
-    axes: np.ndarray,
-    transitions: np.ndarray,
-    schedule: np.ndarray,
-    state: np.ndarray,
-    forces: np.ndarray,
-    tick: int,
-    external: np.ndarray,
+    arrays: KernelArrays, state: np.ndarray, forces: np.ndarray, tick: int, external: np.ndarray
 ) -> None:
     """Advance every axis over tick `tick`; `forces` (n_axes, depth) is the ring of commands."""
+    axes, schedule, period = arrays.axes, arrays.schedule, arrays.period
     depth = forces.shape[1]
     count = axes.shape[0]
-    period = schedule[0, at.TICK]
     for axis in range(count if count == 2 else 0):
         if axes[count - 1 - axis, at.FORCE_COLUMN] != 0.0:
             velocity = state[axis, at.VELOCITY]
@@ -155,7 +150,7 @@ def advance(
         before = forces[axis, (tick - ticks - 1) % depth] if tick > ticks else 0.0
         advance_axis(
             axes[axis],
-            transitions[axis],
+            arrays.transitions[axis],
             schedule[axis],
             state[axis],
             before,

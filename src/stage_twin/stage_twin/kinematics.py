@@ -1,8 +1,6 @@
-"""The kinematic and sensor links alone: a known motor path carried to table and tracker."""
+"""The kinematic link alone: a known motor path carried to the table."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,34 +9,18 @@ from stage_twin import hooks, layout
 from stage_twin.compiled import compiled
 from stage_twin.geometry import table_path
 from stage_twin.kernel import start_plant
-from stage_twin.packing import columns, pack
-from stage_twin.tracker import measure
-
-
-@dataclass(frozen=True)
-class CarriedPath:
-    """Where a motor path takes the table, and what the tracker sees of it; SI units.
-
-    Attributes
-    ----------
-    table : (n, n_axes)
-    tracker_stamps : (m,), tracker_points : (m, 3)
-        As in :class:`stage_twin.simulate.SimulationResult`.
-    """
-
-    table: np.ndarray
-    tracker_stamps: np.ndarray
-    tracker_points: np.ndarray
+from stage_twin.packing import KernelArrays, columns, pack
 
 
 @compiled
 def play_and_heat(
-    axes: np.ndarray, period: float, motor: np.ndarray, played: np.ndarray, rise: np.ndarray
+    arrays: KernelArrays, motor: np.ndarray, played: np.ndarray, rise: np.ndarray
 ) -> None:
     """Play and screw temperature along a motor path (n, n_axes), written to the last two.
 
     The play starts centred; the screw heats with the mean speed of each tick.
     """
+    axes, period = arrays.axes, arrays.period
     state = np.zeros((axes.shape[0], layout.STATE_WIDTH))
     start_plant(axes, motor[0], state)
     for axis in range(axes.shape[0]):
@@ -69,21 +51,14 @@ def motor_path(twin: TwinFile, encoder: np.ndarray) -> np.ndarray:
     return 2.0 * encoder - read
 
 
-def carry(
-    twin: TwinFile,
-    motor: np.ndarray,
-    *,
-    temperatures: np.ndarray | None = None,
-    seed: int = 0,
-    tracker_times: np.ndarray | None = None,
-) -> CarriedPath:
-    """Carry a motor path to the table and the tracker, for a twin of any kind.
+def carry(twin: TwinFile, motor: np.ndarray, temperatures: np.ndarray | None = None) -> np.ndarray:
+    """Table positions (n, n_axes) [m] of a motor path, for a twin of any kind.
 
     Parameters
     ----------
     motor : (n, n_axes)
         Encoder or motor steps [m] at the twin's control period.
-    temperatures, seed, tracker_times
+    temperatures
         As in :func:`stage_twin.simulate.simulate`.
 
     Raises
@@ -94,10 +69,9 @@ def carry(
     arrays = pack(twin)
     motor = columns('motor', motor, None, arrays)
     played, rise, table = (np.zeros_like(motor) for _ in range(3))
-    play_and_heat(arrays.axes, arrays.period, motor, played, rise)
+    play_and_heat(arrays, motor, played, rise)
     if temperatures is not None:
         recorded = columns('temperatures', temperatures, motor.shape[0], arrays)
         rise = recorded - twin.temperature_reference
-    table_path(arrays.axes, arrays.common, motor, played, rise, table)
-    stamps, points = measure(twin, arrays, table, tracker_times, seed, True)
-    return CarriedPath(table, stamps, points)
+    table_path(arrays, motor, played, rise, table)
+    return table

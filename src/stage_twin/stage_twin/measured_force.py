@@ -7,6 +7,7 @@ the inverse one gives the force that the model needs for the recorded motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -24,18 +25,12 @@ SMOOTHING = 0.01
 _ORDER = 3
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """Smoothed recorded motion, each (n, n_axes): m, m/s, m/s^2."""
 
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
-
-    @property
-    def stacked(self) -> np.ndarray:
-        """Position, velocity and acceleration, (3, n, n_axes)."""
-        return np.stack([self.position, self.velocity, self.acceleration])
 
 
 @dataclass(frozen=True)
@@ -140,12 +135,9 @@ def simulate_measured_force(
     simulated = np.zeros_like(position)
     velocity = np.zeros_like(position)
     run_windows(
-        arrays.axes,
-        arrays.transitions,
-        arrays.schedule,
+        arrays,
         states,
         np.ascontiguousarray(force.T),
-        np.zeros_like(position),
         ticks,
         simulated,
         velocity,
@@ -160,13 +152,13 @@ def simulate_measured_force(
 
 def _hidden_states(arrays: KernelArrays, motion: Motion, force: np.ndarray) -> np.ndarray:
     states = np.zeros((*motion.position.shape, layout.STATE_WIDTH))
-    follow_hidden_states(arrays.axes, arrays.schedule, motion.stacked, force, states)
+    follow_hidden_states(arrays, np.stack(motion), force, states)
     return states
 
 
 def _required(arrays: KernelArrays, motion: Motion, states: np.ndarray) -> np.ndarray:
     out = np.zeros_like(motion.position)
-    needed_force(arrays.axes, arrays.schedule, motion.stacked, states, out)
+    needed_force(arrays, np.stack(motion), states, out)
     ticks = np.arange(out.shape[0], dtype=float)
     for axis, row in enumerate(arrays.axes):
         wanted = hooks.command(row, out[:, axis], motion.velocity[:, axis], arrays.period)

@@ -91,9 +91,6 @@ class MujocoPlant(ServoPlant):
             kernel.follow(row, own, own[layout.POSITION], velocity, self._period, now)
             own[layout.RISE] = hooks.heat(row, own, own[layout.VELOCITY], self._period)
 
-    def _change_period(self, dt: float) -> None:
-        raise StageError('a plant on MuJoCo keeps its control period')
-
     def session(
         self,
         reference: np.ndarray,

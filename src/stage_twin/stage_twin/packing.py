@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,14 +15,11 @@ from stage_twin.discretisation import discretise
 from stage_twin.effects import EFFECTS, Effect
 
 
-@dataclass(frozen=True)
-class KernelArrays:
-    """A twin as the kernel reads it.
+class KernelArrays(NamedTuple):
+    """A twin as the kernels take it; its rows are the twin's axes in their order.
 
     Attributes
     ----------
-    names : tuple of str
-        Axis of each row.
     axes : (n_axes, AXIS_WIDTH), common : (COMMON_WIDTH,)
         See :mod:`stage_twin.layout`.
     period : float
@@ -31,7 +28,6 @@ class KernelArrays:
         See :func:`stage_twin.discretisation.discretise`.
     """
 
-    names: tuple[str, ...]
     axes: np.ndarray
     common: np.ndarray
     period: float
@@ -119,7 +115,7 @@ def pack(twin: TwinFile) -> KernelArrays:
     schedule = np.zeros((len(names), layout.SCHEDULE_WIDTH))
     if twin.kind != 'stepper':
         discretise(rows, twin.control_period, transitions, schedule)
-    return KernelArrays(names, rows, common, twin.control_period, transitions, schedule)
+    return KernelArrays(rows, common, twin.control_period, transitions, schedule)
 
 
 def _in_order(twin: TwinFile) -> list[tuple[Effect, str | None, dict[str, float]]]:
@@ -159,7 +155,7 @@ def columns(name: str, values: np.ndarray, count: int | None, arrays: KernelArra
         If its shape is another, n is not `count`, or values are not finite.
     """
     values = np.ascontiguousarray(values, dtype=float)
-    width = len(arrays.names)
+    width = len(arrays.axes)
     fits = values.ndim == 2 and values.shape[1] == width and values.shape[0] > 0
     if not fits or count not in (None, values.shape[0]):
         rows = 'n' if count is None else str(count)

@@ -9,7 +9,6 @@ import numpy as np
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 from stage_twin import hooks, kernel, layout
-from stage_twin.discretisation import discretise
 from stage_twin.geometry import table_point
 from stage_twin.packing import pack
 from stage_twin.tracker import sample_path, to_tracker_frame
@@ -36,7 +35,7 @@ class ServoPlant:
         self.twin = twin
         self._arrays = pack(twin)
         self._period = self._arrays.period
-        width = len(self._arrays.names)
+        width = len(twin.axes)
         self._random = np.random.default_rng(seed)
         self._state = np.zeros((width, layout.STATE_WIDTH))
         self._forces = np.zeros((width, self._arrays.delay_ticks + 2))
@@ -54,7 +53,7 @@ class ServoPlant:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the axes."""
-        return self._arrays.names
+        return tuple(self.twin.axes)
 
     @property
     def time(self) -> float:
@@ -80,17 +79,8 @@ class ServoPlant:
         self._state[:], self._forces[:], self._history[:] = state, forces, history
         self._tick, self._time = tick, time
 
-    def step(self, force: Sequence[float] | np.ndarray, dt: float | None = None) -> None:
-        """Hold `force` (n_axes,) [N] for one tick.
-
-        Parameters
-        ----------
-        dt : float, optional
-            Length of the tick [s]; the file's control period by default. The force acts
-            after the twin's delay, which counts in ticks of this length.
-        """
-        if dt is not None and dt != self._period:
-            self._change_period(dt)
+    def step(self, force: Sequence[float] | np.ndarray) -> None:
+        """Hold `force` (n_axes,) [N] for one tick."""
         for axis in range(len(force)):
             self._forces[axis, self._tick % self._forces.shape[1]] = force[axis]
         self._advance()
@@ -100,26 +90,13 @@ class ServoPlant:
 
     def _advance(self) -> None:
         """Move on by one tick under the forces of the ring."""
-        arrays = self._arrays
-        kernel.advance(
-            arrays.axes,
-            arrays.transitions,
-            arrays.schedule,
-            self._state,
-            self._forces,
-            self._tick,
-            self._external,
-        )
+        kernel.advance(self._arrays, self._state, self._forces, self._tick, self._external)
 
     def encoder(self) -> np.ndarray:
         """Encoder readings q (n_axes,) [m]."""
         for axis in range(len(self.names)):
             self._encoder[axis] = kernel.encoder(self._arrays.axes[axis], self._state[axis])
         return self._encoder
-
-    def motor_position(self) -> np.ndarray:
-        """Motor positions (n_axes,) [m], without the encoder's steps."""
-        return self._state[:, layout.POSITION]
 
     def motor_velocity(self) -> np.ndarray:
         """Motor velocities (n_axes,) [m/s]."""
@@ -134,18 +111,10 @@ class ServoPlant:
 
     def table(self) -> np.ndarray:
         """Table position (n_axes,) [m] at the screws' present temperatures."""
-        state, rows = self._state, self._arrays.axes
-        motor = (
-            state[:, layout.POSITION] + rows[:, layout.TABLE_SHARE] * state[:, layout.DEFLECTION]
-        )
-        table_point(
-            rows,
-            self._arrays.common,
-            motor,
-            state[:, layout.PLAYED],
-            state[:, layout.RISE],
-            self._table,
-        )
+        state, share = self._state, self._arrays.axes[:, layout.TABLE_SHARE]
+        motor = state[:, layout.POSITION] + share * state[:, layout.DEFLECTION]
+        played, rise = state[:, layout.PLAYED], state[:, layout.RISE]
+        table_point(self._arrays, motor, played, rise, self._table)
         return self._table
 
     def tracker_point(self, time: float, noise: bool = True) -> tuple[float, np.ndarray]:
@@ -168,15 +137,3 @@ class ServoPlant:
         if noise and self.twin.tracker is not None:
             point += self.twin.tracker.noise * self._random.standard_normal(3)
         return stamp, point
-
-    def _change_period(self, dt: float) -> None:
-        arrays = self._arrays
-        discretise(arrays.axes, dt, arrays.transitions, arrays.schedule)
-        self._period = dt
-        depth = arrays.delay_ticks + 2
-        if depth > self._forces.shape[1]:
-            # The ring is laid out by tick: keep the newest commands at their places.
-            grown = np.zeros((len(self.names), depth))
-            for tick in range(max(0, self._tick - self._forces.shape[1]), self._tick):
-                grown[:, tick % depth] = self._forces[:, tick % self._forces.shape[1]]
-            self._forces = grown

@@ -48,19 +48,10 @@ class _Plan:
         self.velocity = velocity
 
 
-def plan_velocity(
-    time: float, position: float, velocity: float, wanted: float, acceleration: float
-) -> list[Piece]:
-    """Pieces that reach velocity `wanted` and keep it; the last one has no end.
-
-    The change passes standstill at the end of a piece, so that no piece reverses.
-    """
+def plan_stop(time: float, position: float, velocity: float, acceleration: float) -> list[Piece]:
+    """Pieces from a state in motion to rest."""
     plan = _Plan(time, position, velocity)
-    if velocity * wanted < 0.0:
-        plan.change_velocity(0.0, acceleration)
-    plan.change_velocity(wanted, acceleration)
-    if wanted != 0.0:
-        plan.pieces.append(Piece(plan.time, math.inf, plan.position, wanted, 0.0))
+    plan.change_velocity(0.0, acceleration)
     return plan.pieces
 
 

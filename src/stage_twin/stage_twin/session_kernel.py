@@ -15,39 +15,36 @@ from stage_twin.kernel import (
     velocity_command,
     velocity_loop,
 )
+from stage_twin.packing import KernelArrays
 
 
 @compiled
 def run_session(
-    axes: np.ndarray,
-    transitions: np.ndarray,
-    schedule: np.ndarray,
-    period: float,
+    arrays: KernelArrays,
     start: np.ndarray,
     reference: np.ndarray,
     reference_velocity: np.ndarray,
     compensation: np.ndarray,
     force: np.ndarray,
-    open_loop: bool,
-    external: np.ndarray,
     channels: np.ndarray,
 ) -> None:
     """Simulate a session from rest.
 
     Parameters
     ----------
-    reference, reference_velocity, compensation, external : (n, n_axes)
-    force : (n_axes, n)
-        Force commands: written by the controller, or its input where `open_loop`.
+    reference, reference_velocity, compensation : (n, n_axes)
+    force : (n_axes, n), written
+        Force commands of the controller.
     channels : (6, n, n_axes), written
         Encoder q, filtered velocity vf, velocity command vc, motor (table-side) position,
         that position behind the play, rise of the screw's temperature [K].
     """
-    count = reference.shape[0]
-    width = axes.shape[0]
+    axes, period = arrays.axes, arrays.period
+    count, width = reference.shape
     state = np.zeros((width, at.STATE_WIDTH))
     controller = np.zeros((width, at.CONTROLLER_WIDTH))
     encoders = np.zeros(width)
+    external = np.zeros(width)
     start_plant(axes, start, state)
     for axis in range(width):
         encoders[axis] = encoder(axes[axis], state[axis])
@@ -59,8 +56,7 @@ def run_session(
             filtered = estimate_velocity(row, period, controller[axis], q)
             command = velocity_command(row, q, reference[k, axis], reference_velocity[k, axis])
             command += compensation[k, axis]
-            if not open_loop:
-                force[axis, k] = velocity_loop(row, period, controller[axis], command)
+            force[axis, k] = velocity_loop(row, period, controller[axis], command)
             channels[0, k, axis] = q
             channels[1, k, axis] = filtered
             channels[2, k, axis] = command
@@ -70,4 +66,4 @@ def run_session(
             channels[4, k, axis] = state[axis, at.PLAYED]
             channels[5, k, axis] = state[axis, at.RISE]
         if k + 1 < count:
-            advance(axes, transitions, schedule, state, force, k, external[k])
+            advance(arrays, state, force, k, external)

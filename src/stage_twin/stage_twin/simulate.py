@@ -49,27 +49,20 @@ def _run(
     reference: np.ndarray,
     velocity: np.ndarray,
     compensation: np.ndarray | None,
-    measured_force: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Channels (6, n, n_axes) of `run_session`, and the forces (n, n_axes) [N] as recorded."""
-    count = len(reference)
-    zeros = np.zeros_like(reference)
+    more = np.zeros_like(reference)
+    if compensation is not None:
+        more = columns('compensation', compensation, len(reference), arrays)
     channels = np.zeros((6, *reference.shape))
     force = np.zeros(reference.shape[::-1])
-    if measured_force is not None:
-        force[:] = columns('measured_force', measured_force, count, arrays).T
     run_session(
-        arrays.axes,
-        arrays.transitions,
-        arrays.schedule,
-        arrays.period,
+        arrays,
         reference[0].copy(),
         reference,
         velocity,
-        zeros if compensation is None else columns('compensation', compensation, count, arrays),
+        more,
         force,
-        measured_force is not None,
-        zeros,
         channels,
     )
     recorded = [hooks.recorded(row, own) for row, own in zip(arrays.axes, force, strict=True)]
@@ -79,7 +72,7 @@ def _run(
 def _table(arrays: KernelArrays, channels: np.ndarray, rise: np.ndarray) -> np.ndarray:
     """Table positions (n, n_axes) [m] where the screws are warmer by `rise` (n, n_axes) [K]."""
     table = np.zeros_like(rise)
-    table_path(arrays.axes, arrays.common, channels[3], channels[4], rise, table)
+    table_path(arrays, channels[3], channels[4], rise, table)
     return table
 
 
@@ -89,7 +82,6 @@ def simulate(
     reference_velocity: np.ndarray,
     *,
     compensation: np.ndarray | None = None,
-    measured_force: np.ndarray | None = None,
     temperatures: np.ndarray | None = None,
     seed: int = 0,
     tracker_times: np.ndarray | None = None,
@@ -103,8 +95,6 @@ def simulate(
         r_k [m] and its derivative [m/s].
     compensation : (n, n_axes), optional
         Added to the velocity command vc_k [m/s].
-    measured_force : (n, n_axes), optional
-        Force commands [N] that take the place of the controller's (open loop).
     temperatures : (n, n_axes), optional
         Screw temperatures [degC]; without them the thermal effect's own model gives them.
     seed : int
@@ -126,7 +116,7 @@ def simulate(
     reference = columns('reference', reference, None, arrays)
     count = len(reference)
     reference_velocity = columns('reference_velocity', reference_velocity, count, arrays)
-    channels, force = _run(arrays, reference, reference_velocity, compensation, measured_force)
+    channels, force = _run(arrays, reference, reference_velocity, compensation)
     rise = channels[5]
     if temperatures is not None:
         rise = columns('temperatures', temperatures, count, arrays) - twin.temperature_reference

@@ -19,7 +19,7 @@ from stage_core.twin_file import StepperAxis, TwinFile
 from stage_twin import hooks, kernel, layout
 from stage_twin.geometry import table_point
 from stage_twin.packing import pack
-from stage_twin.profile import Piece, plan_move, plan_velocity
+from stage_twin.profile import Piece, plan_move, plan_stop
 from stage_twin.tracker import to_tracker_frame
 
 
@@ -67,7 +67,7 @@ class StepperPlant:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the axes."""
-        return self._arrays.names
+        return tuple(self.twin.axes)
 
     @property
     def time(self) -> float:
@@ -96,20 +96,12 @@ class StepperPlant:
         motion.move_start = motion.steps
         motion.move_end = float(steps)
 
-    def move_velocity(self, axis: int, speed: float, accel: float | None = None) -> None:
-        """Start to move at `speed` (signed) now, without an end."""
-        motion = self._motion[axis]
-        limit, accel = self._limits(axis, None, accel)
-        wanted = min(max(speed, -limit), limit)
-        motion.pieces = plan_velocity(self._time, motion.steps, motion.velocity, wanted, accel)
-        self._hold_scatter(motion)
-
     def stop(self, axis: int, accel: float | None = None) -> None:
         """Brake to rest now."""
         motion = self._motion[axis]
         _, accel = self._limits(axis, None, accel)
-        motion.pieces = plan_velocity(self._time, motion.steps, motion.velocity, 0.0, accel)
-        self._hold_scatter(motion)
+        motion.pieces = plan_stop(self._time, motion.steps, motion.velocity, accel)
+        motion.move_start = motion.move_end = motion.steps
 
     def busy(self, axis: int) -> bool:
         """Whether the axis moves."""
@@ -156,7 +148,7 @@ class StepperPlant:
         scatter = np.array([motion.scatter for motion in self._motion])
         played = self._state[:, layout.PLAYED] + scatter
         rise = self._state[:, layout.RISE]
-        table_point(self._arrays.axes, self._arrays.common, motor, played, rise, out)
+        table_point(self._arrays, motor, played, rise, out)
         return out
 
     def temperatures(self) -> np.ndarray:
@@ -197,7 +189,3 @@ class StepperPlant:
             time - self._time,
             time,
         )
-
-    @staticmethod
-    def _hold_scatter(motion: _AxisMotion) -> None:
-        motion.move_start = motion.move_end = motion.steps

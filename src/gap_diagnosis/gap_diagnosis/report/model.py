@@ -13,7 +13,7 @@ from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.twin_file import TwinFile
 from stage_core.wording import effect_words, measure
-from stage_twin.models import Model, form_of
+from stage_twin.models import Model
 from stage_twin.models.mjcf import Mjcf
 from stage_twin.models.plant import corrected, instruments
 from stage_twin.models.unsaid import unsaid
@@ -73,7 +73,7 @@ def mend(model: Model, controller: TwinFile, found: Diagnosis, out: Path) -> Men
     else:
         save(out / MODEL, model.write(wanted))
     save(out / PATCH, _patch(before, model.text.text, model.path.name))
-    said = form_of(model)
+    said = model.form
     return Mended(
         str(model.path), said, model.text.changes, unsaid(found.effects, said), model.notes, runs
     )

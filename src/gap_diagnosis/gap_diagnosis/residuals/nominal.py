@@ -137,8 +137,7 @@ class Prediction:
         warm = record.temperature
         if warm is None:
             warm = np.full_like(record.encoder, twin.temperature_reference)
-        motor = motor_path(twin, record.encoder)
-        path = carry(twin, motor, temperatures=warm, tracker_times=np.zeros(0)).table
+        path = carry(twin, motor_path(twin, record.encoder), warm)
         assert record.tracker_time is not None
         moved = path - record.encoder
         return np.column_stack(

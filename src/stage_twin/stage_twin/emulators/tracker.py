@@ -34,6 +34,8 @@ Point = tuple[float, float, float]
 FAULTS = ('none', 'beam_lost', 'stall', 'duplicate', 'out_of_order', 'time_jump', 'flood')
 FLOOD_FACTOR = 10
 TIME_JUMP_NS = 5_000_000_000
+#: What the weather station reports [degC, mbar, %].
+WEATHER = (20.0, 1013.25, 45.0)
 
 
 @dataclass
@@ -59,21 +61,11 @@ class TrackerInstrument:
         Added to the plant's time to give the controller's clock, whose epoch nobody knows [ns].
     packet_points
         Points that are gathered into one packet.
-    temperature, pressure, humidity
-        What the weather station reports [degC, mbar, %].
     """
 
-    def __init__(
-        self,
-        clock_offset_ns: int = 0,
-        packet_points: int = 1,
-        temperature: float = 20.0,
-        pressure: float = 1013.25,
-        humidity: float = 45.0,
-    ) -> None:
+    def __init__(self, clock_offset_ns: int = 0, packet_points: int = 1) -> None:
         self.clock_offset_ns = clock_offset_ns
         self.packet_points = packet_points
-        self.weather = (temperature, pressure, humidity)
         self.fault = 'none'
         self._clients: dict[int, _Client] = {}
         self._identifiers = itertools.count(1)
@@ -282,9 +274,7 @@ class TrackerInstrument:
         client.pending.clear()
         if self._mode == 0:
             x, y, z = points['values'][-1]
-            single = SingleMeasurement(0, 0, 0, (x, y, z), (0.0, 0.0, 0.0), 0.0, *self.weather)
+            single = SingleMeasurement(0, 0, 0, (x, y, z), (0.0, 0.0, 0.0), 0.0, *WEATHER)
             client.outbox += tpi.encode_single(single)
             return
-        client.outbox += tpi.encode_multi(
-            MultiMeasurement(0, self._mode, 0, *self.weather, points)
-        )
+        client.outbox += tpi.encode_multi(MultiMeasurement(0, self._mode, 0, *WEATHER, points))

@@ -30,8 +30,3 @@ def read_model(path: str | Path) -> Model:
     if root not in ('mujoco', 'robot'):
         raise StageError(f'{path} is neither MJCF nor URDF (its root is <{root}>): give one')
     return Mjcf(path) if root == 'mujoco' else Urdf(path)
-
-
-def form_of(model: Model) -> str:
-    """'MJCF' or 'URDF'."""
-    return 'MJCF' if isinstance(model, Mjcf) else 'URDF'

@@ -35,6 +35,8 @@ class Mjcf:
         See :func:`load` and :func:`places`; also where a joint stands in an included file.
     """
 
+    form = 'MJCF'
+
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.model = load(path)

@@ -22,6 +22,8 @@ class Urdf:
         If there is no prismatic joint `x` or `y`, or a link or number is missing.
     """
 
+    form = 'URDF'
+
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.text = XmlText(path)
