@@ -123,9 +123,8 @@ def bench_swarm(full: bool) -> None:
     peer = time.perf_counter() - started
     fitness = SwarmFitness(inputs, targets[:, :1], 'maclaurin', 1)
     fitness(np.random.default_rng(0).uniform(low, high, (2, len(low))))
-    options = pso.SwarmOptions(particles=particles, iterations=iterations - 1)
     started = time.perf_counter()
-    pso.minimise(fitness, low, high, options)
+    pso.minimise(fitness, low, high, particles, iterations - 1)
     ours = time.perf_counter() - started
     print(
         f'swarm, {particles} x {iterations}, 200 samples, one output: PyIT2FLS + pyswarms '
@@ -156,7 +155,7 @@ def bench_swarm(full: bool) -> None:
     if full:
         fitness = SwarmFitness(inputs, targets, 'maclaurin')
         started, used = time.perf_counter(), time.process_time()
-        pso.minimise(fitness, low, high, pso.SwarmOptions(particles=1000, iterations=200))
+        pso.minimise(fitness, low, high, 1000, 200)
         wall, used = time.perf_counter() - started, time.process_time() - used
         print(
             f'1000 x 200 in full: {wall:.1f} s, processor time {used:.1f} s: {used / 2:.1f} s on '

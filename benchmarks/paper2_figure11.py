@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 from calibrator.stepwise import stepwise
-from calibrator.thermal import SETS, derivatives_at, monomials, thermal_terms
+from calibrator.thermal import SETS, derivatives_at, monomials, thermal_terms, up_to
 
 PAPER = {'geometric': 26.6, 'thermal': 0.115, 'correlated': 0.101, 'derivatives': 0.096}
 PERIOD = 10.0
@@ -57,17 +57,17 @@ def main() -> int:
     q, temperatures, x = make_robot(samples)
     clock = np.arange(samples) * PERIOD
     derivatives = np.stack([derivatives_at(clock, sensor, clock) for sensor in temperatures.T], 2)
-    table = thermal_terms(q, temperatures, *derivatives, temperatures.mean(axis=0))
+    terms = thermal_terms(q, temperatures, *derivatives, temperatures.mean(axis=0))
     order = np.random.default_rng(1).permutation(samples)
     count = int(0.7 * samples)
     splits = {
         'positions': (order[:count], order[count:]),
         'last 30 % of the time': (np.arange(count), np.arange(count, samples)),
     }
-    print(f'{samples} samples, {table.columns.shape[1]} terms; 90 % limits in µm')
+    print(f'{samples} samples, {up_to(terms, SETS[-1]).shape[1]} terms; 90 % limits in µm')
     print(f'{"set":14s} {"paper":>8s}' + ''.join(f' {name:>24s}' for name in splits))
     for group in SETS:
-        columns = table.up_to(group).columns
+        columns = up_to(terms, group)
         cells = []
         for fitted, held in splits.values():
             started = time.perf_counter()

@@ -12,7 +12,6 @@ setup(
         ('share/' + package_name, ['package.xml']),
     ],
     install_requires=['setuptools'],
-    extras_require={'gpu': ['array-api-compat', 'torch']},  # the swarm on a graphics processor
     zip_safe=False,
     maintainer='The maintainers',
     maintainer_email='maintainers@users.noreply.h-seed-275f4c40.example',

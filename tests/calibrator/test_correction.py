@@ -160,7 +160,7 @@ def test_training_process_writes_the_model_or_says_why_not(grid_session, tmp_pat
     assert loaded.version == 3
     direct = run_job(wanted)[1]
     points = np.random.default_rng(0).uniform(0, 0.05, (5, 2))
-    np.testing.assert_array_equal(loaded.predict(points), direct.predict(points))
+    np.testing.assert_array_equal(loaded.model.predict(points), direct.model.predict(points))
     with pytest.raises(StageError, match='fits 36 parameters|fits 28 parameters'):
         trainer.start(
             job(tmp_path, grid_session(20), method='polynomial', options={'degree': 6}),

@@ -1,21 +1,19 @@
 """Interval type-2 system: type reduction, compiled fitness, consequents and swarm vs oracles."""
 
 import itertools
-import warnings
 
-import array_api_strict
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyit2fls import BMM_algorithm, EIASC_algorithm, KM_algorithm
 
-from calibrator import consequents, pso, swarm_array
+from calibrator import consequents, pso
 from calibrator.it2_sets import AntecedentSets, vector_bounds
 from calibrator.models import make_model
 from calibrator.swarm_fitness import SwarmFitness
 from calibrator.swarm_loops import exponential
-from calibrator.type_reduction import effective_weights, end_weights, interval
+from calibrator.type_reduction import effective_weights, end_weights
 from stage_core.errors import StageError
 
 
@@ -24,6 +22,12 @@ def random_firing(seed, samples=20, rules=5):
     upper = generator.uniform(0.05, 1.0, (samples, rules))
     lower = upper * generator.uniform(0.1, 1.0, (samples, rules))
     return lower, upper, generator.normal(0, 1, (samples, rules))
+
+
+def interval(lower, upper, outputs):
+    """Left and right end of the type-reduced set, (N,) each."""
+    ends = end_weights(lower, upper, outputs, exact=True)
+    return [np.sum(weights * outputs, axis=1) for weights in ends]
 
 
 @given(st.integers(0, 10_000), st.integers(1, 7))
@@ -156,44 +160,6 @@ def test_compiled_fitness_equals_numpy(reduction, shape):
     np.testing.assert_array_equal(SwarmFitness(inputs, targets, reduction, 3)(swarm), one)
 
 
-@pytest.mark.parametrize('reduction', ['maclaurin', 'nie_tan', 'biglarbegian'])
-def test_array_api_fitness_equals_the_compiled_one(reduction, monkeypatch):
-    """The path of a graphics processor, in the standard's strict reference namespace."""
-    generator = np.random.default_rng(12)
-    inputs = generator.uniform(-1, 1, (700, 2))
-    targets = np.column_stack([np.sin(3 * inputs[:, 0]), inputs.sum(axis=1) ** 2])
-    low, high = vector_bounds(4, 2)
-    # As above: where the data determine the signs.
-    low[8:16], high[8:16], low[16:] = np.log(0.5), np.log(0.9), np.log(0.7)
-    swarm = generator.uniform(low, high, (12, len(low)))
-    compiled = SwarmFitness(inputs, targets, reduction)(swarm)
-    monkeypatch.setattr(swarm_array, 'LARGEST', 5 * 700 * 12)
-    batched = swarm_array.ArrayFitness(array_api_strict, inputs, targets, reduction)(swarm)
-    np.testing.assert_allclose(batched, compiled, rtol=1e-6)
-
-
-def test_swarm_falls_back_to_the_processor_without_a_word(monkeypatch):
-    inputs, targets = np.random.default_rng(13).uniform(-1, 1, (2, 60, 2))
-
-    class Broken:
-        float64 = float
-
-        @staticmethod
-        def asarray(*_, **__):
-            raise RuntimeError('the driver is too old')
-
-    monkeypatch.setattr(swarm_array.importlib, 'import_module', lambda name: Broken)
-    monkeypatch.setattr(swarm_array, '_torch_device', lambda: None)
-    monkeypatch.setattr(swarm_array, '_cupy_device', lambda: None)
-    with warnings.catch_warnings():
-        warnings.simplefilter('error')
-        for device in ('auto', 'cpu'):
-            chosen = swarm_array.swarm_fitness(inputs, targets, 'maclaurin', 1, device)
-            assert isinstance(chosen, SwarmFitness)
-    with pytest.raises(StageError, match='no device tpu'):
-        swarm_array.swarm_fitness(inputs, targets, 'maclaurin', 1, 'tpu')
-
-
 def test_consequents_recover_a_planted_system():
     generator = np.random.default_rng(6)
     inputs = generator.uniform(-1, 1, (400, 2))
@@ -213,27 +179,20 @@ def test_swarm_finds_the_minimum_and_repeats_with_its_seed():
         return ((x - 0.3) ** 2).sum(axis=1)
 
     low, high = np.full(6, -1.0), np.full(6, 1.0)
-    options = pso.SwarmOptions(particles=30, iterations=150, seed=4)
-    first = pso.minimise(sphere, low, high, options)
-    np.testing.assert_allclose(first.position, 0.3, atol=1e-4)
-    assert (np.diff(first.history) <= 0).all() and len(first.history) == 151
-    again = pso.minimise(sphere, low, high, options)
-    np.testing.assert_array_equal(first.position, again.position)
-    edge = pso.minimise(lambda x: x.sum(axis=1), low, high, options)
-    np.testing.assert_allclose(edge.position, -1.0, atol=1e-6)
-
-
-def test_swarm_stops_early_and_reports_progress():
     seen = []
+    first = pso.minimise(sphere, low, high, 30, 150, 4, lambda i, best: seen.append((i, best)))
+    np.testing.assert_allclose(first, 0.3, atol=1e-4)
+    numbers, values = np.array(seen).T
+    assert (np.diff(values) <= 0).all() and numbers.tolist() == list(range(1, 151))
+    np.testing.assert_array_equal(pso.minimise(sphere, low, high, 30, 150, 4), first)
+    edge = pso.minimise(lambda x: x.sum(axis=1), low, high, 30, 150, 4)
+    np.testing.assert_allclose(edge, -1.0, atol=1e-6)
+
+
+def test_a_value_that_is_no_number_is_infinitely_bad():
     low, high = np.zeros(2), np.ones(2)
-
-    def fitness(x):
-        return np.where(x[:, 0] > 0.99, np.nan, 1.0 + x[:, 1] * 1e-9)
-
-    pso.minimise(
-        fitness, low, high, pso.SwarmOptions(patience=5), progress=lambda i, v: seen.append(i)
-    )
-    assert seen == [1, 2, 3, 4, 5]
+    found = pso.minimise(lambda x: np.where(x[:, 0] > 0.5, np.nan, -x[:, 0]), low, high)
+    assert 0.4 < found[0] <= 0.5
     with pytest.raises(StageError, match='finite'):
         pso.minimise(lambda x: np.full(len(x), np.nan), low, high)
 

@@ -13,7 +13,7 @@ from calibrator.compare import compare, table
 from calibrator.prepare import approach_direction, prepare, splits
 from calibrator.samples import concatenate
 from calibrator.thermal import derivatives_at
-from calibrator.training import Metrics, find_bags, stored, train, twin_leads
+from calibrator.training import Metrics, stored, train, twin_leads
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Series, Session
@@ -266,15 +266,6 @@ def test_lead_comes_from_the_nominal_twin(grid_session):
     twin = {'axes': {'x': {'lead': 0.004}, 'y': {'lead': 0.005}}}
     assert twin_leads(grid_session(9, twin=twin)) == [0.004, 0.005]
     assert twin_leads(grid_session(9)) is None
-
-
-def test_paths_name_bags_or_folders_of_them(tmp_path):
-    for name in ('a', 'b'):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / 'x.mcap').write_bytes(b'')
-    assert [p.name for p in find_bags([str(tmp_path)])] == ['a', 'b']
-    with pytest.raises(StageError, match='no bag'):
-        find_bags([str(tmp_path / 'c')])
 
 
 def test_offline_command_trains_from_a_bag_and_writes_the_model(tmp_path, capsys, grid_session):

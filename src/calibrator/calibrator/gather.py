@@ -4,45 +4,17 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from calibrator.prepare import prepare
-from calibrator.samples import Samples, concatenate
-from calibrator.training import find_bags, twin_leads
-from session_bags.archive import ItemFunction, Where, is_bag, map_bags
+from calibrator.samples import Gathered, Samples, concatenate
+from calibrator.training import twin_leads
+from session_bags.archive import ItemFunction, Where, find_bags, is_bag, map_bags
 from session_bags.reader import read_session
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Session
-
-ARRAYS = ('command', 'measured', 'direction', 'temperatures', 'times', 'rates', 'session')
-"""The arrays of `Samples`, of which a short session has no rates and one alone no number."""
-
-
-@dataclass(frozen=True)
-class Gathered:
-    """Samples of all bags together.
-
-    Attributes
-    ----------
-    samples
-        In the order of the bags.
-    leads
-        Lead of each axis' screw [m] from the first bag's nominal twin, None where it has none.
-    bags
-        Those that the samples came from.
-    skipped
-        Bags of an archive that gave none, each with the reason.
-    """
-
-    samples: Samples
-    leads: list[float] | None
-    bags: list[Path]
-    skipped: dict[str, str]
 
 
 def gather(
@@ -76,12 +48,12 @@ def gather(
     given: list[tuple[Path, dict[str, Any]]] = []
     skipped: dict[str, str] = {}
     for path in paths:
-        bags = find_bags([path])
+        bags = find_bags(path)
         if is_bag(path):
             given.append((bags[0], work(str(bags[0]))))
             continue
         for bag, (result, error) in zip(
-            bags, _each(work, bags, f'{source} {target}', results, where), strict=True
+            bags, _each(work, bags, f'samples/2 {source} {target}', results, where), strict=True
         ):
             if error:
                 skipped[str(bag)] = error
@@ -90,17 +62,15 @@ def gather(
     if not given:
         name, reason = next(iter(skipped.items()))
         raise StageError(f'no bag gives training samples; {name}, for one: {reason}')
-    parts = [_from_json(content) for _, content in given]
+    parts = [Samples.from_dict(content['samples']) for _, content in given]
     return Gathered(concatenate(parts), given[0][1]['leads'], [bag for bag, _ in given], skipped)
 
 
 def bag_samples(bag: str, source: str, target: str) -> dict[str, Any]:
     """Samples of one bag as JSON can hold them (numbers keep every bit), and its screw leads."""
     session = read_training_session(bag, source, target)
-    content = asdict(prepare(session, source, target))
-    for name in ARRAYS:
-        content[name] = None if content[name] is None else content[name].tolist()
-    return {'samples': content, 'leads': twin_leads(session)}
+    samples = prepare(session, source, target).to_dict()
+    return {'samples': samples, 'leads': twin_leads(session)}
 
 
 def read_training_session(bag: str | Path, source: str, target: str) -> Session:
@@ -127,14 +97,3 @@ def _each(
         except StageError as error:
             found.append((None, str(error)))
     return found
-
-
-def _from_json(content: dict[str, Any]) -> Samples:
-    fields = dict(content['samples'])
-    axes, sensors = tuple(fields['axes']), tuple(fields['sensors'])
-    for name in ARRAYS:
-        if fields[name] is not None:
-            fields[name] = np.asarray(fields[name], np.float64)
-    # An array without columns has lost its shape.
-    fields['temperatures'] = fields['temperatures'].reshape(len(fields['times']), len(sensors))
-    return Samples(**{**fields, 'axes': axes, 'sensors': sensors})

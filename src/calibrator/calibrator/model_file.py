@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from calibrator.models import model_from_dict
 from calibrator.models.base import Array, CalibrationModel
+from calibrator.models.encoding import to_json
 from stage_core.errors import StageError
 from stage_core.quantities import AXES
 from stage_core.untrusted import file_text, json_object
@@ -80,15 +81,6 @@ class StoredModel:
             ]
         return np.array([row])
 
-    def predict(
-        self,
-        command: ArrayLike,
-        direction: ArrayLike | None = None,
-        temperatures: ArrayLike | None = None,
-    ) -> Array:
-        """Table points of commands, (n, axes) [m]; see `CalibrationModel.predict`."""
-        return self.model.predict(command, direction, temperatures)
-
     def invert(
         self,
         target: ArrayLike,
@@ -147,7 +139,7 @@ def save(stored: StoredModel, path: str | Path) -> None:
         'model': stored.model.to_dict(),
     }
     try:
-        body = _canonical(content)
+        body = _canonical(to_json(content))
     except ValueError as error:
         raise StageError(
             f'the {stored.model.method} model holds a number that is not finite: train it again'
@@ -230,10 +222,4 @@ def bag_hash(path: str | Path) -> str:
 
 
 def _canonical(content: dict[str, Any]) -> str:
-    return json.dumps(content, sort_keys=True, allow_nan=False, separators=(',', ':'), default=_np)
-
-
-def _np(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f'{type(value).__name__} cannot be written as JSON')
+    return json.dumps(content, sort_keys=True, allow_nan=False, separators=(',', ':'))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,43 +19,16 @@ Eq. 27 as printed, c_1 + c_2 < 4 (1 - w)² / (1 + w), is 0.169 at this w: it for
 setting, which converges."""
 
 
-@dataclass(frozen=True)
-class SwarmOptions:
-    """Settings of a swarm.
-
-    Attributes
-    ----------
-    particles, iterations
-        The paper's setting is 1000 and 200; 30 and 100 are nearly as good on a stage map.
-    patience
-        Stop after so many iterations without a relative improvement of 1e-4; 0 never stops early.
-    seed
-        Seed of the generator; a run depends on nothing else.
-    """
-
-    particles: int = 30
-    iterations: int = 100
-    patience: int = 0
-    seed: int = 0
-
-
-@dataclass(frozen=True)
-class SwarmResult:
-    """Best position (d,), its value, and the best value after each iteration."""
-
-    position: Array
-    value: float
-    history: Array
-
-
 def minimise(
     fitness: Callable[[Array], Array],
     low: Array,
     high: Array,
-    options: SwarmOptions | None = None,
+    particles: int = 30,
+    iterations: int = 100,
+    seed: int = 0,
     progress: Callable[[int, float], None] | None = None,
-) -> SwarmResult:
-    """Minimise a function over a box.
+) -> Array:
+    """Best position (d,) of a swarm that minimises a function over a box.
 
     Parameters
     ----------
@@ -64,6 +36,10 @@ def minimise(
         Maps positions (particles, d) to values (particles,); NaN counts as infinitely bad.
     low, high
         The box, (d,) each. A particle that would leave it is put on its edge at rest.
+    particles, iterations
+        The paper's setting is 1000 and 200; 30 and 100 are nearly as good on a stage map.
+    seed
+        Seed of the generator; a run depends on nothing else.
     progress
         Called after each iteration with its number from 1 and the best value so far.
 
@@ -72,18 +48,16 @@ def minimise(
     StageError
         If no particle ever has a finite value, or a setting makes no sense.
     """
-    options = options or SwarmOptions()
-    if options.particles < 2 or options.iterations < 1:
+    if particles < 2 or iterations < 1:
         raise StageError('a swarm needs at least 2 particles and 1 iteration')
-    generator = np.random.default_rng(options.seed)
-    shape = (options.particles, len(low))
+    generator = np.random.default_rng(seed)
+    shape = (particles, len(low))
     position = generator.uniform(low, high, shape)
     velocity = generator.uniform(-1.0, 1.0, shape) * 0.1 * (high - low)
     own_position = position.copy()
     own_value = _values(fitness, position)
     leader = int(np.argmin(own_value))
-    history = [float(own_value[leader])]
-    for iteration in range(1, options.iterations + 1):
+    for iteration in range(1, iterations + 1):
         # Independent draws per dimension; one draw per particle explores lines only.
         to_own = ATTRACTION * generator.random(shape) * (own_position - position)
         to_best = ATTRACTION * generator.random(shape) * (own_position[leader] - position)
@@ -95,22 +69,11 @@ def minimise(
         better = value < own_value
         own_value[better], own_position[better] = value[better], position[better]
         leader = int(np.argmin(own_value))
-        history.append(float(own_value[leader]))
         if progress is not None:
-            progress(iteration, history[-1])
-        if _rests(history, options.patience):
-            break
-    if not np.isfinite(history[-1]):
+            progress(iteration, float(own_value[leader]))
+    if not np.isfinite(own_value[leader]):
         raise StageError('no particle of the swarm has a finite error: check the training data')
-    return SwarmResult(own_position[leader].copy(), history[-1], np.array(history))
-
-
-def _rests(history: list[float], patience: int) -> bool:
-    """Whether none of the last iterations was better than the one before it; 0 never rests."""
-    newest = history[-patience - 1 :]
-    return 0 < patience < len(history) and all(
-        after >= before * (1.0 - 1e-4) for before, after in zip(newest, newest[1:], strict=False)
-    )
+    return own_position[leader].copy()
 
 
 def _values(fitness: Callable[[Array], Array], position: Array) -> Array:

@@ -6,24 +6,17 @@ import functools
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from calibrator.gain import Gain
-from calibrator.gather import ARRAYS
 from calibrator.models import METHODS
 from calibrator.samples import Samples
 from calibrator.training import Training, train
 from session_bags.archive import Where, map_items
 from stage_core.errors import StageError
-from stage_core.metrics import Metrics
-from stage_core.whole_file import replacing
-
-_NUMBERS = ('seconds', 'samples', 'held_out', 'wild')
-_METRICS = ('before', 'after', 'train_after')
+from stage_core.whole_file import write_whole
 
 
 def train_restarts(
@@ -44,7 +37,7 @@ def train_restarts(
     Parameters
     ----------
     results
-        Folder that keeps every start's training, see `session_bags.archive.map_items`.
+        Folder that keeps every start's error, see `session_bags.archive.map_items`.
 
     Raises
     ------
@@ -66,51 +59,30 @@ def train_restarts(
     for outcome in outcomes:
         if outcome.error:
             raise StageError(f'the training from seed {outcome.item} failed: {outcome.error}')
-    found = [_training(outcome.result) for outcome in outcomes]
-    values = [training.train_after.rms for training in found]
-    return found[int(np.argmin(values))], values
+    values = [float(outcome.result) for outcome in outcomes]
+    # What a start gave is its error alone: the best one's training is made once more.
+    best = starts[int(np.argmin(values))]
+    return _train(samples, best, method, options, seed, by), values
 
 
 def train_start(
     start: str, data: str, method: str, options: dict[str, Any], seed: int, by: str
-) -> dict[str, Any]:
-    """One training, from the seed `start`, as JSON can hold it."""
-    with np.load(data) as content:
-        fields: dict[str, Any] = json.loads(str(content['text']))
-        fields.update({name: content[name] for name in ARRAYS if name in content})
-    fields.update({name: tuple(fields[name]) for name in ('axes', 'sensors')})
-    samples = Samples(**fields)
-    result = train(samples, method, {**options, 'seed': int(start)}, seed, by)
-    return {
-        **{name: asdict(getattr(result, name)) for name in _METRICS},
-        'model': result.model.to_dict(),
-        'gain': asdict(result.gain),
-        **{name: getattr(result, name) for name in _NUMBERS},
-        'sensors': list(result.sensors),
-        'speeds': list(result.speeds),
-    }
+) -> float:
+    """RMS error [m] on the training samples of one training, from the seed `start`."""
+    samples = Samples.from_dict(json.loads(Path(data).read_text(encoding='utf-8')))
+    return _train(samples, start, method, options, seed, by).train_after.rms
 
 
-def _training(content: dict[str, Any]) -> Training:
-    fields = dict(content)
-    for name in _METRICS:
-        fields[name] = Metrics(**fields[name])
-    fields['gain'] = Gain(**fields['gain'])
-    model = METHODS[fields['model']['method']].from_dict(fields.pop('model'))
-    fields.update({name: tuple(fields[name]) for name in ('sensors', 'speeds')})
-    return Training(model=model, **fields)
+def _train(
+    samples: Samples, start: str, method: str, options: dict[str, Any], seed: int, by: str
+) -> Training:
+    return train(samples, method, {**options, 'seed': int(start)}, seed, by)
 
 
 def _save(samples: Samples, folder: Path) -> Path:
     """Samples in a file named by what they hold, for the processes that train on them."""
-    words = {k: getattr(samples, k) for k in ('sensors', 'axes', 'shift', 'at_rest')}
-    text = json.dumps(words)
-    digest = hashlib.sha256(text.encode())
-    arrays = {name: a for name in ARRAYS if (a := getattr(samples, name)) is not None}
-    for values in arrays.values():
-        digest.update(np.ascontiguousarray(values).tobytes())
+    text = json.dumps(samples.to_dict())
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f'samples-{digest.hexdigest()[:16]}.npz'
-    with replacing(path) as stream:
-        np.savez(stream, text=np.array(text), **arrays)
+    path = folder / f'samples-{hashlib.sha256(text.encode()).hexdigest()[:16]}.json'
+    write_whole(path, text)
     return path

@@ -17,14 +17,9 @@ from calibrator.phase_table import PhaseTable
 from calibrator.prepare import INPUTS, TARGETS, prepare
 from calibrator.restarts import train_restarts
 from calibrator.samples import Samples
-from calibrator.training import (
-    Training,
-    default_options,
-    find_bags,
-    predict,
-)
-from calibrator.training_job import Data, Job, run_job
-from session_bags.archive import add_arguments, where_from
+from calibrator.training import Training, default_options, predict
+from calibrator.training_job import Job, run_job
+from session_bags.archive import add_arguments, find_bags, where_from
 from stage_core.errors import command_line
 from stage_core.metrics import Metrics
 from stage_core.untrusted import json_object
@@ -59,8 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f'training RMS from {len(values)} starts [µm]: {listed}; the least is taken')
         return result
 
-    data = Data(samples, gathered.leads, gathered.bags, gathered.skipped)
-    result, model = run_job(job, data, _progress(), restarts if options.restarts > 1 else None)
+    training = restarts if options.restarts > 1 else None
+    result, model = run_job(job, gathered, _progress(), training)
     print(result.model.describe())
     print(before_and_after(result.before, result.after, result.held_out))
     print(result.line())
@@ -102,7 +97,7 @@ def before_and_after(before: Metrics, after: Metrics, count: int) -> str:
 
 def _held_out_table(options: argparse.Namespace, samples: Samples, result: Training) -> str:
     """RMS per held-out bag and axis: uncalibrated, phase table where asked for, model."""
-    bags, model = find_bags(options.holdout), result.model
+    bags, model = [bag for path in options.holdout for bag in find_bags(path)], result.model
     predictors: dict[str, Callable[[Samples], Any]] = {'before': lambda s: s.command}
     if options.phase_table:
         baseline = PhaseTable().fit(samples.command, samples.measured)

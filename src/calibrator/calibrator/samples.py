@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrator.models.base import CalibrationModel
+from calibrator.models.encoding import from_json, to_json
 from calibrator.thermal import DERIVATIVE_SPAN
 from stage_core.errors import StageError
 
@@ -110,6 +113,40 @@ class Samples:
                 'of temperatures: record longer or set the option derivatives to false'
             )
         return np.hstack([self.temperatures, self.rates[:, 0], self.rates[:, 1]])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as JSON can hold it; numbers keep every bit."""
+        return {name: to_json(value) for name, value in vars(self).items()}
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Samples:
+        """Inverse of `to_dict`."""
+        fields = from_json(content)
+        return cls(
+            **{**fields, 'sensors': tuple(fields['sensors']), 'axes': tuple(fields['axes'])}
+        )
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """Samples of all the data of a training together.
+
+    Attributes
+    ----------
+    samples
+        In the order of the bags.
+    leads
+        Lead of each axis' screw [m] from the first bag's nominal twin, None where it has none.
+    bags
+        Those that the samples came from.
+    skipped
+        Bags of a folder that gave none, each with the reason.
+    """
+
+    samples: Samples
+    leads: list[float] | None = None
+    bags: list[Path] = field(default_factory=list)
+    skipped: dict[str, str] = field(default_factory=dict)
 
 
 def concatenate(parts: list[Samples]) -> Samples:

@@ -7,7 +7,6 @@ axes and nine sensors give 19 + 171 + 9 + 18 = 217 terms.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -19,27 +18,6 @@ Array = NDArray[np.float64]
 
 SETS = ('geometric', 'thermal', 'correlated', 'derivatives')
 """Groups of terms in the order of the paper's section V.B; each set holds those before it."""
-
-
-@dataclass(frozen=True)
-class TermTable:
-    """Candidate columns (m, n) with the name and group of each."""
-
-    columns: Array
-    names: tuple[str, ...]
-    groups: tuple[str, ...]
-
-    def up_to(self, group: str) -> TermTable:
-        """The columns of the groups up to and including one."""
-        if group not in SETS:
-            raise StageError(f'there is no set of terms {group}: choose one of {", ".join(SETS)}')
-        wanted = SETS[: SETS.index(group) + 1]
-        kept = [i for i, g in enumerate(self.groups) if g in wanted]
-        return TermTable(
-            self.columns[:, kept],
-            tuple(self.names[i] for i in kept),
-            tuple(self.groups[i] for i in kept),
-        )
 
 
 def monomials(axes: int, order: int = 3) -> list[tuple[int, ...]]:
@@ -57,8 +35,8 @@ def thermal_terms(
     first: Array | None = None,
     second: Array | None = None,
     reference: Array | None = None,
-) -> TermTable:
-    """The candidate terms of samples.
+) -> dict[str, Array]:
+    """The candidate terms of samples: the columns (m, n) of each group of `SETS`.
 
     Parameters
     ----------
@@ -75,22 +53,23 @@ def thermal_terms(
     t = np.asarray(temperatures, dtype=float)
     if reference is not None:
         t = t - reference
-    powers = monomials(q.shape[1])
-    geometric = np.column_stack([np.prod(q ** np.array(power), axis=1) for power in powers])
-    labels = ['·'.join(f'q{a + 1}^{p}' for a, p in enumerate(power) if p) for power in powers]
-    columns = [geometric, t]
-    names = labels + [f'T{s + 1}' for s in range(t.shape[1])]
-    groups = ['geometric'] * len(labels) + ['thermal'] * t.shape[1]
-    for s in range(t.shape[1]):
-        columns.append(geometric * t[:, s : s + 1])
-        names += [f'{label}·T{s + 1}' for label in labels]
-        groups += ['correlated'] * len(labels)
-    for derivative, mark in ((first, "'"), (second, "''")):
-        if derivative is not None:
-            columns.append(np.asarray(derivative, dtype=float))
-            names += [f'T{s + 1}{mark}' for s in range(t.shape[1])]
-            groups += ['derivatives'] * t.shape[1]
-    return TermTable(np.column_stack(columns), tuple(names), tuple(groups))
+    geometric = np.column_stack([np.prod(q ** np.array(p), axis=1) for p in monomials(q.shape[1])])
+    none = np.empty((len(q), 0))
+    correlated = [geometric * t[:, s : s + 1] for s in range(t.shape[1])]
+    derivatives = [d for d in (first, second) if d is not None]
+    return {
+        'geometric': geometric,
+        'thermal': t,
+        'correlated': np.column_stack([none, *correlated]),
+        'derivatives': np.column_stack([none, *derivatives]),
+    }
+
+
+def up_to(terms: dict[str, Array], group: str) -> Array:
+    """The columns of the groups up to and including one."""
+    if group not in SETS:
+        raise StageError(f'there is no set of terms {group}: choose one of {", ".join(SETS)}')
+    return np.column_stack([terms[name] for name in SETS[: SETS.index(group) + 1]])
 
 
 DERIVATIVE_SPAN = 300.0

@@ -136,7 +136,7 @@ def train(
         model,
         Metrics.of(before),
         Metrics.of(after),
-        evaluate(model, training),
+        Metrics.of(training.measured - predict(model, training)),
         gain,
         seconds,
         len(samples),
@@ -195,30 +195,11 @@ def with_useful_sensors(samples: Samples) -> Samples:
     return samples.only(tuple(samples.sensors[i] for i in kept))
 
 
-def evaluate(model: CalibrationModel, samples: Samples) -> Metrics:
-    """Errors of a model's prediction of the measured points."""
-    return Metrics.of(samples.measured - predict(model, samples))
-
-
 def predict(model: CalibrationModel, samples: Samples) -> Array:
     """Table points (n, axes) [m] that a model predicts for samples with its sensors."""
     heat = samples.heat_for(model) if model.sensors else samples.temperatures[:, :0]
     assert heat is not None
     return samples.command + model.error(samples.command, samples.direction, heat)
-
-
-def find_bags(paths: Sequence[str]) -> list[Path]:
-    """The bags that paths name: each a bag, an mcap file, or a folder of bags.
-
-    Raises
-    ------
-    StageError
-        If a path does not exist or holds no bag.
-    """
-    # Only here: the bags are not needed to train from the live buffer.
-    from session_bags import archive
-
-    return [bag for path in paths for bag in archive.find_bags(path)]
 
 
 def twin_leads(session: Session) -> list[float] | None:

@@ -22,7 +22,7 @@ from typing import Any
 from calibrator import model_file
 from calibrator.live_buffer import heard, load_session
 from calibrator.prepare import ENOUGH_RESTS, prepare
-from calibrator.samples import Samples
+from calibrator.samples import Gathered
 from calibrator.training import Training, default_options, stored, train, twin_leads
 from stage_core.errors import StageError
 from stage_core.priority import to_background
@@ -61,18 +61,7 @@ class Job:
         return cls(**json.loads(path.read_text(encoding='utf-8')))
 
 
-@dataclass(frozen=True)
-class Data:
-    """Training samples with the screws' leads [m] (None: unknown), the bags that gave them, and
-    why the bags of a folder that gave none were skipped."""
-
-    samples: Samples
-    leads: list[float] | None = None
-    bags: list[Path] = field(default_factory=list)
-    skipped: dict[str, str] = field(default_factory=dict)
-
-
-def read(job: Job) -> Data:
+def read(job: Job) -> Gathered:
     """The data that a job trains on.
 
     Raises
@@ -82,17 +71,16 @@ def read(job: Job) -> Data:
     """
     if not job.bags:
         session = load_session(job.live)
-        return Data(prepare(session, job.source, job.target), twin_leads(session))
+        return Gathered(prepare(session, job.source, job.target), twin_leads(session))
     # Only here: the reader is not needed to train from the live buffer.
     from calibrator.gather import gather
 
-    found = gather(job.bags, job.source, job.target)
-    return Data(found.samples, found.leads, found.bags, found.skipped)
+    return gather(job.bags, job.source, job.target)
 
 
 def run_job(
     job: Job,
-    data: Data | None = None,
+    data: Gathered | None = None,
     progress: Callable[[int, float], None] | None = None,
     training: Callable[[dict[str, Any]], Training] | None = None,
 ) -> tuple[Training, model_file.StoredModel]:

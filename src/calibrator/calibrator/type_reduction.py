@@ -49,9 +49,7 @@ def effective_weights(lower: Array, upper: Array, outputs: Array, reduction: str
     return 0.5 * (left + right)
 
 
-def end_weights(
-    lower: Array, upper: Array, outputs: Array, exact: bool = True
-) -> tuple[Array, Array]:
+def end_weights(lower: Array, upper: Array, outputs: Array, exact: bool) -> tuple[Array, Array]:
     """Normalised weights of the left and right end of the interval (eqs. 12 and 18)."""
     left = _step(upper, lower, outputs, np.sum(_normalised(lower) * outputs, axis=1))
     right = _step(lower, upper, outputs, np.sum(_normalised(upper) * outputs, axis=1))
@@ -65,12 +63,6 @@ def end_weights(
             if done:
                 break
     return left, right
-
-
-def interval(lower: Array, upper: Array, outputs: Array) -> tuple[Array, Array]:
-    """Left and right end of the type-reduced set, (N,) each."""
-    left, right = end_weights(lower, upper, outputs, exact=True)
-    return np.sum(left * outputs, axis=1), np.sum(right * outputs, axis=1)
 
 
 def _step(below: Array, above: Array, outputs: Array, mean: Array) -> Array:

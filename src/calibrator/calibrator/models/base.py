@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 from calibrator.models.domain import Domain
 from calibrator.models.encoding import from_json, to_json
 from calibrator.models.inputs import Array, checked, require_finite
-from calibrator.models.inverse import invert
+from calibrator.models.inverse import TOLERANCE, invert
 from calibrator.models.options import checked_options
 from calibrator.models.selection import Conditions, Learner, choose, conditions, deviation
 from calibrator.places import Labels, distinct_places
@@ -134,7 +135,7 @@ class CalibrationModel(ABC):
             As `fit`.
         """
         if not self.chosen.get('sensors', True):
-            data = data.without_sensors()
+            data = replace(data, temperatures=data.temperatures[:, :0])
         self.axes = 0
         self._require_information(data)
         self.state = {}
@@ -220,8 +221,6 @@ class CalibrationModel(ABC):
         target: ArrayLike,
         direction: ArrayLike | None = None,
         temperatures: ArrayLike | None = None,
-        tolerance: float = 1e-9,
-        max_iterations: int = 60,
     ) -> Array:
         """Command that reaches the wanted table point, (n, axes) [m].
 
@@ -230,15 +229,13 @@ class CalibrationModel(ABC):
         Raises
         ------
         StageError
-            If the residual of a point stays above `tolerance` [m]. A model with jumps is
+            If the residual of a point stays above `inverse.TOLERANCE`. A model with jumps is
             accepted at its best iterate, because an exact inverse need not exist there.
         """
         wanted, d, t = self._of_the_fit(target, direction, temperatures)
-        command, residual = invert(
-            lambda c: self.error(c, d, t), wanted, tolerance, max_iterations, self.continuous
-        )
+        command, residual = invert(lambda c: self.error(c, d, t), wanted, self.continuous)
         worst = int(np.argmax(residual))
-        if self.continuous and residual[worst] > tolerance:
+        if self.continuous and residual[worst] > TOLERANCE:
             raise StageError(
                 f'the {self.method} model cannot be inverted at {wanted[worst].tolist()} m '
                 f'(residual {residual[worst]:.3g} m): use it inside the calibrated travel '
@@ -258,7 +255,7 @@ class CalibrationModel(ABC):
             'mean_temperatures': self.mean_temperatures.tolist(),
             'chosen': self.chosen,
             'deviation': self.spread.tolist(),
-            'domain': to_json(self.domain.to_state() if self.domain else None),
+            'domain': to_json(vars(self.domain)),
             'state': to_json(self.state),
         }
 
@@ -282,7 +279,7 @@ class CalibrationModel(ABC):
             model.mean_temperatures = np.asarray(content['mean_temperatures'], dtype=float)
             model.chosen = dict(content['chosen'])
             model.spread = np.asarray(content['deviation'], dtype=float)
-            model.domain = Domain.from_state(from_json(content['domain']))
+            model.domain = Domain(**from_json(content['domain']))
             model.state = from_json(content['state'])
             if model.axes < 1:
                 raise ValueError('no axis')

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,15 +155,6 @@ class Domain:
             f'{self.coldest[column]:.4g} to {self.hottest[column]:.4g}: the model takes the '
             'nearest of them'
         )
-
-    def to_state(self) -> dict[str, Any]:
-        """Attributes by name."""
-        return asdict(self)
-
-    @classmethod
-    def from_state(cls, state: dict[str, Any]) -> Domain:
-        """Inverse of `to_state`; a missing attribute raises KeyError."""
-        return cls(**{field.name: state[field.name] for field in fields(cls)})
 
 
 def _spread(places: Array, most: int) -> Array:

@@ -10,15 +10,12 @@ from calibrator.models.inputs import Array
 
 STEP = 1e-7
 """Step of the finite differences [m]."""
+TOLERANCE = 1e-9
+"""Largest distance [m] from the wanted point that ends the search."""
+ITERATIONS = 60
 
 
-def invert(
-    error: Callable[[Array], Array],
-    wanted: Array,
-    tolerance: float,
-    iterations: int,
-    smooth: bool,
-) -> tuple[Array, Array]:
+def invert(error: Callable[[Array], Array], wanted: Array, smooth: bool) -> tuple[Array, Array]:
     """Commands (n, axes) [m] with command + error(command) = wanted, and what is left, (n,) [m].
 
     Fixed point c <- c + (wanted - c - error(c)), which contracts because a stage's error changes
@@ -27,14 +24,14 @@ def invert(
     """
     command, best = wanted.copy(), wanted.copy()
     least = np.full(len(wanted), np.inf)
-    for iteration in range(iterations):
+    for iteration in range(ITERATIONS):
         gap = wanted - (command + error(command))
         residual = np.max(np.abs(gap), axis=1)
         better = residual < least
         best[better], least[better] = command[better], residual[better]
-        if (least <= tolerance).all():
+        if (least <= TOLERANCE).all():
             break
-        if iteration < iterations // 2 or not smooth:
+        if iteration < ITERATIONS // 2 or not smooth:
             command = command + gap
         else:
             command = best + _newton_step(error, best, wanted)

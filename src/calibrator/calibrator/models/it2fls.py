@@ -10,12 +10,11 @@ from calibrator.consequents import evaluate, fit_consequents, regressors, rule_o
 from calibrator.it2_sets import AntecedentSets, vector_bounds
 from calibrator.models.adaptable import Adaptable
 from calibrator.models.base import CalibrationModel
-from calibrator.models.encoding import from_json, to_json
 from calibrator.models.inputs import Array, scaling_of
 from calibrator.models.selection import Conditions
 from calibrator.models.structured import Structured
 from calibrator.places import folds, judged_places
-from calibrator.pso import SwarmOptions, SwarmResult, minimise
+from calibrator.pso import minimise
 from calibrator.type_reduction import REDUCTIONS, effective_weights
 from stage_core.errors import StageError
 
@@ -28,8 +27,7 @@ class FuzzySystem(Adaptable):
 
     Options: `rules` M (`auto`: one, two or five, each of which holds ten samples per consequent),
     `particles` and `iterations` of the swarm (the paper's: 1000 and 200),
-    `reduction` of `type_reduction.REDUCTIONS`, `patience`, `threads`, `seed`, and `device`:
-    `auto` (a graphics processor where the extra `gpu` finds one) or `cpu`. The attributes
+    `reduction` of `type_reduction.REDUCTIONS`, `threads` and `seed`. The attribute
     `progress` is passed on to the swarm.
     """
 
@@ -40,9 +38,7 @@ class FuzzySystem(Adaptable):
         'particles': 30,
         'iterations': 100,
         'reduction': 'maclaurin',
-        'patience': 0,
         'threads': 0,
-        'device': 'auto',
         'seed': 0,
     }
 
@@ -53,7 +49,6 @@ class FuzzySystem(Adaptable):
                 f'there is no type reduction {self.options["reduction"]}: choose one of '
                 f'{", ".join(REDUCTIONS)}'
             )
-        self.swarm: SwarmResult | None = None
 
     def candidates(self) -> list[dict[str, Any]]:
         """Rules."""
@@ -70,7 +65,7 @@ class FuzzySystem(Adaptable):
 
     def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
         # Only here: importing the compiled loops costs a second that prediction need not pay.
-        from calibrator.swarm_array import swarm_fitness
+        from calibrator.swarm_fitness import SwarmFitness
 
         centre, half = scaling_of(command)
         mean, deviation = error.mean(axis=0), error.std(axis=0)
@@ -82,21 +77,12 @@ class FuzzySystem(Adaptable):
             few = SAMPLES_PER_CONSEQUENT * (self.axes + 1)
             rules = int(np.clip(len(command) // few, 1, 5))
         low, high = vector_bounds(rules, self.axes)
-        options = SwarmOptions(
-            particles=int(self.options['particles']),
-            iterations=int(self.options['iterations']),
-            patience=int(self.options['patience']),
-            seed=int(self.options['seed']),
+        fitness = SwarmFitness(inputs, targets, reduction, int(self.options['threads']))
+        particles, iterations, seed = (
+            int(self.options[name]) for name in ('particles', 'iterations', 'seed')
         )
-        fitness = swarm_fitness(
-            inputs,
-            targets,
-            reduction,
-            int(self.options['threads']),
-            str(self.options['device']),
-        )
-        self.swarm = minimise(fitness, low, high, options, self.progress)
-        sets = AntecedentSets.from_vector(self.swarm.position, rules, self.axes)
+        position = minimise(fitness, low, high, particles, iterations, seed, self.progress)
+        sets = AntecedentSets.from_vector(position, rules, self.axes)
         lower, upper = sets.firing(inputs)
         theta = [
             fit_consequents(lower, upper, inputs, targets[:, axis], reduction)[0]
@@ -108,7 +94,7 @@ class FuzzySystem(Adaptable):
             mean=mean,
             deviation=deviation,
             rules=int(rules),
-            antecedents=self.swarm.position,
+            antecedents=position,
             theta=np.array(theta),
         )
 
@@ -171,8 +157,11 @@ class Hybrid(CalibrationModel):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
-        self.structured = Structured(**{k: self.options[k] for k in Structured.defaults})
-        self.fuzzy = FuzzySystem(**{k: self.options[k] for k in FuzzySystem.defaults})
+        self.structured = self._part(Structured)
+        self.fuzzy = self._part(FuzzySystem)
+
+    def _part(self, method: type[CalibrationModel]) -> CalibrationModel:
+        return method(**{name: self.options[name] for name in method.defaults})
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Those of the larger part; the parts are fitted one after the other."""
@@ -204,9 +193,9 @@ class Hybrid(CalibrationModel):
 
     def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
         if not self.structured.fitted:
-            self.structured = _part(Structured, self.state['structured'])
+            self.structured = Structured.from_dict(self.state['structured'])
             if self.state['fuzzy']:
-                self.fuzzy = _part(FuzzySystem, self.state['fuzzy'])
+                self.fuzzy = FuzzySystem.from_dict(self.state['fuzzy'])
         error = self.structured.error(command, direction, temperatures)
         if self.state['fuzzy']:
             error = error + self.fuzzy.error(command, direction, temperatures[:, :0])
@@ -217,9 +206,3 @@ class Hybrid(CalibrationModel):
         if self.fitted and not self.state['fuzzy']:
             return f'{self.method}: {self.structured.describe()}; nothing left for a fuzzy system'
         return f'{self.method}: {self.structured.describe()} + {self.fuzzy.describe()}'
-
-
-def _part(cls: type[Any], content: dict[str, Any]) -> Any:
-    """Rebuild a part, whose state may have been decoded together with the whole."""
-    encoded = {name: to_json(from_json(content[name])) for name in ('state', 'domain')}
-    return cls.from_dict({**content, **encoded})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations_with_replacement
 from math import comb
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from calibrator.models.adaptable import Adaptable
 from calibrator.models.base import CalibrationModel
 from calibrator.models.inputs import Array, scaling_of
+from calibrator.thermal import monomials
 from stage_core.errors import StageError
 
 
@@ -125,10 +125,7 @@ def legendre_products(scaled: Array, degree: int) -> tuple[Array, list[tuple[int
     """
     axes = scaled.shape[1]
     single = [np.polynomial.legendre.legvander(scaled[:, axis], degree) for axis in range(axes)]
-    orders: list[tuple[int, ...]] = []
-    for total in range(degree + 1):
-        for chosen in combinations_with_replacement(range(axes), total):
-            orders.append(tuple(chosen.count(axis) for axis in range(axes)))
+    orders = [(0,) * axes, *monomials(axes, degree)]
     values = np.ones((len(scaled), len(orders)))
     for term, order in enumerate(orders):
         for axis, power in enumerate(order):

@@ -49,19 +49,7 @@ class Conditions:
 
     def take(self, chosen: Mask | NDArray[np.int64]) -> Conditions:
         """The rows of a mask or index."""
-        return Conditions(
-            self.command[chosen],
-            self.error[chosen],
-            self.direction[chosen],
-            self.temperatures[chosen],
-            self.session[chosen],
-        )
-
-    def without_sensors(self) -> Conditions:
-        """The same with no temperature."""
-        return Conditions(
-            self.command, self.error, self.direction, self.temperatures[:, :0], self.session
-        )
+        return Conditions(*(rows[chosen] for rows in vars(self).values()))
 
 
 SAME_HEAT = 0.1

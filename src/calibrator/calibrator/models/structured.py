@@ -20,6 +20,9 @@ from calibrator.places import Labels, distinct_places, judged_places
 from stage_core.errors import StageError
 from stage_core.quantities import AXES
 
+SIGNIFICANCE = 1e-6
+"""Probability of a period in noise up to which one is taken for the screw's."""
+
 
 class Structured(Adaptable):
     """Linear regression of each axis' error on the causes that a screw stage has.
@@ -222,13 +225,13 @@ class Structured(Adaptable):
         return names
 
 
-def find_period(position: Array, error: Array, design: Array, significance: float = 1e-6) -> float:
+def find_period(position: Array, error: Array, design: Array) -> float:
     """Period [m] of the strongest sine of an error over position; 0 where none is significant.
 
     The screw's error repeats with its lead. A least-squares periodogram, with the other
     regressors fitted along, is scanned from half the travel down to twice the mean spacing
     of the distinct positions, refined, and accepted when the F test of the two extra parameters
-    stays below `significance` divided by the number of scanned frequencies.
+    stays below `SIGNIFICANCE` divided by the number of scanned frequencies.
 
     Parameters
     ----------
@@ -270,7 +273,7 @@ def find_period(position: Array, error: Array, design: Array, significance: floa
     found = minimize_scalar(unexplained, bounds=(best - width, best + width), method='bounded')
     # Under noise left^(freedom/2) is the probability of so little left.
     logarithm = 0.5 * freedom * np.log(max(float(found.fun), 1e-300))
-    if logarithm > np.log(significance / len(frequencies)):
+    if logarithm > np.log(SIGNIFICANCE / len(frequencies)):
         return 0.0
     return float(1.0 / found.x)
 

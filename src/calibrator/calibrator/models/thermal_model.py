@@ -9,7 +9,7 @@ import numpy as np
 from calibrator.models.base import CalibrationModel
 from calibrator.models.inputs import Array, scaling_of
 from calibrator.stepwise import stepwise
-from calibrator.thermal import SETS, monomials, thermal_terms
+from calibrator.thermal import SETS, thermal_terms, up_to
 
 
 class Thermal(CalibrationModel):
@@ -77,13 +77,9 @@ class Thermal(CalibrationModel):
     def _columns(self, command: Array, temperatures: Array) -> Array:
         scaled = (command - self.state['centre']) / self.state['half']
         count = self._readings()
-        if count == 0:
-            powers = monomials(self.axes)
-            return np.column_stack([np.prod(scaled ** np.array(p), axis=1) for p in powers])
         first = second = None
         if self.options['derivatives']:
             first, second = temperatures[:, count : 2 * count], temperatures[:, 2 * count :]
-        table = thermal_terms(
-            scaled, temperatures[:, :count], first, second, self.state['reference']
-        )
-        return table.up_to(str(self.setting('terms'))).columns
+        heat, reference = temperatures[:, :count], self.state['reference']
+        terms = thermal_terms(scaled, heat, first, second, reference)
+        return up_to(terms, str(self.setting('terms')))
