@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import array
-import importlib
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from session_bags.graph_types import message_class
 from stage_core.errors import StageError
 from stage_core.untrusted import yaml_value
 
@@ -27,9 +27,8 @@ def interface(name: str, kind: str) -> Any:
     if len(parts) == 2:
         parts.insert(1, kind)
     try:
-        package, middle, type_name = parts
-        return getattr(importlib.import_module(f'{package}.{middle}'), type_name)
-    except (ValueError, ImportError, AttributeError) as error:
+        return message_class('/'.join(parts))
+    except StageError as error:
         raise StageError(
             f"The passed {kind} type '{name}' is invalid: name an installed one"
         ) from error

@@ -17,7 +17,7 @@ from std_msgs.msg import String
 
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_core.frames import RigidTransform
+from stage_core.frames import RigidTransform, alignment_in
 from stage_core.quantities import AXES
 from stage_core.rests import Standstill
 from stage_core.ros.client_node import GraphClient
@@ -100,10 +100,7 @@ class SessionClient(GraphClient):
     def alignment(self) -> RigidTransform:
         """The transform that the bridge has published last; identity before."""
         message = self.latest(topics.ALIGNMENT)
-        if message is None:
-            return RigidTransform.identity()
-        r, t = message.transform.rotation, message.transform.translation
-        return RigidTransform.from_quaternion((r.x, r.y, r.z, r.w), (t.x, t.y, t.z))
+        return RigidTransform.identity() if message is None else alignment_in(message)
 
     def go_to(self, target: Array, timeout: float, alive: Callable[[], None]) -> int:
         """Drive to a table position (2,) [m] and wait until the stage rests there.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import random
 import socket
-from dataclasses import dataclass, replace
+import time
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +34,32 @@ class Options:
     reality: Path | None = None
     nominal: Path | None = None
     model: Path | None = None
-    live: bool = True
     composed: bool = False
+
+
+def machine_parser(prog: str, clock: str, **words: Any) -> argparse.ArgumentParser:
+    """Command line with the options that say what machine runs and where its files go."""
+    parser = argparse.ArgumentParser(prog=prog, **words)
+    parser.add_argument('--backend', choices=('servo', 'zaber'), default=Options.backend)
+    parser.add_argument(
+        '--clock',
+        choices=('lockstep', 'realtime'),
+        default=clock,
+        help='lockstep: deterministic, as fast as the machine allows',
+    )
+    parser.add_argument('--out', type=Path, help='folder of all files (default bags/<time>)')
+    parser.add_argument('--reality', type=Path, help='twin file of the machine that is emulated')
+    parser.add_argument('--model', type=Path, help='MuJoCo model that moves as the machine')
+    parser.add_argument('--nominal', type=Path, help='twin file of the nominal machine')
+    return parser
+
+
+def options_of(given: argparse.Namespace) -> Options:
+    """The options that a command line of `machine_parser` gives."""
+    known = {f.name for f in fields(Options)}
+    options = Options(**{name: v for name, v in vars(given).items() if name in known})
+    out = given.out or Path('bags') / time.strftime('%Y%m%d-%H%M%S')
+    return replace(options, out=out.resolve(), model=given.model and given.model.resolve())
 
 
 def config_folder() -> Path:
@@ -117,7 +143,9 @@ def commands(options: Options) -> list[NodeCommand]:
             scheme='ccc+rilc',
             session_folder=out / 'learned',
         ),
-        _node('gap_diagnosis', twin=nominal, out=out / 'diagnosis', live=options.live),
+        # The world in lockstep waits for its slowest node, and live mode reads every message: such
+        # a session is diagnosed from its bag.
+        _node('gap_diagnosis', twin=nominal, out=out / 'diagnosis', live=not lockstep),
     ]
     if lockstep:
         listeners = [

@@ -74,17 +74,20 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def compile_all(show: Callable[[float, str], None]) -> None:
-    """Compile every part, on as many processors as there are; `show` hears how far it is."""
+def compile_missing() -> bool:
+    """Compile every part and say how far it is; False, without a word, where all is compiled."""
+    if marker().exists():
+        return False
+    print(SENTENCE, flush=True)
     workers, context = min(len(PARTS), os.cpu_count() or 1), multiprocessing.get_context('spawn')
     with ProcessPoolExecutor(workers, context) as pool:
         with _deaf_to_ctrl_c():
             waiting = {pool.submit(part): name for name, part in PARTS.items()}
-        show(0.0, SENTENCE)
         try:
             for number, done in enumerate(as_completed(waiting), 1):
                 done.result()
-                show(number / len(PARTS), f'compiled {waiting[done]}')
+                share = 100 * number / len(PARTS)
+                print(f'  {share:3.0f} % compiled {waiting[done]}', flush=True)
         except KeyboardInterrupt:
             for worker in multiprocessing.active_children():
                 worker.terminate()
@@ -94,13 +97,12 @@ def compile_all(show: Callable[[float, str], None]) -> None:
         place = marker()
         place.parent.mkdir(parents=True, exist_ok=True)
         place.touch()
+    return True
 
 
 def main() -> int:
-    """Compile what is not compiled yet; says nothing where all is."""
-    if not marker().exists():
-        print(SENTENCE, flush=True)
-        compile_all(lambda share, text: print(f'  {100 * share:3.0f} % {text}', flush=True))
+    """Compile what is not compiled yet."""
+    compile_missing()
     return 0
 
 

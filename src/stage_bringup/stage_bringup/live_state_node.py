@@ -13,13 +13,12 @@ from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from stage_core import topics
-from stage_core.frames import RigidTransform
+from stage_core.frames import RigidTransform, alignment_in
 from stage_core.quantities import AXES
 from stage_core.ros.joint_state_wire import JointSample
 from stage_core.ros.node import JointStateReader, StageNode
+from stage_core.ros.peers import SILENCE
 
-#: A node that says nothing for this long (s) is silent.
-SILENCE = 4.0
 #: References that are kept: those of 0.4 s at 1 kHz, of the oldest encoder reading and younger.
 KEPT = 400
 #: A contour error is shown for so long (s).
@@ -57,9 +56,7 @@ class LiveState:
             error = deserialize_message(data, Vector3Stamped).vector.z
             self._contour = (error, time.monotonic())
         elif topic == topics.ALIGNMENT:
-            t = deserialize_message(data, TransformStamped).transform
-            r, o = t.rotation, t.translation
-            self._alignment = RigidTransform.from_quaternion((r.x, r.y, r.z, r.w), (o.x, o.y, o.z))
+            self._alignment = alignment_in(deserialize_message(data, TransformStamped))
         elif topic == topics.DIAGNOSTICS:
             now = time.monotonic()
             with self._lock:

@@ -15,7 +15,7 @@ from session_bags.definitions import typestore
 from session_bags.messages import raw_messages
 from session_bags.reader import read_session
 from stage_core import topics
-from stage_core.frames import RigidTransform
+from stage_core.frames import RigidTransform, alignment_in
 from stage_core.session import Session
 
 Stamps = NDArray[np.int64]
@@ -73,7 +73,7 @@ def read_recorded(path: str | Path) -> Recorded:
     for stamp, published, topic, message in _rare(bag):
         times.append((stamp, published))
         if topic == topics.ALIGNMENT:
-            alignments.append((stamp, _transform(message)))
+            alignments.append((stamp, alignment_in(message)))
         elif topic == topics.MODEL:
             models.append((stamp, message.data))
         else:
@@ -90,13 +90,6 @@ def _rare(bag: Bag) -> Iterator[tuple[int, int, str, Any]]:
         message = typestore().deserialize_cdr(raw.data, raw.type_name)
         # On one clock a message is published before it is logged. Simulated time begins in 1970.
         yield raw.log_time, max(raw.log_time, raw.publish_time), raw.topic, message
-
-
-def _transform(message: Any) -> RigidTransform:
-    """The alignment from the tracker to the stage; one of the other direction is inverted."""
-    r, t = message.transform.rotation, message.transform.translation
-    found = RigidTransform.from_quaternion((r.x, r.y, r.z, r.w), (t.x, t.y, t.z))
-    return found.inverse() if message.header.frame_id == topics.TRACKER_FRAME else found
 
 
 def _changes(stamp: int, message: Any, said: dict[str, tuple[str, str]]) -> Iterator[Note]:

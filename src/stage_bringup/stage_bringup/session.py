@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from pathlib import Path
 
-from stage_bringup.graph import CONTROL, Options, commands, config_folder
+from stage_bringup.graph import (
+    CONTROL,
+    Options,
+    commands,
+    config_folder,
+    machine_parser,
+    options_of,
+)
 from stage_bringup.keep_awake import KeepAwake
-from stage_bringup.processes import Processes
-from stage_bringup.progress import Progress
+from stage_bringup.processes import NodeCommand, Processes
 from stage_bringup.provenance import provenance
 from stage_core.errors import StageError, command_line
 from stage_core.whole_file import write_whole
 
 #: Nodes of this machine find each other well within this time [s].
 LOOKOUT = 1.5
+#: Exit status after Ctrl-C or SIGTERM.
+INTERRUPTED = 130
 
 EPILOG = (
     'Exit status: 0 when every step passed, 1 when one failed, 2 for an option that cannot be '
@@ -37,57 +43,30 @@ def parse(arguments: Sequence[str] | None) -> Options:
     StageError
         For a combination that cannot run.
     """
-    parser = argparse.ArgumentParser(prog='session', description=__doc__, epilog=EPILOG)
-    parser.add_argument('--backend', choices=('servo', 'zaber'), default='servo')
-    parser.add_argument(
-        '--clock',
-        choices=('lockstep', 'realtime'),
-        default='lockstep',
-        help='lockstep: deterministic, as fast as the machine allows (default)',
-    )
-    parser.add_argument('--seed', type=int, default=1, help='seed of noise and held-out points')
-    parser.add_argument('--out', type=Path, help='folder of the session (default bags/<time>)')
-    parser.add_argument(
-        '--grid', type=int, default=Options.grid, help='points per side of the grid'
-    )
-    parser.add_argument('--heldout', type=int, default=Options.heldout, help='held-out points')
-    parser.add_argument('--iterations', type=int, default=3, help='runs of the circle')
-    parser.add_argument('--method', default='structured', help='calibration method')
+    parser = machine_parser('session', Options.clock, description=__doc__, epilog=EPILOG)
+    for name, kind, text in (
+        ('seed', int, 'seed of noise and held-out points'),
+        ('grid', int, 'points per side of the grid'),
+        ('heldout', int, 'held-out points'),
+        ('iterations', int, 'runs of the circle'),
+        ('method', str, 'calibration method'),
+    ):
+        parser.add_argument(f'--{name}', type=kind, default=getattr(Options, name), help=text)
     parser.add_argument(
         '--standard-tests', action='store_true', help='test both axes by ISO 230-2 too'
     )
-    parser.add_argument('--no-diagnosis', action='store_true', help='skip the gap diagnosis')
-    parser.add_argument('--reality', type=Path, help='twin file of the machine that is emulated')
-    parser.add_argument('--model', type=Path, help='MuJoCo model that moves as the machine')
-    parser.add_argument('--nominal', type=Path, help='twin file of the nominal machine')
+    parser.add_argument(
+        '--no-diagnosis', dest='diagnose', action='store_false', help='skip the gap diagnosis'
+    )
     parser.add_argument(
         '--composed', action='store_true', help='driver and contour controller in one process'
     )
-    given = parser.parse_args(arguments)
-    if given.grid < 3 or given.heldout < 3 or given.iterations < 1:
+    options = options_of(parser.parse_args(arguments))
+    if options.grid < 3 or options.heldout < 3 or options.iterations < 1:
         raise StageError('a session needs --grid >= 3, --heldout >= 3 and --iterations >= 1')
-    out = given.out or Path('bags') / time.strftime('%Y%m%d-%H%M%S')
-    if out.exists() and any(out.iterdir()):
-        raise StageError(f'{out} is not empty: name another folder with --out')
-    return Options(
-        backend=given.backend,
-        clock=given.clock,
-        seed=given.seed,
-        out=out.resolve(),
-        grid=given.grid,
-        heldout=given.heldout,
-        iterations=given.iterations,
-        method=given.method,
-        standard_tests=given.standard_tests,
-        diagnose=not given.no_diagnosis,
-        reality=given.reality,
-        nominal=given.nominal,
-        model=given.model and given.model.resolve(),
-        # The world in lockstep waits for its slowest node, and live mode reads every topic of
-        # every tick: the session is diagnosed from its bag.
-        live=given.clock != 'lockstep',
-        composed=given.composed,
-    )
+    if options.out.exists() and any(options.out.iterdir()):
+        raise StageError(f'{options.out} is not empty: name another folder with --out')
+    return options
 
 
 @command_line
@@ -95,23 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the session; see ``--help``."""
     options = parse(arguments)
     config_folder()
-    nodes = commands(options)
-    names = [*CONTROL, *(node.name for node in nodes)]
-    refuse_second_graph(names)
-    options.out.mkdir(parents=True, exist_ok=True)
-    take_interrupts()
     begin, origin = time.monotonic(), provenance()
-    processes = Processes(options.out / 'log')
-    status = 0
-    awake = ExitStack()
-    try:
-        if options.clock == 'realtime':
-            awake.enter_context(KeepAwake())
-        if _compile():
-            # Another graph may have started meanwhile.
-            refuse_second_graph(names)
-        for node in nodes:
-            processes.start(node)
+
+    def session(processes: Processes) -> None:
         from stage_bringup.steps import run_steps
 
         result = run_steps(options, processes)
@@ -122,32 +87,51 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from stage_bringup.report import write_report
 
         print(f'report: {write_report(options, result)}')
-    except StageError as error:
-        print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
-        status = 1
-    except KeyboardInterrupt:
-        print('interrupted: the stage is brought to rest', file=sys.stderr)
-        status = 130
-    finally:
-        killed = processes.end()
-        awake.close()
-    if killed:
-        print(f'error: {", ".join(killed)} did not end and was killed', file=sys.stderr)
-        status = status or 1
+
+    status = run_graph(options, commands(options), session)
     print(f'session: {options.out} ({time.monotonic() - begin:.0f} s)')
     return status
 
 
-def _compile() -> bool:
-    """Compile what the nodes would, where a person can see it; False where nothing was left to."""
-    from stage_bringup import kernels
+def run_graph(
+    options: Options, nodes: Sequence[NodeCommand], work: Callable[[Processes], None]
+) -> int:
+    """Start the nodes, do the work and end them, whatever happens; the exit status.
 
-    if kernels.marker().exists():
-        return False
-    print(f'[ 0] {kernels.SENTENCE}', flush=True)
-    with Progress() as progress:
-        kernels.compile_all(progress.show)
-    return True
+    Raises
+    ------
+    StageError
+        If such a graph runs already.
+    """
+    from stage_bringup.kernels import compile_missing
+
+    names = [*CONTROL, *(node.name for node in nodes)]
+    refuse_second_graph(names)
+    options.out.mkdir(parents=True, exist_ok=True)
+    take_interrupts()
+    processes = Processes(options.out / 'log')
+    status = 0
+    with ExitStack() as awake:
+        try:
+            if compile_missing():
+                # Another graph may have started meanwhile.
+                refuse_second_graph(names)
+            if options.clock == 'realtime':
+                awake.enter_context(KeepAwake())
+            for node in nodes:
+                processes.start(node)
+            work(processes)
+        except StageError as error:
+            print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
+            status = 1
+        except KeyboardInterrupt:
+            print('interrupted: the stage is brought to rest', file=sys.stderr)
+            status = INTERRUPTED
+        finally:
+            killed = processes.end()
+    if killed:
+        print(f'error: {", ".join(killed)} did not end and was killed', file=sys.stderr)
+    return status or int(bool(killed))
 
 
 def refuse_second_graph(names: Sequence[str]) -> None:

@@ -10,16 +10,12 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from stage_bringup import kernels
-from stage_bringup.graph import Options, commands
-from stage_bringup.keep_awake import KeepAwake
+from stage_bringup.graph import Options, commands, machine_parser, options_of
 from stage_bringup.processes import NodeCommand, Processes
-from stage_bringup.session import refuse_second_graph, take_interrupts
+from stage_bringup.session import INTERRUPTED, run_graph
 from stage_core.errors import StageError, command_line
 
 #: A tracker without a port in its address listens here (emScon TPI).
@@ -36,31 +32,21 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
     StageError
         For an address that names no port.
     """
-    parser = argparse.ArgumentParser(
-        prog='up', description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    parser = machine_parser(
+        'up',
+        'realtime',
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument('--backend', choices=('servo', 'zaber'), default='servo')
-    parser.add_argument('--clock', choices=('realtime', 'lockstep'), default='realtime')
     parser.add_argument('--port', help='port of a real Zaber stage, as /dev/ttyUSB0')
     parser.add_argument('--tracker', help='address of a real tracker, HOST or HOST:PORT')
-    parser.add_argument('--out', type=Path, help='folder of logs and models (default bags/<time>)')
     parser.add_argument('--page-port', type=int, default=8766, help='port of the live page')
-    parser.add_argument('--reality', type=Path, help='twin file of the machine that is emulated')
-    parser.add_argument('--model', type=Path, help='MuJoCo model that moves as the machine')
-    parser.add_argument('--nominal', type=Path, help='twin file of the nominal machine')
     given = parser.parse_args(arguments)
-    real = bool(given.port or given.tracker)
-    if real and given.clock == 'lockstep':
+    if (given.port or given.tracker) and given.clock == 'lockstep':
         raise StageError('a real machine runs in real time: leave out --clock lockstep')
-    options = Options(
-        backend='zaber' if given.port else given.backend,
-        clock=given.clock,
-        out=(given.out or Path('bags') / time.strftime('%Y%m%d-%H%M%S')).resolve(),
-        reality=given.reality,
-        nominal=given.nominal,
-        model=given.model and given.model.resolve(),
-        live=given.clock == 'realtime',
-    )
+    options = options_of(given)
+    if given.port:
+        options = replace(options, backend='zaber')
     nodes = [_changed(node, given.port, given.tracker) for node in commands(options)]
     if given.port and given.tracker:
         nodes = [node for node in nodes if node.name != 'stage_twin']
@@ -91,32 +77,13 @@ def _changed(node: NodeCommand, port: str | None, tracker: str | None) -> NodeCo
 def main(arguments: Sequence[str] | None = None) -> int:
     """Start the nodes and show what they say until Ctrl-C or the end of one."""
     options, nodes = parse(arguments)
-    try:
-        kernels.main()
-    except KeyboardInterrupt:
-        print('ended before a node was started', flush=True)
-        return 130
-    refuse_second_graph([node.name for node in nodes])
-    take_interrupts()
-    processes = Processes(options.out / 'log')
-    status = 0
-    with ExitStack() as awake:
-        if options.clock == 'realtime':
-            awake.enter_context(KeepAwake())
-        try:
-            for node in nodes:
-                processes.start(node)
-            print(f'{len(nodes)} nodes start; logs in {processes.log_folder}; Ctrl-C ends all')
-            _follow(processes, [node.name for node in nodes])
-        except KeyboardInterrupt:
-            print('ending: the stage is brought to rest', flush=True)
-        except StageError as error:
-            print(f'error: {error}', file=sys.stderr)
-            status = 1
-        killed = processes.end()
-    if killed:
-        print(f'error: {", ".join(killed)} did not end and was killed', file=sys.stderr)
-    return status or int(bool(killed))
+
+    def follow(processes: Processes) -> None:
+        print(f'{len(nodes)} nodes start; logs in {processes.log_folder}; Ctrl-C ends all')
+        _follow(processes, [node.name for node in nodes])
+
+    status = run_graph(options, nodes, follow)
+    return 0 if status == INTERRUPTED else status
 
 
 def _follow(processes: Processes, names: list[str]) -> None:

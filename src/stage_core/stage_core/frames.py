@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stage_core import topics
 from stage_core.errors import StageError
 
 Array = NDArray[np.float64]
@@ -78,6 +80,22 @@ class RigidTransform:
     def inverse(self) -> RigidTransform:
         """The transform from the target frame back to the source frame."""
         return RigidTransform(self.rotation.T, -self.rotation.T @ self.translation)
+
+
+def alignment(parent: str, quaternion: ArrayLike, translation: ArrayLike) -> RigidTransform:
+    """The transform from the tracker to the stage (see `RigidTransform.from_quaternion`).
+
+    A transform holds the coordinates of the child frame's points in the parent frame, so one
+    whose parent is the tracker is inverted.
+    """
+    found = RigidTransform.from_quaternion(quaternion, translation)
+    return found.inverse() if parent == topics.TRACKER_FRAME else found
+
+
+def alignment_in(message: Any) -> RigidTransform:
+    """The alignment that a TransformStamped holds."""
+    r, t = message.transform.rotation, message.transform.translation
+    return alignment(message.header.frame_id, (r.x, r.y, r.z, r.w), (t.x, t.y, t.z))
 
 
 def fit_rigid(source: ArrayLike, target: ArrayLike) -> RigidTransform:

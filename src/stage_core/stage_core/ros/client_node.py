@@ -141,11 +141,8 @@ class GraphClient:
         StageError
             If the service is absent or does not answer in time.
         """
-        client = self._client(service_type, name)
-        if not client.wait_for_service(timeout_sec=min(timeout, 30.0)):
-            raise StageError(f'service {name} is absent: is its node running?')
-        acquainted = self._acquainted.setdefault(name, time.monotonic()) + ACQUAINTANCE
-        time.sleep(max(0.0, acquainted - time.monotonic()))
+        client = self._reach(service_type, name, min(timeout, 30.0))
+        time.sleep(max(0.0, self._acquainted[name] + ACQUAINTANCE - time.monotonic()))
         future = client.call_async(request)
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
@@ -153,23 +150,30 @@ class GraphClient:
             raise StageError(f'service {name} did not answer within {timeout:.0f} s')
         return future.result()
 
-    def _client(self, service_type: type, name: str) -> Any:
+    def _reach(
+        self,
+        service_type: type,
+        name: str,
+        timeout: float,
+        alive: Callable[[], None] = lambda: None,
+    ) -> Any:
+        """The client of a service that is there."""
         # One client per service: a fresh one may miss the answer while discovery still runs.
         if name not in self._clients:
             self._clients[name] = self.node.create_client(service_type, name)
+        deadline = time.monotonic() + timeout
+        while not self._clients[name].wait_for_service(timeout_sec=min(timeout, 0.5)):
+            alive()
+            if time.monotonic() > deadline:
+                raise StageError(f'service {name} is absent: is its node running?')
+        self._acquainted.setdefault(name, time.monotonic())
         return self._clients[name]
 
     def wait_for_service(
         self, name: str, timeout: float, alive: Callable[[], None] = lambda: None
     ) -> None:
         """Wait until a Trigger service is there; `alive` may raise meanwhile."""
-        client = self._client(Trigger, name)
-        deadline = time.monotonic() + timeout
-        while not client.wait_for_service(timeout_sec=0.5):
-            alive()
-            if time.monotonic() > deadline:
-                raise StageError(f'service {name} is absent: is its node running?')
-        self._acquainted.setdefault(name, time.monotonic())
+        self._reach(Trigger, name, timeout, alive)
 
     def trigger(self, name: str, timeout: float = 30.0) -> str:
         """Call a Trigger service; its message.
@@ -179,14 +183,14 @@ class GraphClient:
         StageError
             If it answers without success, with its reason.
         """
-        response = self.call(Trigger, name, Trigger.Request(), timeout)
-        if not response.success:
-            raise StageError(f'{name} failed: {response.message}')
-        return str(response.message)
+        return self._do(Trigger, name, Trigger.Request(), timeout)
 
     def set_bool(self, name: str, value: bool, timeout: float = 30.0) -> str:
         """Call a SetBool service; its message (see :meth:`trigger`)."""
-        response = self.call(SetBool, name, SetBool.Request(data=value), timeout)
+        return self._do(SetBool, name, SetBool.Request(data=value), timeout)
+
+    def _do(self, service_type: type, name: str, request: Any, timeout: float) -> str:
+        response = self.call(service_type, name, request, timeout)
         if not response.success:
             raise StageError(f'{name} failed: {response.message}')
         return str(response.message)
