@@ -1,14 +1,7 @@
-"""Rates of the tracker's chain without ROS, and a fuzz of its parsers.
-
-Prints points per second through the TPI codec, through the bridge's checks and over a loopback
-connection, then feeds random frames and datagrams to the parsers and prints what came out.
-"""
+"""Points per second of the tracker's chain: codec, the bridge's checks, a loopback connection."""
 
 from __future__ import annotations
 
-import argparse
-import random
-import resource
 import time
 
 import numpy as np
@@ -17,10 +10,9 @@ from stage_twin.emulators.tracker import TrackerInstrument
 from stage_twin.emulators.tracker_server import TrackerServer
 from tracker_bridge import tpi
 from tracker_bridge.bridge import Bridge
-from tracker_bridge.sa_text import SaTextDecoder, SaTextError
 from tracker_bridge.samples import Sample
 from tracker_bridge.sources.emscon import EmsconSource
-from tracker_bridge.tpi_packets import POINT, MultiMeasurement, TpiError
+from tracker_bridge.tpi_packets import POINT, MultiMeasurement
 
 
 def codec_rate(points: int = 200_000, per_packet: int = 10) -> float:
@@ -66,41 +58,11 @@ def loopback_rate(points: int = 50_000) -> float:
         server.close()
 
 
-def fuzz(frames: int, seed: int = 1) -> tuple[int, int, int]:
-    """Feed random frames; return refused ones, understood ones, and growth of memory [KiB]."""
-    source = random.Random(seed)
-    refused = understood = 0
-    text = SaTextDecoder()
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for index in range(frames):
-        body = source.randbytes(source.randrange(120))
-        try:
-            if index % 3 == 0:
-                text.decode(body, index)
-            elif index % 3 == 1:
-                tpi.decode(tpi.HEADER.pack(8 + len(body), source.randrange(12)) + body)
-            else:
-                for packet in tpi.StreamSplitter().feed(body):
-                    tpi.decode(packet)
-            understood += 1
-        except (TpiError, SaTextError):
-            refused += 1
-    return refused, understood, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-
-
 def main() -> None:
     """Print every figure."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--frames', type=int, default=1_000_000, help='random frames to parse')
-    frames = parser.parse_args().frames
     print(f'TPI codec, 10 points per packet   {codec_rate():12,.0f} points/s')
     print(f'checks of the bridge              {check_rate():12,.0f} points/s')
     print(f'emulated tracker to source        {loopback_rate():12,.0f} points/s')
-    refused, understood, grown = fuzz(frames)
-    print(
-        f'{frames:,} random frames: {refused:,} refused, {understood:,} understood, '
-        f'no other exception, memory grew by {grown} KiB'
-    )
 
 
 if __name__ == '__main__':

@@ -52,7 +52,10 @@ def zaber_commands() -> tuple[Parser, list[bytes]]:
     def parse(frame: bytes) -> bool:
         nonlocal now
         now += 0.01
-        return bool(chain.feed(frame, now))
+        answers = LineSplitter().feed(chain.feed(frame, now))
+        for line in answers:
+            decode_answer(line)
+        return bool(answers)
 
     return parse, [
         b'/1 1 07 move abs 20000 50000\n',

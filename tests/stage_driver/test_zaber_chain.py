@@ -1,10 +1,6 @@
 """The emulated Zaber chain as a pure object: lines in, lines out, time given by the test."""
 
-import random
-
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stage_core.errors import StageError
 from stage_core.twin_file import StepperAxis, TwinFile
@@ -14,12 +10,6 @@ from stage_twin.emulators.zaber_faults import KINDS
 from stage_twin.stepper import StepperPlant
 
 STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
-
-NUMBERS = '0 1 -- 07 100 -5 1e9 3.5 99999999999999999999'
-MOVES = 'move abs rel vel min max home stop estop'
-TEXTS = '/ /1 /2 /99 get set warnings clear pos accel . - : :00 cont renumber tools echo'
-SETTINGS = 'driver enable system reset comm.checksum limit.min maxspeed \\ \x08 \x7f \xe9'
-WORDS = ' '.join((NUMBERS, MOVES, TEXTS, SETTINGS)).split(' ')
 
 
 @pytest.fixture
@@ -199,25 +189,3 @@ def test_every_line_fault_changes_exactly_the_next_reply(chain, kind):
 def test_unknown_line_fault_is_an_error(chain):
     with pytest.raises(StageError, match='no line fault'):
         chain.faults.inject('gremlin')
-
-
-@given(st.lists(st.binary(max_size=40), max_size=6))
-@settings(max_examples=100, deadline=None)
-def test_any_bytes_leave_the_chain_alive(pieces):
-    chain = ZaberChain(StepperPlant(STEPPER))
-    for piece in pieces:
-        chain.feed(piece, 0.0)
-    chain.feed(b'\n\x7f\n', 0.0)
-    assert chain.feed(b'/1 get comm.address\n', 0.0) == b'@01 0 OK IDLE WR 1\r\n'
-
-
-def test_seeded_fuzz_of_command_like_lines():
-    chain = ZaberChain(StepperPlant(STEPPER))
-    generator = random.Random(2)
-    for number in range(20000):
-        line = ' '.join(generator.choices(WORDS, k=generator.randrange(1, 7)))
-        for answer in LineSplitter().feed(
-            chain.feed(line.encode('latin1') + b'\n', number * 0.01)
-        ):
-            decode_answer(answer)
-    assert len(chain._buffer.pending) <= 1024
