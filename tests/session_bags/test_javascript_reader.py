@@ -9,7 +9,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +16,6 @@ import pytest
 from mcap.reader import make_reader
 
 from session_bags import repair
-
-from .test_repair_and_check import KILLED
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -61,19 +58,8 @@ def check_against_python(path: Path) -> None:
     assert found['compressions'] == ['zstd'] and found['schemaBytes'] > 0
 
 
-def test_a_bag_repaired_after_kill_9(tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        [sys.executable, '-c', KILLED, str(tmp_path / 'bag'), str(ROOT)],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout is not None
-        while int(process.stdout.readline()) < 800:
-            pass
-    finally:
-        process.kill()
-        process.wait()
-    repair.repair(tmp_path / 'bag')
-    (path,) = (tmp_path / 'bag').glob('*.mcap')
-    check_against_python(path)
+def test_a_bag_that_was_cut_and_repaired(bag: Path) -> None:
+    file = bag / 'bag_0.mcap'
+    file.write_bytes(file.read_bytes()[:-3000])
+    repair.repair(bag)
+    check_against_python(file)
