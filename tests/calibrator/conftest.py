@@ -30,7 +30,7 @@ def _planted_map(command, direction):
     )
 
 
-def _grid_session(
+def make_grid_session(
     points=60, latency=0.0, rest=0.3, seed=0, noise=3e-7, sensor=None, twin=None, places=None
 ):
     """Moves between random points with rests; tracker at 100 Hz stamped late by `latency` [s].
@@ -87,7 +87,7 @@ def planted_map():
 @pytest.fixture(scope='session')
 def grid_session():
     """Maker of sessions of the planted stage."""
-    return _grid_session
+    return make_grid_session
 
 
 @pytest.fixture

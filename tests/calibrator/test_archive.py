@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from calibrator import model_file
 from calibrator.gather import gather
 from calibrator.prepare import prepare
 from calibrator.restarts import train_restarts
@@ -24,8 +18,6 @@ from session_bags.archive import Where
 from session_bags.reader import read_session
 from session_bags.writer import write_session
 from stage_core.errors import StageError
-
-from ..patience import PATIENCE
 
 BAGS = 6
 
@@ -88,72 +80,6 @@ def test_kept_samples_hold_the_derivatives_of_temperatures(
         )
         assert not gathered.skipped
         np.testing.assert_array_equal(gathered.samples.rates, np.concatenate([expected] * 2))
-
-
-@pytest.fixture
-def blocking_bag(archive: Path) -> Iterator[Path]:
-    """A bag whose reading lasts until the test lets it go on: its file is a pipe."""
-    bag = archive / 'day_1' / 'slow'
-    bag.mkdir()
-    os.mkfifo(bag / 'slow_0.mcap')
-    yield bag
-    if (bag / 'slow_0.mcap').is_fifo():
-        let_go(bag)
-
-
-def let_go(bag: Path) -> None:
-    """End the reading of a blocking bag; it finds an empty file."""
-    pipe = bag / 'slow_0.mcap'
-    deadline = time.monotonic() + PATIENCE
-    while time.monotonic() < deadline:
-        try:
-            os.close(os.open(pipe, os.O_WRONLY | os.O_NONBLOCK))
-            break
-        except OSError:
-            # Nobody has it open: the reader is gone, or not there yet.
-            time.sleep(0.05)
-            if deadline - time.monotonic() < 50.0:
-                break
-    pipe.unlink()
-
-
-def test_a_killed_run_goes_on_where_it_was(
-    archive: Path, blocking_bag: Path, tmp_path: Path, dask_cluster: str, grid_session
-) -> None:
-    """Killed in the middle on a cluster, run again: what was done is not done again."""
-    results = tmp_path / 'results'
-    arguments = ['--bag', str(archive), '--results', str(results), '--scheduler', dask_cluster]
-    run = subprocess.Popen(
-        [sys.executable, '-m', 'calibrator.retrain_offline', *arguments],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        deadline = time.monotonic() + PATIENCE
-        while len(list(results.glob('*.json'))) < 3 and time.monotonic() < deadline:
-            assert run.poll() is None, 'it cannot end: one bag blocks'
-            time.sleep(0.02)
-    finally:
-        run.kill()
-        run.wait()
-    kept = {path: path.stat().st_mtime_ns for path in results.glob('*.json')}
-    assert 3 <= len(kept) <= BAGS
-    let_go(blocking_bag)
-    blocking_bag.rmdir()
-    write_session(blocking_bag, grid_session(12, rest=0.2, seed=99))
-
-    out = tmp_path / 'model.json'
-    assert main([*arguments, '--out', str(out)]) == 0
-    after = {path: path.stat().st_mtime_ns for path in results.glob('*.json')}
-    assert len(after) == BAGS + 1
-    assert {path: after[path] for path in kept} == kept
-
-    here = tmp_path / 'here.json'
-    elsewhere = ['--results', str(tmp_path / 'others'), '--jobs', '1', '--out', str(here)]
-    assert main(['--bag', str(archive), *elsewhere]) == 0
-    one, two = model_file.load(out), model_file.load(here)
-    assert one.model.to_dict() == two.model.to_dict()
-    assert one.training == two.training and len(one.training) == BAGS + 1
 
 
 def test_restarts_take_the_least_training_error(

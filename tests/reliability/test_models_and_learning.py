@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from std_srvs.srv import Trigger
 
 from calibrator import model_file
 from calibrator.correction import Correction
@@ -27,10 +27,10 @@ from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ros.node import joint_state
-from stage_core.session import Series, Session
 from stage_driver.limits import AxisLimits, check_setpoint
 from stage_driver.motion import MotionGenerator
 
+from ..calibrator.conftest import make_grid_session
 from ..patience import PATIENCE
 from .rig import Nodes, Watch
 
@@ -80,114 +80,57 @@ def corrected(watch: Watch, target: float) -> float:
 corrected.calls = 0  # type: ignore[attr-defined]
 
 
-def damage(path: Path, kind: str) -> None:
-    """Spoil a model file in one way."""
-    text = path.read_text()
-    document = json.loads(text)
-    if kind == 'truncated':
-        path.write_text(text[: len(text) // 2])
-        return
-    if kind == 'tampered':
-        document['content']['seed'] += 1
-    elif kind == 'other version':
-        document['format_version'] += 1
-    path.write_text(json.dumps(document))
-
-
-@pytest.mark.parametrize(
-    ('kind', 'words'),
-    [
-        ('truncated', 'not valid JSON'),
-        ('tampered', 'checksum'),
-        ('other version', 'format version'),
-        ('other machine', 'trained on machine lathe'),
-        ('absent', 'cannot read'),
-        ('pickle', 'not valid JSON|cannot read'),
-    ],
-)
-def test_bad_model_files_leave_the_old_model(
-    calibrator: tuple[Nodes, Watch], tmp_path: Path, kind: str, words: str
-) -> None:
-    nodes, watch = calibrator
-    client = watch.client
-    good, bad = tmp_path / 'good.json', tmp_path / 'bad.json'
-    model_file.save(affine(1e-3), good)
-    client.set_parameters('/calibrator', model_file=str(good))
+def use(client: Any, path: Path, scale: float) -> None:
+    """Let the calibrator correct by a new model."""
+    model_file.save(affine(scale), path)
+    client.set_parameters('/calibrator', model_file=str(path))
     client.trigger('/calibrator/load', PATIENCE)
     client.set_bool('/calibrator/activate', True)
+
+
+def test_bad_model_files_leave_the_old_model(
+    calibrator: tuple[Nodes, Watch], tmp_path: Path
+) -> None:
+    """What a file can be refused for is in `tests/calibrator/test_model_file.py`."""
+    nodes, watch = calibrator
+    client = watch.client
+    use(client, tmp_path / 'good.json', 1e-3)
     before = corrected(watch, 0.1)
     assert before == pytest.approx(0.1 / 1.001, abs=1e-9)
-    if kind != 'absent':
-        model_file.save(affine(5e-3, 'lathe' if kind == 'other machine' else 'bench'), bad)
-    witness = tmp_path / 'executed'
-    if kind == 'pickle':
-        # Loading this with pickle would make the file `executed`.
-        bad.write_bytes(f'cbuiltins\nopen\n(V{witness}\nVw\ntR.'.encode())
-    elif kind not in ('absent', 'other machine'):
-        damage(bad, kind)
-    client.set_parameters('/calibrator', model_file=str(bad))
-    with pytest.raises(StageError, match=words):
-        client.trigger('/calibrator/load', PATIENCE)
-    assert corrected(watch, 0.1) == before
+    other, pickled, witness = (tmp_path / name for name in ('other', 'pickled', 'executed'))
+    model_file.save(affine(5e-3, 'lathe'), other)
+    # Loading this with pickle would make the file `executed`.
+    pickled.write_bytes(f'cbuiltins\nopen\n(V{witness}\nVw\ntR.'.encode())
+    for path, words in ((other, 'trained on machine lathe'), (pickled, 'not valid JSON')):
+        client.set_parameters('/calibrator', model_file=str(path))
+        with pytest.raises(StageError, match=words):
+            client.trigger('/calibrator/load', PATIENCE)
+        assert corrected(watch, 0.1) == before
     assert not witness.exists()
     assert nodes.dead() == []
 
 
-def noise_bag(folder: Path) -> Path:
-    """A session whose tracker says nothing about the stage."""
-    generator = np.random.default_rng(1)
-    count, period = 6000, 2_000_000
-    stamps = np.arange(count, dtype=np.int64) * period + 10**18
-    position = np.repeat(generator.uniform(-0.05, 0.05, (count // 200, 2)), 200, axis=0)
-    points = generator.uniform(-0.5, 0.5, (count // 5, 3))
-    return write_session(
-        folder / 'noise',
-        Session(
-            'noise',
-            {
-                topics.REFERENCE: Series(
-                    topics.REFERENCE,
-                    stamps,
-                    {'position.x': position[:, 0], 'position.y': position[:, 1]},
-                ),
-                topics.TRACKER_POINT: Series(
-                    topics.TRACKER_POINT, stamps[::5], dict(zip('xyz', points.T, strict=True))
-                ),
-            },
-        ),
-    )
-
-
-def test_failed_and_aborted_training_leave_the_old_model(
+def test_an_aborted_training_leaves_the_old_model(
     calibrator: tuple[Nodes, Watch], tmp_path: Path
 ) -> None:
     nodes, watch = calibrator
     client = watch.client
-    model_file.save(affine(2e-3), tmp_path / 'good.json')
-    client.set_parameters('/calibrator', model_file=str(tmp_path / 'good.json'))
-    client.trigger('/calibrator/load', PATIENCE)
-    client.set_bool('/calibrator/activate', True)
+    use(client, tmp_path / 'good.json', 2e-3)
     before = corrected(watch, 0.1)
-    bag = noise_bag(tmp_path)
-    client.set_parameters('/calibrator', bag=str(bag))
-    with pytest.raises(StageError):
-        client.trigger('/calibrator/retrain', PATIENCE)
-    assert corrected(watch, 0.1) == before
+    bag = write_session(tmp_path / 'bag', make_grid_session(30))
     # A training that would take for ever, ended in the middle.
     client.set_parameters(
         '/calibrator',
+        bag=str(bag),
         method='it2fls',
         options='{"particles": 200, "iterations": 100000}',
     )
-    from std_srvs.srv import Trigger
-
     service = client.node.create_client(Trigger, '/calibrator/retrain')
     answer = service.call_async(Trigger.Request())
     client.wait_for(lambda: _aborted(client), PATIENCE, 'the abort')
     client.wait_for(answer.done, PATIENCE, 'the answer')
     assert not answer.result().success and 'aborted' in answer.result().message
     assert corrected(watch, 0.1) == before
-    client.set_parameters('/calibrator', options='{}', method='structured')
     assert nodes.dead() == []
 
 
@@ -203,7 +146,7 @@ WILD = st.one_of(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.lists(st.tuples(WILD, WILD), min_size=30, max_size=60), st.integers(0, 2**31))
 def test_absurd_measurements_cannot_drive_the_stage_beyond_its_limits(
     measured: list[tuple[float, float]], seed: int
