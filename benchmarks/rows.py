@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,19 @@ def kept(path: Path, work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         write_whole(path, json.dumps({**work(), 'code': commit()}, default=float))
     row: dict[str, Any] = json.loads(path.read_text(encoding='utf-8'))
     return row
+
+
+def cases(
+    folder: Path, numbers: Iterable[int], work: Callable[[int], dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """The rows of numbered cases, each kept in the folder and printed as soon as it is there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for number in numbers:
+        path = folder / f'case_{number:04d}.json'
+        rows.append(kept(path, functools.partial(work, number)))
+        print(json.dumps(rows[-1]), flush=True)
+    return rows
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

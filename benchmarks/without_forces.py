@@ -10,8 +10,6 @@ too) is not asked for: it may be passed over, or leave `unknown`. A run that was
 from __future__ import annotations
 
 import argparse
-import functools
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,7 +19,7 @@ from typing import Any
 from benchmarks.blind.machine import NOMINAL
 from benchmarks.blind.session import as_session, run_machine, visible
 from benchmarks.blind.suites import case
-from benchmarks.rows import commit, kept
+from benchmarks.rows import cases, commit
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.residuals.without_forces import NOT_TOLD
 from stage_core import topics
@@ -34,14 +32,14 @@ OPTIONAL = {*NOT_TOLD, 'viscous_friction'}
 LEFT_OF = {'asymmetric_friction': 'coulomb_friction'}
 
 
-def nominal() -> TwinFile:
-    """The blind machine's twin file with nothing of its controller."""
+def without_gains(content: dict[str, Any]) -> dict[str, Any]:
+    """The content of a twin file with nothing of its controller."""
     unstated = (*GAINS, 'velocity_feedforward', 'delay')
     axes = {
         name: {k: v for k, v in axis.items() if k not in unstated}
-        for name, axis in NOMINAL['axes'].items()
+        for name, axis in content['axes'].items()
     }
-    return TwinFile.from_dict({**NOMINAL, 'axes': axes})
+    return {**content, 'axes': axes}
 
 
 def mute(session: Session) -> Session:
@@ -57,7 +55,7 @@ def run_case(number: int) -> dict[str, Any]:
     """What is planted in a case, and what a diagnosis without forces says."""
     one = visible(case('main', number, 'report'))
     session = mute(as_session(run_machine(one), one.seed, one.tracker, one.temperature))
-    found = diagnose([session], [], nominal())
+    found = diagnose([session], [], TwinFile.from_dict(without_gains(NOMINAL)))
     return {'number': number, 'expected': list(one.expected), 'verdict': found.verdict}
 
 
@@ -89,12 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--cases', type=int, default=40)
     parser.add_argument('--out', type=Path, default=Path('build/without_forces'))
     options = parser.parse_args(arguments)
-    options.out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for number in range(options.cases):
-        path = options.out / f'case_{number:04d}.json'
-        rows.append(kept(path, functools.partial(run_case, number)))
-        print(json.dumps({**rows[-1], 'score': judged(rows[-1])}), flush=True)
+    rows = cases(options.out, range(options.cases), run_case)
     print(table(rows))
     return 0
 

@@ -13,7 +13,7 @@ from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import TrackerSpec, TwinFile
 from stage_twin.effects import EFFECTS
-from stage_twin.simulate import simulate
+from stage_twin.simulate import SimulationResult, simulate
 
 Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]
@@ -119,15 +119,30 @@ def session(
 
     `warmth` (n,) [degC] is the temperature of every screw, `start` the first stamp [ns].
     """
-    axes, period = tuple(machine.axes), machine.control_period
-    rate = np.gradient(position, period, axis=0)
-    warm = np.tile(warmth[:, None], (1, len(axes)))
+    rate = np.gradient(position, machine.control_period, axis=0)
+    warm = np.tile(warmth[:, None], (1, len(machine.axes)))
     made = simulate(machine, position, rate, temperatures=warm, seed=seed)
+    found = as_session(made, carried, position, start, name)
+    seconds = np.arange(0.0, len(position) * machine.control_period, 1.0)
+    values = {'temperature': np.interp(seconds, made.times, warmth)}
+    for axis in machine.axes:
+        key = topics.temperature_key(f'screw_{axis}')
+        stamps = start + np.rint(seconds * 1e9).astype(np.int64)
+        found.series[key] = Series(topics.TEMPERATURE, stamps, dict(values))
+    return found
+
+
+def as_session(
+    made: SimulationResult, carried: TwinFile, position: Array, start: int, name: str
+) -> Session:
+    """What a bag holds of a run on a reference (n, n_axes) [m], temperatures apart."""
+    rate = np.gradient(position, carried.control_period, axis=0)
 
     def stamps(seconds: Array) -> NDArray[np.int64]:
         return start + np.rint(seconds * 1e9).astype(np.int64)
 
     def joints(topic: str, **columns: Array) -> Series:
+        axes = tuple(carried.axes)
         values = {f'{k}.{a}': c[:, i] for k, c in columns.items() for i, a in enumerate(axes)}
         return Series(topic, stamps(made.times), values)
 
@@ -138,10 +153,4 @@ def session(
         joints(topics.JOINT_STATES, position=made.encoder, velocity=made.velocity),
         Series(topics.TRACKER_POINT, stamps(made.tracker_stamps), points),
     ]
-    series = {one.topic: one for one in found}
-    seconds = np.arange(0.0, len(position) * period, 1.0)
-    values = {'temperature': np.interp(seconds, made.times, warmth)}
-    for axis in axes:
-        key = topics.temperature_key(f'screw_{axis}')
-        series[key] = Series(topics.TEMPERATURE, stamps(seconds), dict(values))
-    return Session(name, series, carried.to_dict(), None)
+    return Session(name, {one.topic: one for one in found}, carried.to_dict(), None)

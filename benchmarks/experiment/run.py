@@ -11,8 +11,6 @@ and new session are diagnosed together. A run that was stopped goes on where it 
 from __future__ import annotations
 
 import argparse
-import functools
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.experiment.machine import PERIOD, Array, Case, draw, nominal, poor_motion, record
-from benchmarks.rows import commit, kept
+from benchmarks.rows import cases, commit
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.experiment.motions import Limits, Motion, sample
 from gap_diagnosis.experiment.propose import limits_of, propose
@@ -80,10 +78,10 @@ def run_case(seed: int) -> dict[str, Any]:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Counts of right names that stand alone."""
-    cases = [(draw(r['seed']), r) for r in rows]
-    opened = [(c, r) for c, r in cases if r['after']]
+    drawn = [(draw(r['seed']), r) for r in rows]
+    opened = [(c, r) for c, r in drawn if r['after']]
     lines = [
-        f'{len(rows)} sessions: alone before {sum(alone(c, r["before"]) for c, r in cases)}',
+        f'{len(rows)} sessions: alone before {sum(alone(c, r["before"]) for c, r in drawn)}',
         f'{len(opened)} with a question that an experiment was found for:',
         f'  before: {sum(alone(c, r["before"]) for c, r in opened)}',
     ]
@@ -102,12 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--cases', type=int, default=42)
     parser.add_argument('--out', type=Path, default=Path('build/experiment'))
     options = parser.parse_args(arguments)
-    options.out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for seed in range(options.first, options.first + options.cases):
-        path = options.out / f'case_{seed:04d}.json'
-        rows.append(kept(path, functools.partial(run_case, seed)))
-        print(json.dumps(rows[-1]), flush=True)
+    rows = cases(options.out, range(options.first, options.first + options.cases), run_case)
     print(f'code {commit()}\n{table(rows)}')
     return 0
 

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.experiment.machine import START
+from benchmarks.experiment.machine import START, as_session
 from session_bags.writer import write_session
-from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.mujoco_plant import MujocoPlant
 
@@ -71,22 +70,7 @@ def session(model: Path, twin: TwinFile, duration: float = 12.0, noise: bool = T
     path = reference(duration, twin.control_period, len(twin.axes))
     rate = np.gradient(path, twin.control_period, axis=0)
     run = MujocoPlant(twin, model).session(path, rate, noise=noise)
-    axes = tuple(twin.axes)
-
-    def joints(topic: str, **columns: np.ndarray) -> Series:
-        stamps = START + np.rint(run.times * 1e9).astype(np.int64)
-        values = {f'{n}.{a}': c[:, i] for n, c in columns.items() for i, a in enumerate(axes)}
-        return Series(topic, stamps, values)
-
-    points = run.tracker_points
-    stamps = START + np.rint(run.tracker_stamps * 1e9).astype(np.int64)
-    series = [
-        joints(topics.REFERENCE, position=path, velocity=rate),
-        joints(topics.COMMAND, velocity=run.velocity_command, effort=run.force),
-        joints(topics.JOINT_STATES, position=run.encoder, velocity=run.velocity),
-        Series(topics.TRACKER_POINT, stamps, dict(zip('xyz', points.T, strict=True))),
-    ]
-    return Session('mujoco', {s.topic: s for s in series}, twin.to_dict(), None)
+    return as_session(run, twin, path, START, 'mujoco')
 
 
 def bag(folder: Path, model: Path, twin: TwinFile, **how: Any) -> Path:

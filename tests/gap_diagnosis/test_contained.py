@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +12,8 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.report import document as report
 from gap_diagnosis.report import page
 from stage_core.session import Session
-from stage_core.twin_file import TwinFile
+
+from .conftest import nominal
 
 Maker = Callable[..., Session]
 
@@ -26,13 +26,8 @@ ASYMMETRIC = {
 }
 
 
-def one_axis() -> TwinFile:
-    twin = TwinFile.nominal_servo()
-    return replace(twin, axes={'x': twin.axes['x']})
-
-
 def test_the_parts_of_an_asymmetric_friction(planted: Maker, tmp_path: Path) -> None:
-    found = diagnose([planted({'asymmetric_friction.x': ASYMMETRIC})], [], one_axis())
+    found = diagnose([planted({'asymmetric_friction.x': ASYMMETRIC})], [], nominal())
     assert found.verdict == ['asymmetric_friction.x']
     cause = json.loads(report.write(found, tmp_path).read_text())['causes'][0]
     parts = {part['part']: part for part in cause['contains']}
@@ -52,9 +47,3 @@ def test_the_parts_of_an_asymmetric_friction(planted: Maker, tmp_path: Path) -> 
     text = page.render(found)
     assert 'What asymmetric friction of x contains' in text
     assert 'friction differs between the directions' in text
-
-
-def test_a_plain_effect_has_no_parts(planted: Maker) -> None:
-    found = diagnose([planted({'coulomb_friction.x': {'coulomb': 6.0}})], [], one_axis())
-    assert found.verdict == ['coulomb_friction.x']
-    assert found.causes[0].contains == []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,8 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.report import document as report
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
+
+from .conftest import nominal
 
 Maker = Callable[..., Session]
 
@@ -22,15 +23,10 @@ MACHINE = {
 }
 
 
-def one_axis() -> TwinFile:
-    twin = TwinFile.nominal_servo()
-    return replace(twin, axes={'x': twin.axes['x']})
-
-
 def test_the_machine_that_was_diagnosed_has_no_gap_any_more(
     planted: Maker, tmp_path: Path
 ) -> None:
-    found = diagnose([planted(MACHINE)], [], one_axis())
+    found = diagnose([planted(MACHINE)], [], nominal())
     assert set(found.verdict) == set(MACHINE)
     report.write(found, tmp_path)
     corrected = TwinFile.load(tmp_path / 'corrected_twin.yaml')
@@ -46,7 +42,7 @@ def test_what_has_changed_since_is_named_and_estimated_anew(planted: Maker) -> N
         'tracker_latency': {'latency': 2e-3},
         'viscous_friction.x': {'viscous': 50.0},
     }
-    found = diagnose([planted(changed)], [], one_axis().with_effects(MACHINE))
+    found = diagnose([planted(changed)], [], nominal().with_effects(MACHINE))
     # The play has grown, there is viscous friction now, and no Coulomb friction any more.
     assert set(found.verdict) == {'backlash.x', 'viscous_friction.x', 'coulomb_friction.x'}
     assert found.after < 1.2 * found.noise_floor < 0.3 * found.before
@@ -67,7 +63,7 @@ def test_what_holds_an_effect_of_the_twin_takes_its_place(planted: Maker) -> Non
     }
     machine = {**MACHINE, 'asymmetric_friction.x': friction}
     del machine['coulomb_friction.x']
-    found = diagnose([planted(machine)], [], one_axis().with_effects(MACHINE))
+    found = diagnose([planted(machine)], [], nominal().with_effects(MACHINE))
     assert found.verdict == ['asymmetric_friction.x']
     effects = found.corrected_twin.effects
     assert set(effects) == set(machine)

@@ -12,8 +12,9 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.residuals.servo import Servo
 from stage_core.session import Session
-from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS
+
+from .conftest import nominal
 
 Maker = Callable[..., Session]
 
@@ -37,13 +38,9 @@ LEVELS = {f'c{k}': level for k, level in enumerate((6.0, 7.0, 10.0, 15.0, 17.0, 
 def test_a_planted_effect_is_named(
     planted: Maker, effect: str, planted_values: dict[str, float], tolerance: float
 ) -> None:
-    coupled = effect.startswith('axis_crosstalk')
-    axes = ('x', 'y') if coupled else ('x',)
+    axes = ('x', 'y') if effect.startswith('axis_crosstalk') else ('x',)
     session = planted({effect: planted_values}, axes=axes, duration=12.0)
-    twin = TwinFile.nominal_servo()
-    if not coupled:
-        twin = TwinFile.from_dict({**twin.to_dict(), 'axes': {'x': twin.to_dict()['axes']['x']}})
-    found = diagnose([session], [], twin)
+    found = diagnose([session], [], nominal(axes))
     assert found.verdict == [effect]
     for name, value in planted_values.items():
         estimate, deviation = found.parameters[effect][name]
@@ -65,9 +62,7 @@ def test_friction_that_goes_with_the_position_is_named_with_its_curve(planted: M
     name = 'position_dependent_friction.x'
     ends = {'start': -0.03, 'stop': 0.03}
     session = planted({name: {**LEVELS, **ends, 'presliding': 2e-6}}, duration=16.0)
-    twin = TwinFile.nominal_servo()
-    twin = TwinFile.from_dict({**twin.to_dict(), 'axes': {'x': twin.to_dict()['axes']['x']}})
-    found = diagnose([session], [], twin)
+    found = diagnose([session], [], nominal())
     assert found.verdict == [name]
     values = {key: value for key, (value, _) in found.parameters[name].items()}
     estimated = np.linspace(values['start'], values['stop'], len(LEVELS))
@@ -82,9 +77,7 @@ def test_a_base_on_soft_mounts_is_named_and_what_makes_the_same_force_beside_it(
 ) -> None:
     values = {'frequency': 9.5, 'damping': 0.05, 'mass_ratio': 0.12}
     session = planted({'base_resonance.x': values}, duration=12.0)
-    twin = TwinFile.nominal_servo()
-    twin = TwinFile.from_dict({**twin.to_dict(), 'axes': {'x': twin.to_dict()['axes']['x']}})
-    found = diagnose([session], [], twin)
+    found = diagnose([session], [], nominal())
     assert found.verdict == ['base_resonance.x']
     assert 'structural_resonance.x' in found.causes[0].alternatives
     for name in ('frequency', 'mass_ratio'):
@@ -98,9 +91,7 @@ def test_a_base_is_named_at_any_frequency_where_the_tracker_stands_on_the_floor(
 ) -> None:
     values = {'frequency': 20.0, 'damping': 0.05, 'mass_ratio': 0.3, 'floor_share': 1.0}
     session = planted({'base_resonance.x': values}, duration=12.0)
-    twin = TwinFile.nominal_servo()
-    twin = TwinFile.from_dict({**twin.to_dict(), 'axes': {'x': twin.to_dict()['axes']['x']}})
-    found = diagnose([session], [], twin)
+    found = diagnose([session], [], nominal())
     assert found.verdict == ['base_resonance.x']
     values = {key: value for key, (value, _) in found.parameters['base_resonance.x'].items()}
     assert values['frequency'] == pytest.approx(20.0, rel=0.05)

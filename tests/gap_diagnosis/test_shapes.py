@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.result import Diagnosis
 from stage_core.session import Session
-from stage_core.twin_file import TrackerSpec, TwinFile
+
+from .conftest import nominal
 
 Maker = Callable[..., Session]
-TWIN = replace(TwinFile.nominal_servo(), tracker=TrackerSpec(100.0, 1e-6))
-ALONE = replace(TWIN, axes={'x': TWIN.axes['x']})
+TWIN, ALONE = nominal(('x', 'y')), nominal()
 
 
 def assert_told(found: Diagnosis, effect: str, truth: dict[str, float]) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.without_forces import mute
 from gap_diagnosis.__main__ import main
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.closed_loop.simulated import beside, of_simulator
@@ -80,14 +81,6 @@ def test_a_simulator_with_other_gains_than_the_machine(planted: Maker) -> None:
     error = found.parameters['controller_mismatch.x']['velocity_gain_error'][0]
     assert error == pytest.approx(1.0 / 0.7 - 1.0, rel=0.05)
     assert found.after < 0.3 * found.before
-
-
-def mute(session: Session) -> Session:
-    """The session of a drive that does not tell its force."""
-    command = session.series[topics.COMMAND]
-    values = {k: v for k, v in command.values.items() if not k.startswith('effort')}
-    series = {**session.series, topics.COMMAND: replace(command, values=values)}
-    return replace(session, series=series)
 
 
 def test_a_machine_without_effort_beside_a_simulator_with_it(planted: Maker) -> None:

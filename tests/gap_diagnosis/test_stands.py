@@ -14,12 +14,12 @@ from gap_diagnosis.residuals.operators import sure_turns
 from gap_diagnosis.residuals.stands import Stands, stands_of
 from gap_diagnosis.selection.parts import LEAST_ROWS, fit_part
 from stage_core.session import Session
-from stage_core.twin_file import TrackerSpec, TwinFile
+
+from .conftest import nominal
 
 Maker = Callable[..., Session]
 STEP, NOISE = 5e-6, 1e-6
-TWIN = replace(TwinFile.nominal_servo(), tracker=TrackerSpec(100.0, NOISE))
-COARSE = replace(TWIN, axes={'x': replace(TWIN.axes['x'], encoder_resolution=STEP)})
+COARSE = replace(nominal(), axes={'x': replace(nominal().axes['x'], encoder_resolution=STEP)})
 
 
 def test_rows_of_a_stand_become_white() -> None:

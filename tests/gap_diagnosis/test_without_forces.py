@@ -9,28 +9,17 @@ import pytest
 import yaml
 
 from benchmarks.blind.machine import Recording
+from benchmarks.without_forces import without_gains
 from gap_diagnosis.__main__ import main
 from gap_diagnosis.residuals import unrecorded
 from stage_core.twin_file import GAINS
 
 from .foreign import Message, Shape, machine, messages, twin, write_bag
 
-BESIDE = ('velocity_feedforward', 'delay')
-
-
-def without_gains() -> dict:
-    """The machine's twin file with nothing of its controller."""
-    content = twin()
-    axes = {
-        name: {k: v for k, v in axis.items() if k not in (*GAINS, *BESIDE)}
-        for name, axis in content['axes'].items()
-    }
-    return {**content, 'axes': axes}
-
 
 def words(bag: Path, folder: Path) -> list[str]:
     """Arguments of a diagnosis of a bag with the file without gains."""
-    (folder / 'twin.yaml').write_text(yaml.safe_dump(without_gains()))
+    (folder / 'twin.yaml').write_text(yaml.safe_dump(without_gains(twin())))
     own = ['diagnose', '--bag', str(bag), '--twin', str(folder / 'twin.yaml'), '--quiet']
     return [*own, '--out', str(folder / 'out')]
 
