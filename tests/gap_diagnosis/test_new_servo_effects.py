@@ -12,6 +12,7 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.residuals.servo import Servo
 from stage_core.session import Session
+from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS
 
 from .conftest import nominal

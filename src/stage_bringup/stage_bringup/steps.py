@@ -260,8 +260,8 @@ def _retrain_offline(session: Session) -> None:
         raise StageError(f'offline retraining failed: {done.stderr.strip()}')
     client.wait_for(lambda: client.latest(topics.MODEL) is not None, 30.0, topics.MODEL)
     announced: Any = client.latest(topics.MODEL)
-    online = model_file.load(Path(json.loads(announced.data)['file']))
-    offline = model_file.load(offline_file)
+    online = model_file.load(Path(json.loads(announced.data)['file'])).model
+    offline = model_file.load(offline_file).model
     points = session.result.targets
     difference = max(
         float(np.abs(online.predict(points, side) - offline.predict(points, side)).max())

@@ -73,7 +73,7 @@ def calibration_page(
 
 def predicted_errors(model: StoredModel, rests: Places) -> Array:
     """Errors (n, axes) [m] that a model predicts at the places of a session."""
-    return np.asarray(model.predict(rests.wanted, rests.direction)) - rests.wanted
+    return np.asarray(model.model.predict(rests.wanted, rests.direction)) - rests.wanted
 
 
 def _map(page: Page, session: Session, rests: Places, left: Array | None) -> None:
