@@ -46,7 +46,6 @@ def test_learning_pictures_and_spectra() -> None:
     curve = figures.convergence({'RMS': [1e-5, 5e-6, 1e-6]}).axes[0]
     np.testing.assert_allclose(curve.lines[0].get_ydata(), [10.0, 5.0, 1.0])
     assert curve.get_yscale() == 'log'
-    assert len(figures.learning_rate({'x': [1.0, 0.5], 'reward': [1.0, 0.2]}).axes[0].lines) == 2
     rate = 1000.0
     tone = np.sin(2.0 * np.pi * 50.0 * np.arange(8192) / rate)
     line = figures.spectrum({'tone': tone}, rate, 'µm').axes[0].lines[0]
@@ -54,7 +53,6 @@ def test_learning_pictures_and_spectra() -> None:
     assert peak == pytest.approx(50.0, abs=0.5)
     for bad in (
         lambda: figures.convergence({}),
-        lambda: figures.learning_rate({}),
         lambda: figures.spectrum({'a': [1.0]}, 1.0, 'm'),
         lambda: figures.spectrum({'a': np.ones(16)}, 0.0, 'm'),
         lambda: figures.time_series([0.0], {'a': [1.0, 2.0]}, 'm'),

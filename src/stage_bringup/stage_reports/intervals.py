@@ -48,13 +48,14 @@ def rms_interval(errors: ArrayLike) -> tuple[float, float]:
 
 
 def path_interval(errors: ArrayLike) -> tuple[float, float]:
-    """95 % interval of the RMS of errors (n,) along a path, in their unit.
+    """95 % interval of the RMS of errors (n,) or (n, axes) along a path, in their unit.
 
     A circular block bootstrap: the path is put together anew from stretches of a 24th of its
     length that begin anywhere, so errors close to each other stay together. The interval says how
     far the RMS depends on which stretches the path has. It does not say how well a run repeats.
     """
-    squares = np.asarray(errors, dtype=float) ** 2
+    e = np.asarray(errors, dtype=float)
+    squares = e**2 if e.ndim == 1 else (e**2).sum(axis=1)
     n = len(squares)
     length = -(-n // STRETCHES)
     total = np.concatenate([[0.0], np.cumsum(np.concatenate([squares, squares]))])

@@ -5,19 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from contour_ctrl.reinforcement import LearningRate
-from stage_core import topics
+import numpy as np
+
 from stage_core.errors import StageError
-from stage_core.metrics import Metrics
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
-from stage_core.wording import measure
+from stage_core.wording import measure, with_interval
 from stage_reports import figures
-from stage_reports.intervals import distance_rms
-from stage_reports.tracking import Tracking, tracking_errors
+from stage_reports.intervals import distance_rms, path_interval, rms_interval
+from stage_reports.sections import condition_entries
+from stage_reports.tracking import Array, places, runs, tracking_errors
 
-SENSORS = ('encoder', 'tracker', 'contour')
+#: What a recording shows, the figure of the headline first, in words.
+ERRORS = {
+    'contour': 'contour error, without approach and pauses',
+    'rests': 'distance between wanted and measured position at rest',
+    'encoder': 'distance between reference and encoder, the lag of the loop included',
+    'tracker': 'distance between reference and tracker, the lag of the loop included',
+}
 
 
 def trials_page(sessions: Sequence[Session]) -> Page:
@@ -28,60 +34,46 @@ def trials_page(sessions: Sequence[Session]) -> Page:
     StageError
         If they share no error.
     """
-    tracked = [tracking_errors(session) for session in sessions]
-    curves: dict[str, list[float]] = {}
-    rows: list[list[object]] = []
-    for number, (session, found) in enumerate(zip(sessions, tracked, strict=True), 1):
-        errors = {item.sensor: item.errors for item in found}
-        if session.has(topics.CONTOUR_ERROR):
-            errors['contour'] = session.series[topics.CONTOUR_ERROR].values['z'][:, None]
-        row: list[object] = [number, Path(session.path).name]
-        for name in SENSORS:
-            if name in errors:
-                curves.setdefault(name, []).append(distance_rms(errors[name]))
-            row.append(f'{curves[name][-1] / MICROMETRE:.2f}' if name in errors else None)
-        rows.append(row)
-    complete = {name: curve for name, curve in curves.items() if len(curve) == len(sessions)}
-    if not complete:
+    trials = [_errors(session) for session in sessions]
+    shared = [name for name in ERRORS if all(name in errors for errors in trials)]
+    if not shared:
         raise StageError(
             'the sessions share no error to compare: record the reference and an encoder, '
             'a tracker or the contour error in each'
         )
+    rms = {name: [distance_rms(errors[name]) for errors in trials] for name in shared}
     page = Page(f'{len(sessions)} trials of one motion')
-    name = 'contour' if 'contour' in complete else next(iter(complete))
-    first, last = complete[name][0], complete[name][-1]
+    name, last = shared[0], trials[-1][shared[0]]
+    interval = rms_interval if name == 'rests' else path_interval
     page.headline(
-        f'{measure(first)} to {measure(last)}',
-        f'RMS error by the {name} in the first and in the last of {len(sessions)} trials.',
+        with_interval(rms[name][-1], *interval(last)),
+        f'RMS {ERRORS[name]}, in the last of {len(sessions)} trials. '
+        f'In the first it was {measure(rms[name][0])}.',
     )
+    names = [Path(session.path).name for session in sessions]
+    page.conditions(condition_entries(sessions[0], [('Recording', ', '.join(names))]))
     page.heading('Error of each trial')
     page.figure(
-        figures.convergence(complete),
+        figures.convergence(rms),
         'RMS error over the trials',
         'The curve falls until only what does not repeat from trial to trial is left.',
     )
-    _regulated_rates(page, sessions[0].axes, tracked)
-    page.table(['trial', 'recording', *(f'{s} RMS (µm)' for s in SENSORS)], rows)
+    page.table(
+        ['trial', 'recording', *(f'{kind} RMS (µm)' for kind in shared)],
+        [
+            [k + 1, names[k], *(f'{rms[kind][k] / MICROMETRE:.2f}' for kind in shared)]
+            for k in range(len(sessions))
+        ],
+    )
     return page
 
 
-def _regulated_rates(page: Page, axes: tuple[str, ...], tracked: list[list[Tracking]]) -> None:
-    """Draw what the reinforcement regulator makes of the errors of these trials.
-
-    It is run again on the RMS errors of each axis with its default settings; the recording does
-    not say which rate was used.
-    """
-    if not all(tracked):
-        return
-    curves: dict[str, list[float]] = {}
-    for column, axis in enumerate(axes):
-        regulator = LearningRate()
-        for trial in tracked:
-            rate = regulator.after(Metrics.of(trial[0].errors[:, column]).rms)
-            curves.setdefault(f'rate of {axis}', []).append(rate)
-            curves.setdefault(f'reward of {axis}', []).append(regulator.reward)
-    page.figure(
-        figures.learning_rate(curves),
-        'Learning rate and reward that the regulator derives from these errors',
-        'Computed again with default settings. The recording does not hold the rate in use.',
-    )
+def _errors(session: Session) -> dict[str, Array]:
+    """Errors (n, axes) [m] of what counts in a session, by the keys of `ERRORS`."""
+    followed = runs(session)
+    if followed:
+        return {'contour': np.concatenate([run.contour for run in followed])[:, None]}
+    rests = places(session)
+    if rests is not None:
+        return {'rests': rests.errors}
+    return {item.sensor: item.errors for item in tracking_errors(session)}

@@ -8,7 +8,6 @@ from stage_reports.figures.contours import contour_polar, error_over_path
 from stage_reports.figures.curves import (
     convergence,
     histogram,
-    learning_rate,
     spectrum,
     time_series,
 )
@@ -25,7 +24,6 @@ __all__ = [
     'error_over_path',
     'histogram',
     'hysteresis_loops',
-    'learning_rate',
     'path_plot',
     'positioning_plot',
     'spectrum',

@@ -41,29 +41,6 @@ def convergence(errors: Mapping[str, ArrayLike]) -> Figure:
 
 
 @styled
-def learning_rate(values: Mapping[str, ArrayLike]) -> Figure:
-    """Factors without unit over the trials: learning rates, reinforcement signals.
-
-    Parameters
-    ----------
-    values : name of a factor -> its value in each trial (n,).
-    """
-    if not values:
-        raise StageError('no learning rate given: pass at least one list')
-    figure = canvas(5.6, 4.2)
-    axes = figure.subplots()
-    for colour, (name, curve) in zip(colours(len(values)), values.items(), strict=True):
-        data = np.asarray(curve, dtype=float)
-        axes.step(
-            np.arange(1, data.size + 1), data, where='mid', marker='o', color=colour, label=name
-        )
-    axes.set(xlabel='iteration', ylabel='factor')
-    axes.xaxis.get_major_locator().set_params(integer=True)
-    axes.legend()
-    return figure
-
-
-@styled
 def time_series(seconds: ArrayLike, values: Mapping[str, ArrayLike], unit: str) -> Figure:
     """Signals over time; each name a curve, all in the unit given (already scaled)."""
     time = np.asarray(seconds, dtype=float)
