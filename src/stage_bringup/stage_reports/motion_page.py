@@ -8,10 +8,10 @@ from stage_core import topics
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
-from stage_core.wording import measure
+from stage_core.wording import with_interval
 from stage_reports import figures
 from stage_reports.calibration_page import AXIS_TABLE
-from stage_reports.intervals import distance_rms
+from stage_reports.intervals import distance_rms, path_interval
 from stage_reports.sections import (
     axis_rows,
     circular_section,
@@ -31,11 +31,12 @@ def motion_page(session: Session) -> Page:
     page = Page('The stage in motion')
     found = tracking_errors(session)
     if found:
-        by = [f'{measure(distance_rms(t.errors))} seen by the {t.sensor}' for t in found]
+        # The tracker sees the table, the encoder the motor.
+        seen = found[-1]
         page.headline(
-            ', '.join(by),
-            'RMS distance between reference and measured position at every instant. The lag of '
-            'the servo loop in motion is part of it.',
+            with_interval(distance_rms(seen.errors), *path_interval(seen.errors)),
+            f'RMS distance between the reference and the {seen.sensor} at every instant. The lag '
+            'of the servo loop in motion is part of it.',
         )
     else:
         page.headline(

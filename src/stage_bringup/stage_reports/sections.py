@@ -39,11 +39,11 @@ def condition_entries(
     sensors = session.temperatures()
     values = np.concatenate([s.values['temperature'] for s in sensors.values()] or [np.empty(0)])
     heat = span(values.min(), values.max(), '°C', 1) if values.size else 'not recorded'
-    twin = session.twin or {}
+    twin = session.twin
     told = {
         'Recording': Path(session.path).name,
         'Date': date_words(session.recorded_ns),
-        'Twin': str(twin.get('kind', 'none in the recording')),
+        'Twin': f'{twin.get("kind")}, in the recording' if twin else 'none in the recording',
         'Temperature': heat,
         'Alignment': 'tracker aligned with the stage' if session.alignment else '',
     }
