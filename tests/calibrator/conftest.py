@@ -96,7 +96,7 @@ def warm_stage():
 
     def table_point(command, screws):
         heat = np.array([screws])
-        return carry(WARM, command[None], temperatures=heat).table[0]
+        return carry(WARM, command[None], heat)[0]
 
     return table_point
 
@@ -110,7 +110,7 @@ def warming_session():
     times = 0.1 * np.arange(len(command))
     warming = 1.0 - np.exp(-times / 150.0)
     screws = 20.0 + np.column_stack([4.0 * warming, 3.0 * np.sin(times / 100.0) ** 2])
-    table = carry(WARM, command, temperatures=screws).table
+    table = carry(WARM, command, screws)
     table = table + generator.normal(0.0, 2e-7, table.shape)
     stamps = 10**18 + (times * 1e9).astype(np.int64)
     reference = {f'position.{a}': command[:, i] for i, a in enumerate('xy')}

@@ -17,6 +17,8 @@ from stage_core.errors import StageError
 from stage_core.session import Series, Session
 from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
 from stage_twin.kinematics import carry
+from stage_twin.packing import pack
+from stage_twin.tracker import measure
 
 START = 1_750_000_000_000_000_000
 SCATTER = 0.75e-6  # m, a quarter of a repeatability of 3 µm
@@ -42,10 +44,11 @@ def stepper_session(effects: dict[str, dict[str, float]], moves: int = 40) -> Se
     s = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     starts = np.vstack([np.zeros((1, 2)), stops[:-1]])
     motor = np.concatenate([a + (b - a) * s for a, b in zip(starts, stops, strict=True)])
-    result = carry(twin.with_effects(effects), motor, seed=1)
+    real = twin.with_effects(effects)
+    _, seen = measure(real, pack(real), carry(real, motor), None, 1, True)
     # Where a move ends scatters; each stop has a deviation of its own.
     scatter = np.repeat(SCATTER * generator.standard_normal((moves, 2)), 100, axis=0)
-    points = result.tracker_points[:, :2] + scatter[: len(result.tracker_points)]
+    points = seen[:, :2] + scatter[: len(seen)]
     stamps = START + np.arange(len(motor)) * 10_000_000
     counted = np.rint(motor[::2] / 0.047625e-6)
     still = np.zeros(len(counted))

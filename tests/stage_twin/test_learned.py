@@ -62,7 +62,7 @@ def test_a_learned_force_is_the_effect_that_it_describes(law, effect):
 def table(effects):
     warm = 20.0 + np.stack([TIMES, 0.0 * TIMES], axis=1)
     twin = TwinFile.nominal_servo().with_effects(effects)
-    return carry(twin, PATH, temperatures=warm, tracker_times=np.zeros(0)).table[:, 0]
+    return carry(twin, PATH, warm)[:, 0]
 
 
 @pytest.mark.parametrize(
