@@ -10,7 +10,7 @@ import yaml
 
 from stage_bringup.graph import free_port
 from stage_core import drive_link, topics
-from stage_core.frames import RigidTransform
+from stage_core.frames import alignment_in
 from stage_core.twin_file import TwinFile
 
 from ..node_process import node
@@ -160,10 +160,7 @@ def test_lockstep_alignment_finds_the_planted_transform_twice_the_same(ros_env, 
     assert set(np.diff(stamps)) == {10_000_000}
     common = min(len(points), len(second[2]))
     assert points[-common:] == second[2][-common:]
-    rotation, shift = transform.transform.rotation, transform.transform.translation
-    found = RigidTransform.from_quaternion(
-        (rotation.x, rotation.y, rotation.z, rotation.w), (shift.x, shift.y, shift.z)
-    )
+    found = alignment_in(transform)
     cosine, sine = np.cos(ANGLE), np.sin(ANGLE)
     planted = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     # measured = R p + offset; the alignment takes it back. 1 µm of noise, some 50 points a rest.

@@ -65,7 +65,7 @@ def test_short_golden_vectors():
     assert tpi.decode(error) == ErrorPacket(64, ResultStatus.NO_TRACKER_PROCESSOR)
     assert tpi.encode_error(64, 26) == error
     units = bytes.fromhex('2000000000000000050000000100000000000000000000000000000000000000')
-    assert tpi.set_units(LengthUnit.MILLIMETRE) == units
+    assert tpi.encode_command(Command.SET_UNITS, LengthUnit.MILLIMETRE, 0, 0, 0, 0) == units
     assert tpi.decode_command(units) == CommandPacket(5, (1, 0, 0, 0, 0))
     start = bytes.fromhex('0c0000000000000031000000')
     assert tpi.encode_command(Command.START_MEASUREMENT) == start

@@ -27,10 +27,9 @@ from calibrator.trainer import Trainer
 from calibrator.training_job import Job
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_core.frames import RigidTransform
+from stage_core.frames import alignment_in
 from stage_core.quantities import AXES
 from stage_core.ros.batch_node import Batches
-from stage_core.ros.deferred_service import create_deferred_service
 from stage_core.ros.node import (
     ERROR,
     LATCHED_QOS,
@@ -44,6 +43,7 @@ from stage_core.ros.node import (
     run,
     stamp_of,
 )
+from stage_core.ros.services_node import create_deferred_service
 from stage_core.untrusted import json_object
 
 NO_ADAPTATION = 'no adaptation: '
@@ -138,11 +138,8 @@ class Calibrator(StageNode):
         self._buffer.add_point(stamp_of(message.header), (p.x, p.y, p.z))
 
     def _on_alignment(self, message: TransformStamped) -> None:
-        q, t = message.transform.rotation, message.transform.translation
         try:
-            self._buffer.alignment = RigidTransform.from_quaternion(
-                (q.x, q.y, q.z, q.w), (t.x, t.y, t.z)
-            )
+            self._buffer.alignment = alignment_in(message)
         except StageError as error:
             self._failure = str(error)
             self.get_logger().error(self._failure)

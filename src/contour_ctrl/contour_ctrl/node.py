@@ -23,8 +23,8 @@ from contour_ctrl.sequence import ContourRun
 from contour_ctrl.streaming_node import StreamingNode
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_core.ros.deferred_service import create_deferred_service
 from stage_core.ros.node import ERROR, LATCHED_QOS, OK, STATE_QOS, run, stamp_of
+from stage_core.ros.services_node import create_deferred_service
 from stage_core.untrusted import json_object
 
 

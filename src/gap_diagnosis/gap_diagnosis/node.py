@@ -18,7 +18,7 @@ from gap_diagnosis.experiment_node import run_experiment
 from gap_diagnosis.live import LiveMonitor
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_core.frames import RigidTransform
+from stage_core.frames import alignment_in
 from stage_core.parameters import Parameter
 from stage_core.priority import to_background
 from stage_core.ros.batch_node import Batches
@@ -131,11 +131,8 @@ class GapDiagnosisNode(StageNode):
 
     def _on_alignment(self, message: TransformStamped) -> None:
         assert self.monitor is not None
-        q, t = message.transform.rotation, message.transform.translation
         try:
-            self.monitor.alignment = RigidTransform.from_quaternion(
-                (q.x, q.y, q.z, q.w), (t.x, t.y, t.z)
-            )
+            self.monitor.alignment = alignment_in(message)
         except StageError as error:
             self.get_logger().warning(str(error))
 

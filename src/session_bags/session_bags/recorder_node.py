@@ -10,7 +10,6 @@ from typing import Any
 
 import rclpy.clock
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from std_srvs.srv import Trigger
 
 from session_bags.cdr import stamp_in
 from session_bags.drops import DropCounter
@@ -21,6 +20,7 @@ from stage_core.errors import StageError
 from stage_core.parameters import Parameter, Value
 from stage_core.ros.batch_node import Batches
 from stage_core.ros.node import ERROR, LATCHED_QOS, OK, WARN, StageNode, run
+from stage_core.ros.services_node import create_trigger_service
 from stage_core.twin_file import TwinFile
 
 _NAME = re.compile(r'[A-Za-z0-9][A-Za-z0-9_.-]*')
@@ -62,8 +62,8 @@ class SessionRecorder(StageNode):
         self._taken: list[tuple[int, str, str, bytes, bool, dict[str, int]]] = []
         self._batches = Batches(self, self._write_batch)
         self._subscribe()
-        self.create_service(Trigger, '~/start', self._on_start)
-        self.create_service(Trigger, '~/stop', self._on_stop)
+        create_trigger_service(self, '~/start', self._start)
+        create_trigger_service(self, '~/stop', self._stop)
         self.diagnostics.task('recording', self._status)
         # A steady clock: chunks close although simulated time stands still.
         steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
@@ -174,19 +174,10 @@ class SessionRecorder(StageNode):
             if self.count_publishers(topic) > 1:
                 counter.several_publishers = True
 
-    def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._writer is not None:
-            response.message = f'already recording to {self._writer.path}: stop first'
-            return response
-        try:
-            response.message = str(self._start())
-            response.success = True
-        except StageError as error:
-            response.message = str(error)
-        return response
-
-    def _start(self) -> Path:
+    def _start(self) -> str:
         """Open a new bag and begin it with the latched messages; its path."""
+        if self._writer is not None:
+            raise StageError(f'already recording to {self._writer.path}: stop first')
         # What came before belongs to no bag.
         self._batches.take()
         self._writer = self._open()
@@ -195,7 +186,7 @@ class SessionRecorder(StageNode):
             self._drops[topic] = DropCounter()
         self._opening = dict(self._latched)
         self.get_logger().info(f'recording to {self._writer.path}')
-        return self._writer.path
+        return str(self._writer.path)
 
     def _open(self) -> SessionWriter:
         twin = TwinFile.load(self.value('twin')) if self.value('twin') else None
@@ -206,17 +197,14 @@ class SessionRecorder(StageNode):
             path = directory / f'{name}_{number}'
         return SessionWriter(path, twin, chunk_period=self.value('chunk_period'))
 
-    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _stop(self) -> str:
         if self._writer is None:
-            response.message = self._failure or 'not recording: start first'
-            return response
+            raise StageError(self._failure or 'not recording: start first')
         try:
-            response.message = self._close()
-            response.success = True
+            return self._close()
         except StageError as error:
             self._fail(error)
-            response.message = self._failure
-        return response
+            raise
 
     def _close(self) -> str:
         """Finish the bag; one line on what it holds."""

@@ -12,7 +12,6 @@ from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import SetBool, Trigger
 
 from stage_core import topics
-from stage_core.ros.deferred_service import create_deferred_service
 from stage_core.ros.joint_state_wire import JointSample, JointStateLayout
 from stage_core.ros.node import (
     ERROR,
@@ -26,6 +25,7 @@ from stage_core.ros.node import (
     run,
     set_stamp,
 )
+from stage_core.ros.services_node import create_deferred_service, create_trigger_service
 from stage_driver.backend import FAILURE, WARNING, Controller
 from stage_driver.driver_parameters import PARAMETERS, axes_of, servo_config, zaber_config
 from stage_driver.inbox_backend import InboxBackend
@@ -84,7 +84,7 @@ class StageDriver(StageNode):
         create_deferred_service(
             self, SetBool, '~/enable', lambda request: self._backend.enable(request.data)
         )
-        self.create_service(Trigger, '~/stop', self._on_stop)
+        create_trigger_service(self, '~/stop', lambda: self._backend.stop())
         self.diagnostics.task('state', self._state_status)
         self.diagnostics.task('set-points', self._setpoint_status)
         sys.setswitchinterval(SWITCH_INTERVAL)
@@ -130,11 +130,6 @@ class StageDriver(StageNode):
         message = self._reader.read(data)
         if message is not None:
             self._backend.submit(*message[:4])
-
-    def _on_stop(self, _: Any, response: Any) -> Any:
-        response.message = self._backend.stop()
-        response.success = True
-        return response
 
     # -- the backend's listener, called in its thread -----------------------------------------
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from dataclasses import fields
 from typing import Any
 
 import rclpy
 from geometry_msgs.msg import PointStamped, TransformStamped
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from stage_core import topics
 from stage_core.errors import StageError
@@ -27,6 +27,7 @@ from stage_core.ros.node import (
     run,
     set_stamp,
 )
+from stage_core.ros.services_node import create_trigger_service
 from tracker_bridge.bridge import CLOCK_LOST, Bridge, Limits
 from tracker_bridge.parameters import PARAMETERS
 from tracker_bridge.registration import register
@@ -54,26 +55,13 @@ class TrackerBridge(StageNode):
         self._lock = threading.Lock()
         self._reader = JointStateReader()
         value = self.value
+        watched = {f.name: value(f'limits.{f.name}') for f in fields(Limits) if f.name != 'rate'}
         self._bridge = Bridge(
-            Limits(
-                rate=value('rate'),
-                gap=value('limits.gap'),
-                age=value('limits.age'),
-                jump=value('limits.jump'),
-                identical=value('limits.identical'),
-                quantum=value('limits.quantum'),
-            ),
+            Limits(value('rate'), **watched),
             'ros' if value('source') == 'replay' else value('source_clock'),
         )
-        self._pairs = RestPairs(
-            RestRules(
-                tolerance=value('rest.tolerance'),
-                shortest=value('rest.shortest'),
-                settle=value('rest.settle'),
-                guard=value('rest.guard'),
-                longest=value('rest.longest'),
-            )
-        )
+        rules = {f.name: value(f'rest.{f.name}') for f in fields(RestRules)}
+        self._pairs = RestPairs(RestRules(**rules))
         self._arrived = time.monotonic()
         self._alignment = ''
         self._owned: Ownership | None = None
@@ -85,8 +73,8 @@ class TrackerBridge(StageNode):
         self._transforms = self.create_publisher(TransformStamped, topics.ALIGNMENT, LATCHED_QOS)
         self._batches = Batches(self)
         self._batches.create_subscription(JointState, topics.JOINT_STATES, self._on_joint_states)
-        self.create_service(Trigger, '~/align', self._on_align)
-        self.create_service(Trigger, '~/reset', self._on_reset)
+        create_trigger_service(self, '~/align', self._align)
+        create_trigger_service(self, '~/reset', self._reset)
         steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
         self._silent_until, self._complained = time.monotonic() + FIRST_COMPLAINT, False
         self.create_timer(1.0, self._complain, clock=steady)
@@ -134,16 +122,12 @@ class TrackerBridge(StageNode):
                 self._arrived = time.monotonic()
                 self._pairs.add_stage(sample.stamp, tuple(sample.position))
 
-    def _on_align(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _align(self) -> str:
         self._until_arrived()
-        try:
-            with self._lock:
-                self._check_streams()
-                pairs = self._pairs.pairs()
-            result = register([p.tracker for p in pairs], [p.stage for p in pairs])
-        except StageError as error:
-            response.message = str(error)
-            return response
+        with self._lock:
+            self._check_streams()
+            pairs = self._pairs.pairs()
+        result = register([p.tracker for p in pairs], [p.stage for p in pairs])
         message = TransformStamped()
         message.header.stamp = self.get_clock().now().to_msg()
         message.header.frame_id = topics.STAGE_FRAME
@@ -154,8 +138,7 @@ class TrackerBridge(StageNode):
         self._transforms.publish(message)
         self._alignment = result.summary()
         self.get_logger().info(self._alignment)
-        response.success, response.message = True, self._alignment
-        return response
+        return self._alignment
 
     def _check_streams(self) -> None:
         """Raise `StageError` when one of the two streams has never come."""
@@ -183,13 +166,12 @@ class TrackerBridge(StageNode):
                 return
             time.sleep(ALIGN_POLL)
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _reset(self) -> str:
         with self._lock:
             self._pairs.clear()
             self._bridge.reset()
             self._source.new_session()
-        response.success, response.message = True, 'pairs and counters cleared'
-        return response
+        return 'pairs and counters cleared'
 
     def _complain(self) -> None:
         trouble, now = self._source.trouble, time.monotonic()

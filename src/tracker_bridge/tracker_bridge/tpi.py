@@ -2,8 +2,7 @@
 
 Layout: little-endian, C structures packed to 4 bytes; ``long``, enumerations and booleans take
 4 bytes, ``double`` 8 bytes. Every packet starts with its total size and its type. Quantities are
-in the units that were last set with SetUnits (metres until then); this module does not convert,
-its reader does, once.
+in the units that were last set with SetUnits (metres until then); this module does not convert.
 """
 
 from __future__ import annotations
@@ -44,13 +43,6 @@ def encode_command(command: int, *arguments: int) -> bytes:
     """Encode a command with 32-bit integer arguments."""
     body = struct.pack(f'<{1 + len(arguments)}i', command, *arguments)
     return _packet(PacketType.COMMAND, body)
-
-
-def set_units(
-    length: int, angle: int = 0, temperature: int = 0, pressure: int = 0, humidity: int = 0
-) -> bytes:
-    """Encode SetUnits (angle 0 = rad, temperature 0 = degC, pressure 0 = mbar)."""
-    return encode_command(Command.SET_UNITS, length, angle, temperature, pressure, humidity)
 
 
 def encode_answer(command: int, status: int = 0, payload: bytes = b'') -> bytes:

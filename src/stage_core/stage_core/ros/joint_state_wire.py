@@ -42,10 +42,10 @@ class JointStateLayout:
         self.names = list(names)
         self._counts = tuple(counts)
         body = bytearray(_STAMP.size)
-        _append_string(body, frame)
+        append_string(body, frame)
         _append_count(body, len(self.names))
         for name in self.names:
-            _append_string(body, name)
+            append_string(body, name)
         #: Everything but stamp and numbers, as (place, bytes); each follows the numbers before.
         fixed: list[bytes] = []
         begin = _STAMP.size
@@ -101,7 +101,8 @@ class JointStateLayout:
         )
 
 
-def _append_string(body: bytearray, text: str) -> None:
+def append_string(body: bytearray, text: str) -> None:
+    """Append a string to the body of a CDR message."""
     data = text.encode() + b'\0'
     _append_count(body, len(data))
     body += data

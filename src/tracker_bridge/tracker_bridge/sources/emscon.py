@@ -20,7 +20,6 @@ from tracker_bridge.tpi_packets import (
 from tracker_bridge.tpi_words import (
     CARTESIAN_RIGHT_HANDED,
     CONTINUOUS_TIME_MODE,
-    METRES_PER_UNIT,
     Command,
     Event,
     LengthUnit,
@@ -69,7 +68,6 @@ class EmsconSource(Source):
         self._separation_ms = max(1, round(separation * 1000))
         self._socket = socket.socket()
         self._splitter = tpi.StreamSplitter()
-        self._metres = 1.0
         self._ready = 0.0
         self._receive_ns = 0
 
@@ -119,58 +117,46 @@ class EmsconSource(Source):
         self._splitter = tpi.StreamSplitter()
 
     def _set_up(self) -> None:
-        self._command(tpi.set_units(LengthUnit.METRE))
-        self._metres = METRES_PER_UNIT[LengthUnit.METRE]
-        mode = CONTINUOUS_TIME_MODE
-        self._command(tpi.encode_command(Command.SET_MEASUREMENT_MODE, mode))
-        self._command(
-            tpi.encode_command(
-                Command.SET_CONTINUOUS_TIME_MODE_PARAMS, self._separation_ms, 0, 0, 0
-            )
-        )
-        self._command(
-            tpi.encode_command(Command.SET_COORDINATE_SYSTEM_TYPE, CARTESIAN_RIGHT_HANDED)
-        )
+        # Metres, radians, degrees Celsius, millibar.
+        self._command(Command.SET_UNITS, LengthUnit.METRE, 0, 0, 0, 0)
+        self._command(Command.SET_MEASUREMENT_MODE, CONTINUOUS_TIME_MODE)
+        self._command(Command.SET_CONTINUOUS_TIME_MODE_PARAMS, self._separation_ms, 0, 0, 0)
+        self._command(Command.SET_COORDINATE_SYSTEM_TYPE, CARTESIAN_RIGHT_HANDED)
         # Keep the last position, send events unsolicited; no transformation is applied.
-        settings = (1, 0, 0, 1, 1, 0, 0, 0, 0)
-        self._command(tpi.encode_command(Command.SET_SYSTEM_SETTINGS, *settings))
-        start = tpi.encode_command(Command.START_MEASUREMENT)
-        status = self._answer(start)
+        self._command(Command.SET_SYSTEM_SETTINGS, 1, 0, 0, 1, 1, 0, 0, 0, 0)
+        status = self._answer(Command.START_MEASUREMENT)
         if status == ResultStatus.NOT_INITIALISED:
-            initialize = tpi.encode_command(Command.INITIALIZE)
-            self._command(initialize, INITIALIZE_TIMEOUT)
-            status = self._answer(start)
+            self._command(Command.INITIALIZE, timeout=INITIALIZE_TIMEOUT)
+            status = self._answer(Command.START_MEASUREMENT)
         if status == ResultStatus.BUSY:
-            self._command(tpi.encode_command(Command.STOP_MEASUREMENT))
-            status = self._answer(start)
+            self._command(Command.STOP_MEASUREMENT)
+            status = self._answer(Command.START_MEASUREMENT)
         if status != ResultStatus.OK:
             raise TrackerLost(f'StartMeasurement was refused with status {status}')
 
-    def _command(self, packet: bytes, timeout: float = ANSWER_TIMEOUT) -> None:
-        status = self._answer(packet, timeout)
+    def _command(self, command: Command, *arguments: int, timeout: float = ANSWER_TIMEOUT) -> None:
+        status = self._answer(command, *arguments, timeout=timeout)
         if status != ResultStatus.OK:
-            code = tpi.decode_command(packet).command
             raise TrackerLost(
-                f'command {code} was refused with status {status}: see the tracker controller'
+                f'command {command:d} was refused with status {status}: see the tracker controller'
             )
 
-    def _answer(self, packet: bytes, timeout: float = ANSWER_TIMEOUT) -> int:
+    def _answer(self, command: Command, *arguments: int, timeout: float = ANSWER_TIMEOUT) -> int:
         """Send a command and return the status of its answer; other packets are skipped."""
-        code = tpi.decode_command(packet).command
-        self._socket.sendall(packet)
+        self._socket.sendall(tpi.encode_command(command, *arguments))
         deadline = time.monotonic() + timeout
         status: int | None = None
         while status is None and not self.ended.is_set():
             for received in self._receive():
-                if isinstance(received, (Answer, ErrorPacket)) and received.command == code:
+                if isinstance(received, (Answer, ErrorPacket)) and received.command == command:
                     status = received.status
                 elif status is not None:
                     # Points that follow the answer to StartMeasurement at once.
                     self._take(received)
             if status is None and time.monotonic() > deadline:
                 raise TrackerLost(
-                    f'command {code} was not answered in {timeout:.0f} s: check that the port is '
-                    "the tracker's TPI port"
+                    f'command {command:d} was not answered in {timeout:.0f} s: check that the '
+                    "port is the tracker's TPI port"
                 )
         if status is None:
             raise TrackerLost('stopped')
@@ -203,7 +189,7 @@ class EmsconSource(Source):
         statuses = packet.points['status'].tolist()
         if PointStatus.OK in statuses:
             self.trouble = ''
-        values = (packet.points['values'] * self._metres).tolist()
+        values = packet.points['values'].tolist()
         for time_ns, status, (x, y, z) in zip(times, statuses, values, strict=True):
             self.deliver(Sample((x, y, z), self._receive_ns, time_ns, status))
 

@@ -1,7 +1,8 @@
-"""Trigger and SetBool services that answer when a job is done, without holding the executor.
+"""Trigger services that answer at once, and services that answer when a job is done.
 
-The executor calls the callback and then `send_response`; here that response waits for a future.
-So `~/stop` is served while `~/home` still waits. (rclpy's EventsExecutor takes no coroutines.)
+The executor calls the callback and then `send_response`; for the latter that response waits for a
+future. So `~/stop` is served while `~/home` still waits. (rclpy's EventsExecutor takes no
+coroutines.)
 """
 
 from __future__ import annotations
@@ -10,7 +11,22 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
+from std_srvs.srv import Trigger
+
 from stage_core.errors import StageError
+
+
+def create_trigger_service(node: Any, name: str, action: Callable[[], str]) -> None:
+    """Create a Trigger service that answers with what `action` returns, or its StageError."""
+
+    def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            response.message, response.success = action(), True
+        except StageError as error:
+            response.message = str(error)
+        return response
+
+    node.create_service(Trigger, name, answer)
 
 
 def create_deferred_service(
