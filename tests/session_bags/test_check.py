@@ -166,7 +166,7 @@ def test_findings_about_the_container(tmp_path: Path) -> None:
     from session_bags.bulk import blocks_of
 
     session = smooth_session()
-    with SessionWriter(tmp_path / 'bag', 'kind: nonsense') as writer:
+    with SessionWriter(tmp_path / 'bag', {'kind': 'nonsense'}) as writer:
         writer.add_topic('/stage/refrence', 'sensor_msgs/msg/JointState')
         writer.add_topic(topics.MODEL, latched=False)
         writer.add_topic(topics.CONTACT_FORCE, 'geometry_msgs/msg/PointStamped')

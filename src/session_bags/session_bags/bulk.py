@@ -9,15 +9,13 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from session_bags.cdr import Bytes, blank_layout, encode
-from session_bags.container import MESSAGE_HEADER, RECORD_HEADER
+from session_bags.cdr import JOINT_STATE, QUANTITIES, Bytes, blank_layout, encode
+from session_bags.container import MESSAGE_HEADER, MESSAGE_RECORD
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Series, Session
 
-_PREFIX = RECORD_HEADER + MESSAGE_HEADER
-_QUANTITIES = ('position', 'velocity', 'effort')
-_JOINT_STATE = 'sensor_msgs/msg/JointState'
+_PREFIX = MESSAGE_RECORD.itemsize
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ def blocks_of(series: Series, key: str) -> list[Block]:
         raise StageError(
             f'{series.topic} is no topic of a session: see docs/reference/interfaces.md, "Topics"'
         )
-    if type_name != _JOINT_STATE:
+    if type_name != JOINT_STATE:
         frame = topics.TRACKER_FRAME if series.topic.startswith('/tracker') else topics.STAGE_FRAME
         if series.topic == topics.TEMPERATURE:
             frame = key.partition(':')[2] or 'air'
@@ -48,7 +46,7 @@ def blocks_of(series: Series, key: str) -> list[Block]:
         return [Block(series.topic, series.stamps, encode(layout, series.stamps, series.values))]
     joints = list(dict.fromkeys(name.partition('.')[2] for name in series.values))
     present = np.zeros(len(series), np.int64)
-    for bit, quantity in enumerate(_QUANTITIES):
+    for bit, quantity in enumerate(QUANTITIES):
         columns = [series.values.get(f'{quantity}.{joint}') for joint in joints]
         given = [column for column in columns if column is not None]
         if given and len(given) != len(joints):
@@ -58,7 +56,7 @@ def blocks_of(series: Series, key: str) -> list[Block]:
     blocks = []
     for pattern in np.unique(present):
         mine = present == pattern
-        quantities = [q for bit, q in enumerate(_QUANTITIES) if pattern >> bit & 1]
+        quantities = [q for bit, q in enumerate(QUANTITIES) if pattern >> bit & 1]
         layout = blank_layout(type_name, topics.STAGE_FRAME, joints, quantities)
         columns_here = {name: column[mine] for name, column in series.values.items()}
         rows = encode(layout, series.stamps[mine], columns_here)
@@ -137,19 +135,6 @@ def merge(
             index[int(channel)] = rows.astype(np.uint64)
         yield chunk.tobytes(), index
         begin = end
-
-
-#: Fixed part of a message record; the message follows.
-MESSAGE_RECORD = np.dtype(
-    [
-        ('opcode', 'u1'),
-        ('length', '<u8'),
-        ('channel', '<u2'),
-        ('sequence', '<u4'),
-        ('log_time', '<u8'),
-        ('publish_time', '<u8'),
-    ]
-)
 
 
 def _records(

@@ -8,19 +8,19 @@ every other byte is then decoded without a loop.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stage_core.errors import StageError
+from stage_core.ros.joint_state_wire import ENCAPSULATION, JointStateLayout, append_string
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 _ENCAPSULATION = 4
-_LITTLE_ENDIAN = b'\x00\x01'
 #: A writer may fill the message up to the next multiple of four.
 _MAX_TRAILING = 3
 
@@ -73,7 +73,7 @@ class _Walker:
     """Reads one message in order, noting which bytes are constant."""
 
     def __init__(self, data: bytes) -> None:
-        if len(data) < _ENCAPSULATION or data[:2] != _LITTLE_ENDIAN:
+        if len(data) < _ENCAPSULATION or data[:2] != ENCAPSULATION[:2]:
             raise LayoutError('not little-endian CDR')
         self.data = data
         self.position = _ENCAPSULATION
@@ -116,34 +116,33 @@ class _Walker:
         self.doubles(*(f'{quantity}.{name}' for name in names[:count]))
 
 
-_QUANTITIES = ('position', 'velocity', 'effort')
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+QUANTITIES = ('position', 'velocity', 'effort')
 
 
 def _joint_state(walk: _Walker) -> None:
     names = [walk.string() for _ in range(min(walk.length(), len(walk.data)))]
     if len(set(names)) != len(names):
         raise LayoutError('a joint is named twice')
-    for quantity in _QUANTITIES:
+    for quantity in QUANTITIES:
         walk.sequence(quantity, names)
 
 
-def _fixed(*names: str) -> Callable[[_Walker], None]:
-    return lambda walk: walk.doubles(*names)
-
-
-_TRANSFORM = tuple(f'translation.{a}' for a in 'xyz') + tuple(f'rotation.{a}' for a in 'xyzw')
-_WRENCH = tuple(f'{part}.{axis}' for part in ('force', 'torque') for axis in 'xyz')
-
-#: Numeric message types -> what follows the header.
-_BODIES: dict[str, Callable[[_Walker], None]] = {
-    'sensor_msgs/msg/JointState': _joint_state,
-    'sensor_msgs/msg/Temperature': _fixed('temperature', 'variance'),
-    'geometry_msgs/msg/PointStamped': _fixed('x', 'y', 'z'),
-    'geometry_msgs/msg/Vector3Stamped': _fixed('x', 'y', 'z'),
-    'geometry_msgs/msg/WrenchStamped': _fixed(*_WRENCH),
-    'geometry_msgs/msg/TransformStamped': _fixed(*_TRANSFORM),
+_TRANSFORM = 'geometry_msgs/msg/TransformStamped'
+#: Types that hold nothing but doubles behind header and child frame, and the names of these.
+_DOUBLES: dict[str, tuple[str, ...]] = {
+    'sensor_msgs/msg/Temperature': ('temperature', 'variance'),
+    'geometry_msgs/msg/PointStamped': ('x', 'y', 'z'),
+    'geometry_msgs/msg/Vector3Stamped': ('x', 'y', 'z'),
+    'geometry_msgs/msg/WrenchStamped': tuple(
+        f'{part}.{axis}' for part in ('force', 'torque') for axis in 'xyz'
+    ),
+    _TRANSFORM: (
+        *(f'translation.{axis}' for axis in 'xyz'),
+        *(f'rotation.{axis}' for axis in 'xyzw'),
+    ),
 }
-NUMERIC_TYPES = frozenset(_BODIES)
+NUMERIC_TYPES = frozenset({JOINT_STATE, *_DOUBLES})
 
 
 def layout_of(type_name: str, data: bytes) -> Layout:
@@ -157,8 +156,11 @@ def layout_of(type_name: str, data: bytes) -> Layout:
     walk = _Walker(data)
     stamp = walk.stamp()
     frame = walk.string()
-    child = walk.string() if type_name == 'geometry_msgs/msg/TransformStamped' else ''
-    _BODIES[type_name](walk)
+    child = walk.string() if type_name == _TRANSFORM else ''
+    if type_name == JOINT_STATE:
+        _joint_state(walk)
+    else:
+        walk.doubles(*_DOUBLES[type_name])
     if len(data) - walk.position > _MAX_TRAILING:
         raise LayoutError('the message is longer than its type')
     return Layout(
@@ -172,22 +174,6 @@ def layout_of(type_name: str, data: bytes) -> Layout:
     )
 
 
-def _string(text: str) -> bytes:
-    raw = text.encode() + b'\0'
-    return len(raw).to_bytes(4, 'little') + raw
-
-
-class _Builder:
-    """Writes one message with every number zero."""
-
-    def __init__(self) -> None:
-        self.data = bytearray(b'\x00\x01\x00\x00')
-
-    def put(self, data: bytes, alignment: int) -> None:
-        offset = (len(self.data) - _ENCAPSULATION) % alignment
-        self.data += bytes(alignment - offset if offset else 0) + data
-
-
 def blank_layout(
     type_name: str,
     frame: str,
@@ -199,34 +185,16 @@ def blank_layout(
 
     `joints` and `quantities` (of ``position``, ``velocity``, ``effort``) matter to a JointState.
     """
-    build = _Builder()
-    build.put(bytes(8), 4)
-    build.put(_string(frame), 4)
-    if type_name == 'geometry_msgs/msg/TransformStamped':
-        build.put(_string(child_frame), 4)
-    if type_name == 'sensor_msgs/msg/JointState':
-        build.put(len(joints).to_bytes(4, 'little'), 4)
-        for joint in joints:
-            build.put(_string(joint), 4)
-        for quantity in _QUANTITIES:
-            count = len(joints) if quantity in quantities else 0
-            build.put(count.to_bytes(4, 'little'), 4)
-            if count:
-                build.put(bytes(8 * count), 8)
-    else:
-        probe = _FieldCounter()
-        _BODIES[type_name](probe)  # type: ignore[arg-type]
-        build.put(bytes(8 * probe.count), 8)
-    return layout_of(type_name, bytes(build.data))
-
-
-class _FieldCounter:
-    """Stands in for a walker to count the doubles of a fixed body."""
-
-    count = 0
-
-    def doubles(self, *names: str) -> None:
-        self.count += len(names)
+    if type_name == JOINT_STATE:
+        counts = [len(joints) if quantity in quantities else 0 for quantity in QUANTITIES]
+        wire = JointStateLayout(frame, joints, counts)
+        return layout_of(type_name, wire.encode(0, *([0.0] * count for count in counts)))
+    body = bytearray(8)
+    append_string(body, frame)
+    if type_name == _TRANSFORM:
+        append_string(body, child_frame)
+    body += bytes(-len(body) % 8 + 8 * len(_DOUBLES[type_name]))
+    return layout_of(type_name, ENCAPSULATION + bytes(body))
 
 
 def encode(layout: Layout, stamps: NDArray[np.int64], columns: dict[str, Array]) -> Bytes:

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from session_bags.arrivals import arrivals
 from session_bags.bag import Bag, open_bag
-from session_bags.cdr import NUMERIC_TYPES
+from session_bags.cdr import JOINT_STATE, NUMERIC_TYPES
 from session_bags.columns import TopicDecoder
+from session_bags.drops import missing_messages
 from session_bags.info import contents
 from session_bags.metadata import parse_qos
 from session_bags.plausible import check_times, check_units
@@ -27,7 +27,6 @@ from stage_core.twin_file import TwinFile
 from stage_core.untrusted import yaml_mapping
 
 OK, WARNING, ERROR = 'ok', 'warning', 'error'
-_JOINT_STATE = 'sensor_msgs/msg/JointState'
 #: Quantities that every message of a joint topic holds.
 _QUANTITIES = {
     topics.REFERENCE: ('position', 'velocity'),
@@ -106,8 +105,7 @@ def _check_container(bag: Bag) -> Iterator[Finding]:
                 yield Finding(
                     WARNING, channel.topic, 'is not latched: publish it transient local, depth 1'
                 )
-    gaps = {topic: found.missing() for topic, found in arrivals(bag).items()}
-    for topic, missing in gaps.items():
+    for topic, missing in missing_messages(bag).items():
         if missing:
             yield Finding(WARNING, topic, f'{missing} messages were dropped while recording')
 
@@ -172,7 +170,7 @@ def _check_decoded(topic: str, decoder: TopicDecoder) -> Iterator[Finding]:
 
 def _check_series(key: str, series: Series) -> Iterator[Finding]:
     topic = series.topic
-    if topics.TOPIC_TYPES[topic] == _JOINT_STATE:
+    if topics.TOPIC_TYPES[topic] == JOINT_STATE:
         yield from _check_joints(series)
     if topic == topics.ALIGNMENT:
         norm = np.sqrt(sum(series.values[f'rotation.{axis}'] ** 2 for axis in 'xyzw'))
@@ -219,7 +217,7 @@ def _check_stamps(key: str, series: Series) -> Iterator[Finding]:
     yield Finding(OK, key, _pace(stamps, period))
     gaps = np.flatnonzero(steps * 1e-9 > _GAP * period) if period > 0 else np.array([], int)
     # Set-points come when somebody wants a motion.
-    streamed = topics.TOPIC_TYPES[series.topic] == _JOINT_STATE and series.topic != topics.SETPOINT
+    streamed = topics.TOPIC_TYPES[series.topic] == JOINT_STATE and series.topic != topics.SETPOINT
     if len(gaps) and streamed:
         longest = steps[gaps].max() * 1e-9
         yield Finding(WARNING, key, f'{len(gaps)} gaps, the longest of {longest:.3f} s')

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import struct
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
 from io import RawIOBase
 
 import numpy as np
@@ -31,6 +33,18 @@ LIBRARY = 'session_bags'
 #: Opcode and length of every record, then the fixed fields of a message record.
 RECORD_HEADER = 9
 MESSAGE_HEADER = 22
+#: Both of a message: opcode, length, channel, sequence, log time and publish time [ns].
+MESSAGE = struct.Struct('<BQHIQQ')
+MESSAGE_RECORD = np.dtype(
+    [
+        ('opcode', 'u1'),
+        ('length', '<u8'),
+        ('channel', '<u2'),
+        ('sequence', '<u4'),
+        ('log_time', '<u8'),
+        ('publish_time', '<u8'),
+    ]
+)
 
 #: Channel -> its messages in a chunk: rows of (log time [ns], offset in the chunk), uint64.
 ChunkMessages = Mapping[int, NDArray[np.uint64]]
@@ -91,28 +105,23 @@ class ContainerWriter:
 
     def add_chunk(self, data: bytes, messages: ChunkMessages) -> None:
         """Compress and write a chunk of message records."""
-        self.add_compressed_chunk(
-            self._compressor.compress(data), 'zstd', len(data), zlib.crc32(data), messages
+        chunk = Chunk(
+            compression='zstd',
+            data=self._compressor.compress(data),
+            message_start_time=0,
+            message_end_time=0,
+            uncompressed_crc=zlib.crc32(data),
+            uncompressed_size=len(data),
         )
+        self.add_compressed_chunk(chunk, messages)
 
-    def add_compressed_chunk(
-        self, data: bytes, compression: str, size: int, crc: int, messages: ChunkMessages
-    ) -> None:
-        """Write a chunk that is compressed already, with its message index."""
+    def add_compressed_chunk(self, record: Chunk, messages: ChunkMessages) -> None:
+        """Write a chunk that is compressed already, with its message index and their times."""
         times = [rows[:, 0] for rows in messages.values() if len(rows)]
         if not times:
             return
         start, end = int(min(t.min() for t in times)), int(max(t.max() for t in times))
-        chunk = _encode(
-            Chunk(
-                compression=compression,
-                data=data,
-                message_start_time=start,
-                message_end_time=end,
-                uncompressed_crc=crc,
-                uncompressed_size=size,
-            )
-        )
+        chunk = _encode(replace(record, message_start_time=start, message_end_time=end))
         offsets: dict[int, int] = {}
         indexes: list[bytes] = []
         position = self._position + len(chunk)
@@ -124,13 +133,13 @@ class ContainerWriter:
         entry = ChunkIndex(
             chunk_length=len(chunk),
             chunk_start_offset=self._position,
-            compression=compression,
-            compressed_size=len(data),
+            compression=record.compression,
+            compressed_size=len(record.data),
             message_end_time=end,
             message_index_length=index_length,
             message_index_offsets=offsets,
             message_start_time=start,
-            uncompressed_size=size,
+            uncompressed_size=record.uncompressed_size,
         )
         self._put(chunk + b''.join(indexes))
         self.start = min(start, self.start) if self._chunks else start

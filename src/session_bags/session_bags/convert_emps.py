@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from session_bags.measured import DAY, EPOCH, Array, convert, drive_session, load, series
+from session_bags.measured import DAY, EPOCH, Array, converter, drive_session, load, series
 from stage_core import topics
-from stage_core.errors import command_line
 from stage_core.session import Session
 from stage_core.twin_file import ServoAxis, TwinFile
 
@@ -65,11 +63,7 @@ def sessions(folder: Path) -> dict[str, Session]:
     return found
 
 
-@command_line
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Convert both runs."""
-    return convert('The EMPS benchmark as session bags.', sessions, arguments)
-
+main = converter('The EMPS benchmark as session bags.', sessions)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from session_bags.measured import DAY, EPOCH, Array, convert, derivative, load
+from session_bags.measured import DAY, EPOCH, Array, converter, derivative, load
 from stage_core import topics
 from stage_core.clocks import to_stamps
-from stage_core.errors import command_line
 from stage_core.session import Series, Session
 from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
 
@@ -91,11 +90,7 @@ def sessions(folder: Path) -> dict[str, Session]:
     }
 
 
-@command_line
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Convert the stroke and the stops."""
-    return convert('A stepper-driven rotary axis as session bags.', sessions, arguments)
-
+main = converter('A stepper-driven rotary axis as session bags.', sessions)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,14 +13,13 @@ from session_bags.measured import (
     EPOCH,
     MINUTE,
     Array,
-    convert,
+    converter,
     derivative,
     drive_session,
     fit_force,
     load,
     second_derivative,
 )
-from stage_core.errors import command_line
 from stage_core.session import Session
 from stage_core.twin_file import ForceAxis, TwinFile
 
@@ -77,11 +75,7 @@ def sessions(folder: Path) -> dict[str, Session]:
     return found
 
 
-@command_line
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Convert every record."""
-    return convert('A brushless motor turned slowly, as session bags.', sessions, arguments)
-
+main = converter('A brushless motor turned slowly, as session bags.', sessions)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from session_bags.measured import (
     EPOCH,
     MINUTE,
     Array,
-    convert,
+    converter,
     derivative,
     drive_session,
     fit_force,
@@ -21,7 +20,7 @@ from session_bags.measured import (
     series,
 )
 from stage_core import topics
-from stage_core.errors import StageError, command_line
+from stage_core.errors import StageError
 from stage_core.session import Session
 from stage_core.twin_file import ForceAxis, TwinFile
 
@@ -65,11 +64,7 @@ def sessions(folder: Path) -> dict[str, Session]:
     return found
 
 
-@command_line
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Convert every record."""
-    return convert('The recorded XY stage on its circle, as session bags.', sessions, arguments)
-
+main = converter('The recorded XY stage on its circle, as session bags.', sessions)
 
 if __name__ == '__main__':
     sys.exit(main())

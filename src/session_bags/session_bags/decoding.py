@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from session_bags.bag import Bag
-from session_bags.bulk import MESSAGE_RECORD
 from session_bags.columns import TopicDecoder
-from session_bags.container import MESSAGE_HEADER
-from session_bags.records import ChunkPlace, FileIndex, chunk_messages
+from session_bags.container import MESSAGE, MESSAGE_HEADER
+from session_bags.messages import raw_messages
+from session_bags.records import ChunkPlace, FileIndex, chunk_messages, heads
 from stage_core.errors import StageError
 
 #: Uncompressed bytes that are decoded together: large enough to hide the cost of a call.
@@ -73,17 +73,16 @@ def _decode(
 ) -> None:
     """Hand the messages of a batch of chunks to the decoders."""
     data = np.frombuffer(b''.join(batch), np.uint8)
-    header = MESSAGE_RECORD.itemsize
+    header = MESSAGE.size
     for channel, blocks in offsets.items():
         places = np.concatenate(blocks).astype(np.int64)
         whole = len(data) >= header and places.min() >= 0 and places.max() <= len(data) - header
         if whole:
-            windows = np.ndarray((len(data) - header + 1,), f'V{header}', data, 0, (1,))
-            heads = windows[places].view(MESSAGE_RECORD)
-            sizes = heads['length'].astype(np.int64) - MESSAGE_HEADER
+            found = heads(data, places)
+            sizes = found['length'].astype(np.int64) - MESSAGE_HEADER
             begins = places + header
             whole = bool(
-                (heads['channel'] == channel).all()
+                (found['channel'] == channel).all()
                 and (sizes >= 0).all()
                 and (begins + sizes <= len(data)).all()
             )
@@ -96,9 +95,7 @@ def _decode(
 
 
 def read_foreign(bag: Bag, decoders: Decoders) -> None:
-    """Read a storage other than mcap through rosbags."""
-    from rosbags.rosbag2 import Reader
-
+    """Decode a storage other than mcap, which gives its messages one by one."""
     raw: dict[str, list[bytes]] = {topic: [] for topic in decoders}
 
     def decode(topic: str) -> None:
@@ -108,17 +105,9 @@ def read_foreign(bag: Bag, decoders: Decoders) -> None:
             data = np.frombuffer(b''.join(messages), np.uint8)
             decoders[topic].feed(data, np.cumsum(sizes) - sizes, sizes)
 
-    try:
-        with Reader(bag.path) as reader:
-            connections = [c for c in reader.connections if c.topic in decoders]
-            for connection, _, data in reader.messages(connections) if connections else ():
-                raw[connection.topic].append(bytes(data))
-                if len(raw[connection.topic]) >= _FOREIGN_BATCH:
-                    decode(connection.topic)
-    except StageError:
-        raise
-    except Exception as error:
-        # rosbags raises whatever its storage plugin does; all of it means a bad bag.
-        raise StageError(f'cannot read {bag.path} ({error}): the bag is damaged') from error
+    for message in raw_messages(bag, decoders.keys()):
+        raw[message.topic].append(message.data)
+        if len(raw[message.topic]) >= _FOREIGN_BATCH:
+            decode(message.topic)
     for topic in raw:
         decode(topic)

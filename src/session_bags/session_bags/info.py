@@ -9,7 +9,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from session_bags.bag import Bag, open_bag
-from session_bags.records import unpack_chunk, walk_messages
+from session_bags.records import chunk_messages
 from stage_core.errors import command_line
 
 
@@ -41,10 +41,8 @@ def contents(bag: Bag) -> Contents:
         if not index.finished:
             with open(index.path, 'rb') as stream:
                 for place in index.chunks:
-                    stream.seek(place.offset)
-                    raw = stream.read(place.length)
-                    data = raw if place.bare else unpack_chunk(raw, index.path)
-                    for channel, rows in walk_messages(data).items():
+                    _, found = chunk_messages(stream, index.path, place)
+                    for channel, rows in found.items():
                         by_channel[channel] = by_channel.get(channel, 0) + len(rows)
                         starts.append(int(rows[:, 0].min()))
                         ends.append(int(rows[:, 0].max()))

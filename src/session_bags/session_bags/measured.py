@@ -14,7 +14,7 @@ from scipy.signal import savgol_filter
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.clocks import to_stamps
-from stage_core.errors import StageError
+from stage_core.errors import StageError, command_line
 from stage_core.session import Series, Session
 
 Array = NDArray[np.float64]
@@ -100,29 +100,23 @@ def drive_session(
     return Session(name, {t: series(t, seconds, start, columns) for t, columns in found})
 
 
-def convert(
-    title: str,
-    sessions: Callable[[Path], Mapping[str, Session]],
-    arguments: Sequence[str] | None,
-) -> int:
-    """Command line of a converter: ``--out DIR`` gets one bag per session.
+def converter(title: str, sessions: Callable[[Path], Mapping[str, Session]]) -> Callable[..., int]:
+    """Command of a converter: ``--out DIR`` gets one bag per session of the measurements."""
 
-    Raises
-    ------
-    StageError
-        If the measurements are absent or a bag exists.
-    """
-    parser = argparse.ArgumentParser(description=title)
-    parser.add_argument('--out', type=Path, required=True, help='folder for the bags')
-    parser.add_argument('--data', type=Path, help='folder of the measurements')
-    parsed = parser.parse_args(arguments)
-    folder = parsed.data or data_folder()
-    for name, session in sessions(folder).items():
-        path = write_session(parsed.out / name, session)
-        print(f'{path}: {sum(len(s) for s in session.series.values())} messages')
-        for warning in session.warnings:
-            print(f'{path}: {warning}')
-    return 0
+    @command_line
+    def main(arguments: Sequence[str] | None = None) -> int:
+        parser = argparse.ArgumentParser(description=title)
+        parser.add_argument('--out', type=Path, required=True, help='folder for the bags')
+        parser.add_argument('--data', type=Path, help='folder of the measurements')
+        parsed = parser.parse_args(arguments)
+        for name, session in sessions(parsed.data or data_folder()).items():
+            path = write_session(parsed.out / name, session)
+            print(f'{path}: {sum(len(s) for s in session.series.values())} messages')
+            for warning in session.warnings:
+                print(f'{path}: {warning}')
+        return 0
+
+    return main
 
 
 def load(path: Path) -> dict[str, Array]:

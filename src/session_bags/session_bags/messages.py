@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import heapq
-import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from session_bags.bag import Bag
-from session_bags.bulk import MESSAGE_RECORD
-from session_bags.container import RECORD_HEADER
+from session_bags.container import MESSAGE, RECORD_HEADER
 from session_bags.records import FileIndex, chunk_messages
 from stage_core.errors import StageError
-
-_HEAD = struct.Struct('<BQHIQQ').unpack_from
 
 
 @dataclass(frozen=True)
@@ -63,8 +59,10 @@ def _of_file(index: FileIndex, topics: Collection[str] | None) -> Iterator[RawMe
                     continue
                 topic, type_name = channels[channel]
                 for offset in rows[:, 1].tolist():
-                    _, length, _, sequence, log_time, publish_time = _HEAD(data, offset)
-                    begin, end = offset + MESSAGE_RECORD.itemsize, offset + RECORD_HEADER + length
+                    _, length, _, sequence, log_time, publish_time = MESSAGE.unpack_from(
+                        data, offset
+                    )
+                    begin, end = offset + MESSAGE.size, offset + RECORD_HEADER + length
                     message = RawMessage(
                         topic, type_name, log_time, publish_time, sequence, data[begin:end]
                     )

@@ -22,12 +22,12 @@ _INCOMPLETE = (KeyError, TypeError, ValueError, AttributeError)
 
 @dataclass
 class TopicRecord:
-    """One topic of a bag."""
+    """One topic of a bag; hash and quality of service are for writing and not read back."""
 
     name: str
     type_name: str
-    type_hash: str
-    qos: list[dict[str, Any]]
+    type_hash: str = ''
+    qos: list[dict[str, Any]] = field(default_factory=list)
     count: int = 0
 
 
@@ -155,13 +155,7 @@ def _parse(inner: Mapping[str, Any]) -> BagMetadata:
     for entry in inner.get('topics_with_message_count') or ():
         topic = entry['topic_metadata']
         topics.append(
-            TopicRecord(
-                name=str(topic['name']),
-                type_name=str(topic['type']),
-                type_hash=str(topic.get('type_description_hash', '')),
-                qos=parse_qos(topic.get('offered_qos_profiles')),
-                count=int(entry['message_count']),
-            )
+            TopicRecord(str(topic['name']), str(topic['type']), count=int(entry['message_count']))
         )
     custom = inner.get('custom_data') or {}
     return BagMetadata(

@@ -15,7 +15,7 @@ from session_bags.window import read_window, window_stamps
 from session_bags.writer import TWIN_KEY
 from stage_core import topics as names
 from stage_core.errors import StageError
-from stage_core.frames import RigidTransform
+from stage_core.frames import RigidTransform, alignment
 from stage_core.session import Session
 from stage_core.untrusted import yaml_mapping
 
@@ -63,21 +63,21 @@ def read_session(
         read_window(bag, decoders, *window)
     warnings = list(bag.warnings)
     series = {}
-    alignment = None
+    aligned = None
     for topic, decoder in decoders.items():
         if not allow_nan:
             _check_finite(path, topic, decoder)
         if decoder.unsorted():
             warnings.append(f'{topic} is not in the order of its stamps; it was sorted')
         if topic == names.ALIGNMENT:
-            alignment = _alignment(decoder)
+            aligned = _alignment(decoder)
             continue
         for key, part in decoder.series().items():
             series[key] = part if window is None else part.between(*window)
     if not any(decoder.count for decoder in decoders.values()) and topics is None:
         raise StageError(f'{path} holds no message of a session: record it again')
     return Session(
-        str(path), series, _twin(bag, warnings), alignment, tuple(warnings), _recorded(bag)
+        str(path), series, _twin(bag, warnings), aligned, tuple(warnings), _recorded(bag)
     )
 
 
@@ -144,19 +144,14 @@ def _twin(bag: Bag, warnings: list[str]) -> dict[str, Any] | None:
 
 
 def _alignment(decoder: TopicDecoder) -> RigidTransform | None:
-    """The last alignment, as the transform from the tracker to the stage.
-
-    A transform holds the coordinates of the child frame's points in the parent frame, so one
-    whose parent is the tracker is inverted.
-    """
+    """The last alignment."""
     frames = decoder.frames()
     series = decoder.series().get(names.ALIGNMENT)
     if series is None or not len(series):
         return None
     last = {name: column[-1] for name, column in series.values.items()}
-    transform = RigidTransform.from_quaternion(
+    return alignment(
+        frames[-1][0],
         [last[f'rotation.{axis}'] for axis in 'xyzw'],
         [last[f'translation.{axis}'] for axis in 'xyz'],
     )
-    inverted = frames[-1] == (names.TRACKER_FRAME, names.STAGE_FRAME)
-    return transform.inverse() if inverted else transform

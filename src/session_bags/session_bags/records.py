@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import lz4.frame
 import numpy as np
@@ -16,15 +16,14 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Footer, Metadata, Schema, Statistics
+from mcap.records import Channel, Chunk, ChunkIndex, Footer, Metadata, Schema, Statistics
 from numpy.typing import NDArray
 
-from session_bags.container import MAGIC, MESSAGE_HEADER, RECORD_HEADER
+from session_bags.container import MAGIC, MESSAGE, MESSAGE_RECORD, RECORD_HEADER
 from stage_core.errors import StageError
 
 _FOOTER_SIZE = RECORD_HEADER + 20 + len(MAGIC)
 _RECORD = struct.Struct('<BQ')
-_CHUNK_HEAD = struct.Struct('<QQQI')
 #: No recorder makes a chunk larger than this; a damaged file may claim it [byte].
 _MAX_CHUNK = 1 << 30
 
@@ -201,17 +200,18 @@ def _from_scan(path: Path, stream: BinaryIO) -> FileIndex:
             index.lost_bytes = 0
             return index
         if opcode == Opcode.CHUNK:
-            start, stop, _, _ = _CHUNK_HEAD.unpack(stream.read(_CHUNK_HEAD.size))
-            place = ChunkPlace(position, end - position, start, stop, {}, end)
+            stream.seek(position)
             try:
-                inner = read_chunk(stream, path, place)
+                chunk = split_chunk(stream.read(end - position), path)
+                inner = unpack_chunk(chunk, path)
             except StageError:
                 # Half a page of a killed machine: nothing after it is trusted.
                 break
             for inner_opcode, body in _records(inner):
                 if inner_opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     _note(index, inner_opcode, body)
-            index.chunks.append(place)
+            times = chunk.message_start_time, chunk.message_end_time
+            index.chunks.append(ChunkPlace(position, end - position, *times, {}, end))
         elif opcode == Opcode.MESSAGE_INDEX and index.chunks:
             channel = int.from_bytes(stream.read(2), 'little')
             index.chunks[-1].index[channel] = position
@@ -232,39 +232,20 @@ def _from_scan(path: Path, stream: BinaryIO) -> FileIndex:
     return index
 
 
-def read_chunk(stream: BinaryIO, path: Path, place: ChunkPlace) -> bytes:
-    """Uncompressed records of a chunk.
-
-    Raises
-    ------
-    StageError
-        If the chunk is damaged.
-    """
-    stream.seek(place.offset)
-    raw = stream.read(place.length)
-    return raw if place.bare else unpack_chunk(raw, path)
-
-
-def split_chunk(raw: bytes, path: Path) -> tuple[bytes, str, int, int]:
-    """Compressed data, compression, uncompressed size and checksum of a chunk record."""
+def split_chunk(raw: bytes, path: Path) -> Chunk:
+    """The parts of a chunk record, which may stand before others."""
     try:
-        _, _, size, crc = _CHUNK_HEAD.unpack_from(raw, RECORD_HEADER)
-        position = RECORD_HEADER + _CHUNK_HEAD.size
-        name = int.from_bytes(raw[position : position + 4], 'little')
-        compression = raw[position + 4 : position + 4 + name].decode()
-        position += 4 + name
-        length = int.from_bytes(raw[position : position + 8], 'little')
-        data = raw[position + 8 : position + 8 + length]
-    except (struct.error, UnicodeDecodeError) as error:
+        chunk = Chunk.read(_stream(raw[RECORD_HEADER:]))
+    except (struct.error, McapError, ValueError, OverflowError) as error:
         raise _damaged(path) from error
-    if raw[0] != Opcode.CHUNK or len(data) != length or size > _MAX_CHUNK:
+    if raw[0] != Opcode.CHUNK or chunk.uncompressed_size > _MAX_CHUNK:
         raise _damaged(path)
-    return data, compression, size, crc
+    return chunk
 
 
-def unpack_chunk(raw: bytes, path: Path) -> bytes:
-    """Uncompressed records of a whole chunk record, checked against its checksum."""
-    data, compression, size, crc = split_chunk(raw, path)
+def unpack_chunk(chunk: Chunk, path: Path) -> bytes:
+    """Uncompressed records of a chunk, checked against its checksum."""
+    data, compression, size = chunk.data, chunk.compression, chunk.uncompressed_size
     try:
         if compression == 'zstd':
             data = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
@@ -276,6 +257,7 @@ def unpack_chunk(raw: bytes, path: Path) -> bytes:
             )
     except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
         raise _damaged(path) from error
+    crc = chunk.uncompressed_crc
     if len(data) != size or (crc and zlib.crc32(data) != crc):
         raise _damaged(path)
     return data
@@ -292,13 +274,20 @@ def walk_messages(data: bytes) -> dict[int, NDArray[np.uint64]]:
     """Channel -> rows of (log time, offset) of the message records in a chunk's bytes."""
     found: dict[int, list[tuple[int, int]]] = {}
     position, unpack = 0, struct.Struct('<BQHIQ').unpack_from
-    last = len(data) - RECORD_HEADER - MESSAGE_HEADER
+    last = len(data) - MESSAGE.size
     while position <= last:
         opcode, length, channel, _, log_time = unpack(data, position)
         if opcode == Opcode.MESSAGE:
             found.setdefault(channel, []).append((log_time, position))
         position += RECORD_HEADER + length
     return {channel: np.array(rows, np.uint64) for channel, rows in found.items()}
+
+
+def heads(data: bytes | NDArray[np.uint8], offsets: NDArray[Any]) -> NDArray[np.void]:
+    """Fixed parts (n,) of the message records at `offsets` (n,), of type `MESSAGE_RECORD`."""
+    size = MESSAGE_RECORD.itemsize
+    windows = np.ndarray((len(data) - size + 1,), f'V{size}', data, 0, (1,))
+    return windows[offsets.astype(np.int64)].view(MESSAGE_RECORD)
 
 
 def chunk_messages(
@@ -313,9 +302,9 @@ def chunk_messages(
     """
     stream.seek(place.offset)
     raw = stream.read(max(place.length, place.index_end - place.offset))
-    data = raw if place.bare else unpack_chunk(raw, path)
+    data = raw if place.bare else unpack_chunk(split_chunk(raw, path), path)
     found = _indexed_messages(raw, place)
-    last = len(data) - RECORD_HEADER - MESSAGE_HEADER
+    last = len(data) - MESSAGE.size
     if found is None or any(len(r) and int(r[:, 1].max()) > last for r in found.values()):
         found = walk_messages(data)
     return data, found

@@ -120,9 +120,9 @@ def _copy_chunk(
         data = raw[: place.length]
         container.add_chunk(data, _known(index, walk_messages(data)))
         return True
-    found = walk_messages(unpack_chunk(raw, index.path))
-    compressed, compression, size, crc = split_chunk(raw, index.path)
-    container.add_compressed_chunk(compressed, compression, size, crc, _known(index, found))
+    chunk = split_chunk(raw, index.path)
+    found = walk_messages(unpack_chunk(chunk, index.path))
+    container.add_compressed_chunk(chunk, _known(index, found))
     return not place.index or index_agrees(raw, place, found)
 
 

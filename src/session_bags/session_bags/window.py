@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 from session_bags.bag import Bag
 from session_bags.cdr import NUMERIC_TYPES
@@ -11,6 +13,9 @@ from session_bags.decoding import Decoders, read_file, read_foreign, read_places
 from stage_core import topics as names
 from stage_core.clocks import NANOSECONDS
 from stage_core.errors import StageError
+
+#: A stamp after all others [ns].
+_NEVER = 1 << 62
 
 
 def window_stamps(
@@ -24,8 +29,8 @@ def window_stamps(
     if origin is None and not numeric:
         raise StageError(f'{bag.path} holds no message of a session: record it again')
     first = _first_stamp(bag, types, [origin] if origin else numeric)
-    begin = first + round((start or 0.0) * NANOSECONDS) if start is not None else -(1 << 62)
-    end = first + round(stop * NANOSECONDS) if stop is not None else 1 << 62
+    begin = first + round((start or 0.0) * NANOSECONDS) if start is not None else -_NEVER
+    end = first + round(stop * NANOSECONDS) if stop is not None else _NEVER
     return begin, end
 
 
@@ -64,46 +69,31 @@ def read_window(bag: Bag, decoders: dict[str, TopicDecoder], begin: int, end: in
     """
     places = [(i, p) for i in bag.files for p in i.chunks]
     places.sort(key=lambda item: item[1].start)
-    spans: dict[int, tuple[int, int] | None] = {}
 
-    def span(number: int) -> tuple[int, int] | None:
-        """Earliest and latest stamp in a chunk; None where it holds none of the topics."""
-        if number not in spans:
-            index, place = places[number]
-            trial = {t: TopicDecoder(t, d.type_name, str(bag.path)) for t, d in decoders.items()}
-            chosen = {
-                n: trial[c.topic]
-                for n, c in index.channels.items()
-                if c.topic in trial and c.topic != names.ALIGNMENT
-            }
-            if chosen and (not place.index or not chosen.keys().isdisjoint(place.index)):
-                read_file(index, [place], chosen)
-            found = [s for d in trial.values() for s in d.series().values()]
-            spans[number] = (
-                (min(int(s.stamps[0]) for s in found), max(int(s.stamps[-1]) for s in found))
-                if found
-                else None
-            )
-        return spans[number]
+    @cache
+    def latest(number: int) -> int | None:
+        """Latest stamp in a chunk; None where it holds none of the topics."""
+        index, place = places[number]
+        trial = {t: TopicDecoder(t, d.type_name, str(bag.path)) for t, d in decoders.items()}
+        chosen = {
+            n: trial[c.topic]
+            for n, c in index.channels.items()
+            if c.topic in trial and c.topic != names.ALIGNMENT
+        }
+        if chosen and (not place.index or not chosen.keys().isdisjoint(place.index)):
+            read_file(index, [place], chosen)
+        found = [s for d in trial.values() for s in d.series().values()]
+        return max((int(s.stamps[-1]) for s in found), default=None)
 
-    def first_not_before(stamp: int) -> int:
-        """First chunk whose latest stamp is not before `stamp`, by bisection."""
-        low, high = 0, len(places)
-        while low < high:
-            middle = probe = (low + high) // 2
-            while probe < high and span(probe) is None:
-                probe += 1
-            if probe == high:
-                high = middle
-            elif span(probe)[1] < stamp:  # type: ignore[index]
-                low = probe + 1
-            else:
-                high = middle
-        return low
+    def latest_from(number: int) -> int:
+        """Latest stamp in a chunk or the first after it that holds the topics."""
+        known = (latest(n) for n in range(number, len(places)))
+        return next((stamp for stamp in known if stamp is not None), _NEVER)
 
+    chunks = range(len(places))
     # Neighbouring chunks overlap where messages of one moment arrive across a boundary.
-    lower = max(first_not_before(begin) - 1, 0)
-    upper = min(first_not_before(end) + 2, len(places))
+    lower = max(bisect_left(chunks, begin, key=latest_from) - 1, 0)
+    upper = min(bisect_left(chunks, end, key=latest_from) + 2, len(places))
     inside = {(id(i), p.offset) for i, p in places[lower:upper]}
     main = {t: d for t, d in decoders.items() if t != names.ALIGNMENT}
     read_places(bag, main, lambda index, place: (id(index), place.offset) in inside)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import struct
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +15,15 @@ from mcap.records import Channel, Schema
 
 from session_bags import metadata
 from session_bags.bulk import Block, merge, session_blocks
-from session_bags.container import ContainerWriter
+from session_bags.container import MESSAGE, MESSAGE_HEADER, ContainerWriter
 from session_bags.definitions import definition, quality_of_service
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 
-Twin = TwinFile | Mapping[str, Any] | str | None
+Twin = TwinFile | Mapping[str, Any] | None
 
-_MESSAGE = struct.Struct('<BQHIQQ')
 TWIN_KEY = 'twin'
 
 
@@ -37,7 +35,7 @@ class SessionWriter:
     path
         Directory of the bag; must not exist.
     twin
-        Nominal twin, kept in ``custom_data``: a file's content, or its YAML text.
+        Nominal twin, kept in ``custom_data``.
     chunk_bytes, chunk_period
         A chunk is closed and written at this size [byte] or age [s], whichever comes first.
 
@@ -74,9 +72,9 @@ class SessionWriter:
             ) from error
         self._file = metadata.FileRecord(file_name)
         self._metadata = metadata.BagMetadata(files=[self._file])
-        text = twin_text(twin)
-        if text:
-            self._metadata.custom_data[TWIN_KEY] = text
+        if twin is not None:
+            content = twin.to_dict() if isinstance(twin, TwinFile) else dict(twin)
+            self._metadata.custom_data[TWIN_KEY] = yaml.safe_dump(content, sort_keys=False)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._records: list[bytes] = []
@@ -152,8 +150,13 @@ class SessionWriter:
             self._opened = time.monotonic()
         published = log_time if publish_time is None else publish_time
         record = (
-            _MESSAGE.pack(
-                Opcode.MESSAGE, 22 + len(data), channel, sequence & 0xFFFFFFFF, log_time, published
+            MESSAGE.pack(
+                Opcode.MESSAGE,
+                MESSAGE_HEADER + len(data),
+                channel,
+                sequence & 0xFFFFFFFF,
+                log_time,
+                published,
             )
             + data
         )
@@ -211,10 +214,15 @@ class SessionWriter:
         self._stream.close()
         self._metadata.save(self.path)
 
-    def _disk(self) -> _DiskGuard:
+    @contextlib.contextmanager
+    def _disk(self) -> Iterator[None]:
+        """Turns a failed write into one clear error, the file being closed in good order."""
         if self._closed:
             raise StageError(f'the bag {self.path} is closed: open a new one to go on recording')
-        return _DiskGuard(self)
+        try:
+            yield
+        except OSError as error:
+            raise self._give_up(error) from error
 
     def _give_up(self, error: OSError) -> StageError:
         """Leave complete records only, finish the file if that fits, and say what happened."""
@@ -244,30 +252,6 @@ class SessionWriter:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
-
-
-class _DiskGuard:
-    """Turns a failed write into one clear error, the file being closed in good order."""
-
-    def __init__(self, writer: SessionWriter) -> None:
-        self._writer = writer
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, OSError):
-            raise self._writer._give_up(error) from error
-
-
-def twin_text(twin: Twin) -> str:
-    """YAML text of a twin in any of its forms; empty for none."""
-    if twin is None:
-        return ''
-    if isinstance(twin, str):
-        return twin
-    content = twin.to_dict() if isinstance(twin, TwinFile) else dict(twin)
-    return yaml.safe_dump(content, sort_keys=False)
 
 
 def write_session(path: str | Path, session: Session, twin: Twin = None) -> Path:
