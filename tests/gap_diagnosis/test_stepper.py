@@ -45,7 +45,7 @@ def stepper_session(effects: dict[str, dict[str, float]], moves: int = 40) -> Se
     starts = np.vstack([np.zeros((1, 2)), stops[:-1]])
     motor = np.concatenate([a + (b - a) * s for a, b in zip(starts, stops, strict=True)])
     real = twin.with_effects(effects)
-    _, seen = measure(real, pack(real), carry(real, motor), None, 1, True)
+    seen_at, seen = measure(real, pack(real), carry(real, motor), None, 1, True)
     # Where a move ends scatters; each stop has a deviation of its own.
     scatter = np.repeat(SCATTER * generator.standard_normal((moves, 2)), 100, axis=0)
     points = seen[:, :2] + scatter[: len(seen)]
@@ -66,7 +66,7 @@ def stepper_session(effects: dict[str, dict[str, float]], moves: int = 40) -> Se
         ),
         topics.TRACKER_POINT: Series(
             topics.TRACKER_POINT,
-            START + np.rint(result.tracker_stamps * 1e9).astype(np.int64),
+            START + np.rint(seen_at * 1e9).astype(np.int64),
             {'x': points[:, 0], 'y': points[:, 1], 'z': np.zeros(len(points))},
         ),
     }
