@@ -12,7 +12,13 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.acceptance import far_from_explained
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.data import load_record
-from gap_diagnosis.input.noise import Noise, Sampling, jitter_finding, sampling_jitter
+from gap_diagnosis.input.noise import (
+    Noise,
+    Sampling,
+    encoder_step,
+    jitter_finding,
+    sampling_jitter,
+)
 from gap_diagnosis.report.document import as_dict
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.residuals.servo import Servo
@@ -163,6 +169,15 @@ def test_a_controller_that_is_limited_has_no_other_gains(
     session = planted({'force_saturation.x': {'limit': limit, 'known': 1.0}}, duration=12.0)
     found = diagnose([with_read_noise(session, white, jitter)], [], TwinFile.nominal_servo())
     assert found.verdict == ['force_saturation.x']
+
+
+@pytest.mark.parametrize('speed', [2e-4, 0.02, 0.2])
+def test_the_step_of_an_encoder_is_found_at_any_speed(speed: float) -> None:
+    times = 1e-3 * np.arange(20_000)
+    noise = 3e-8 * np.random.default_rng(4).standard_normal(len(times))
+    position = speed * times + 0.01 * np.sin(2.0 * np.pi * times) + noise
+    assert encoder_step(4e-7 * np.rint(position / 4e-7)) == pytest.approx(4e-7, rel=1e-6)
+    assert encoder_step(position) == 0.0
 
 
 def read_late(reach: float, jitter: float) -> Sampling | None:

@@ -231,8 +231,11 @@ def speed_fit(power: Array, square: Array) -> tuple[float, float, float]:
 
 
 def encoder_step(position: Array) -> float:
-    """Least common step of an encoder's changes (n,) [m]; 0 where there is none."""
-    changes = np.abs(np.diff(position))
+    """Least common step of an encoder's reading (n,) [m]; 0 where there is none.
+
+    It is that of the changes of its changes: these are few steps at any speed.
+    """
+    changes = np.abs(np.diff(position, 2))
     changes = changes[changes > 1e-11]
     if len(changes) < 100:
         return 0.0
