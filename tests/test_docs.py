@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from .test_references import headings
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [
     ROOT / 'README.md',
@@ -135,19 +137,12 @@ def test_paragraphs_are_short(page: Path) -> None:
         assert length <= 5, line
 
 
-def anchors(page: Path) -> set[str]:
-    """Anchors of a page's headings, as GitHub makes them; headings of one page differ."""
-    text = re.sub(r'^```.*?^```', '', page.read_text(encoding='utf-8'), flags=re.DOTALL | re.M)
-    headings = [h.lower() for h in re.findall(r'^#+ (.+)$', text, re.M)]
-    return {re.sub(r'[^\w\- ]', '', heading).replace(' ', '-') for heading in headings}
-
-
 @each_page
 def test_anchors_exist(page: Path) -> None:
     for target in LINK.findall(page.read_text(encoding='utf-8')):
         name, _, anchor = target.partition('#')
         if anchor and not re.match(r'\w+:', target):
-            assert anchor in anchors(page.parent / name if name else page), target
+            assert anchor in headings(page.parent / name if name else page), target
 
 
 @each_page

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,9 +16,17 @@ MODULES = [m for p in PACKAGES for m in sorted(p.glob('*/**/*.py'))]
 MESSAGES = re.compile(r'\w+_(msgs|srvs)$|rcl_interfaces$|rclpy$')
 
 
+@functools.cache
+def nodes(path: Path) -> list[ast.AST]:
+    """Imports and functions of a module: each is parsed once."""
+    kinds = (ast.Import, ast.ImportFrom, ast.FunctionDef, ast.AsyncFunctionDef)
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, kinds)]
+
+
+@functools.cache
 def imported(path: Path) -> set[str]:
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             names |= {alias.name.split('.')[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
@@ -52,7 +61,7 @@ def test_no_function_grows_too_long() -> None:
     lengths = {
         f'{path}: {node.name}': node.end_lineno - node.lineno + 1
         for path in written
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.end_lineno
     }
     assert {name: n for name, n in lengths.items() if n > 60} == {}

@@ -18,8 +18,8 @@ from ..patience import PATIENCE
 
 @pytest.fixture
 def calibrator(ros_env, tmp_path):
-    folder = f'model_folder:={tmp_path / "models"}'
-    with node('calibrator.node', ros_env, folder, 'buffer_size:=200000') as process:
+    given = {'model_folder': tmp_path / 'models', 'buffer_size': 200_000}
+    with node('calibrator.node', ros_env, **given) as process:
         yield process
 
 
@@ -108,7 +108,7 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
 @pytest.fixture
 def contour(ros_env):
     """The contour controller in real time, with a circle that begins at (35, 0) mm."""
-    with node('contour_ctrl.node', ros_env, 'radius:=0.035') as process:
+    with node('contour_ctrl.node', ros_env, radius=0.035) as process:
         yield process
 
 

@@ -3,8 +3,6 @@
 import json
 import subprocess
 import sys
-import threading
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +21,7 @@ from calibrator.training_job import Job, run_job
 from stage_core import topics
 from stage_core.errors import StageError
 
-from ..patience import PATIENCE
+from ..patience import PATIENCE, wait
 
 
 def stored(method='structured', size=4e-5, **options):
@@ -181,12 +179,7 @@ def test_training_reports_progress_and_is_aborted(grid_session, tmp_path):
     future = trainer.start(long, tmp_path / 'job.json')
     with pytest.raises(StageError, match='under way'):
         trainer.start(long, tmp_path / 'job2.json')
-    waiting = threading.Event()
-    for _ in range(1200):
-        if trainer.progress is not None:
-            break
-        waiting.wait(0.1)
-    assert trainer.progress is not None
+    wait(lambda: trainer.progress is not None)
     assert trainer.abort()
     with pytest.raises(StageError, match='aborted'):
         future.result(PATIENCE)
@@ -221,10 +214,7 @@ def test_training_ends_when_its_parent_is_killed(grid_session, tmp_path):
     assert _runs(training)
     parent.kill()
     parent.communicate()
-    deadline = time.monotonic() + PATIENCE
-    while _runs(training) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert not _runs(training)
+    wait(lambda: not _runs(training))
 
 
 def _runs(process):

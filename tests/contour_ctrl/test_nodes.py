@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,6 +25,7 @@ from stage_core.errors import StageError
 from stage_core.ros.client_node import GraphClient
 from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, stamp_of
 
+from ..node_process import end, start
 from ..patience import PATIENCE
 
 MS = 1_000_000
@@ -88,25 +86,6 @@ class LockstepDriver:
 def driver(ros_env: dict[str, str]) -> Iterator[tuple[GraphClient, LockstepDriver]]:
     with GraphClient('fake_driver') as client:
         yield client, LockstepDriver(client)
-
-
-def start(module: str, environment: dict[str, str], **parameters: Any) -> subprocess.Popen[str]:
-    command = [sys.executable, '-m', module, '--ros-args', '-p', 'use_sim_time:=true']
-    for name, value in parameters.items():
-        command += ['-p', f'{name.replace("__", ".")}:={value}']
-    return subprocess.Popen(
-        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-
-
-def end(process: subprocess.Popen[str]) -> str:
-    if process.poll() is None:
-        process.terminate()
-    try:
-        return process.communicate(timeout=20)[0]
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return process.communicate()[0]
 
 
 def asked_to_run(client: GraphClient, failures: list[str]) -> threading.Thread:
@@ -239,6 +218,7 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
     process = start(
         'contour_ctrl.node',
         ros_env,
+        use_sim_time=True,
         contour='circle',
         radius=RADIUS,
         feed=0.03,
@@ -260,37 +240,3 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
     finally:
         output = end(process)
     assert process.returncode == 0, output
-
-
-def test_excite_streams_once_and_ends(
-    ros_env: dict[str, str], driver: tuple[GraphClient, LockstepDriver]
-) -> None:
-    _, plant = driver
-    process = start(
-        'contour_ctrl.excite_node',
-        ros_env,
-        half_range_x=0.004,
-        half_range_y=0.004,
-        speeds='[0.08]',
-        multisine_time=1.5,
-        micro_time=2.0,
-    )
-    try:
-        output = process.communicate()[0]
-    finally:
-        end(process)
-    assert process.returncode == 0, output
-    points = np.array(plant.streamed)
-    assert points[:, :2].max(axis=0) == pytest.approx([0.004, 0.004], abs=1e-4)
-    assert points[:, :2].min(axis=0) == pytest.approx([-0.004, -0.004], abs=1e-4)
-    assert plant.moves[0] == pytest.approx((0.0, 0.0)) and len(plant.moves) == 2
-
-
-def test_an_unknown_scheme_is_one_line_and_exit_status_two(ros_env: dict[str, str]) -> None:
-    process = start('contour_ctrl.node', ros_env, scheme='pid')
-    try:
-        output = process.communicate()[0]
-    finally:
-        end(process)
-    assert process.returncode == 2
-    assert 'scheme must be one of p_ff, ' in output and 'Traceback' not in output

@@ -5,44 +5,43 @@ import signal
 import struct
 import subprocess
 import sys
-import time
+from pathlib import Path
 
 import pytest
 
 from stage_bringup.keep_awake import KeepAwake, main
 
-from ..patience import PATIENCE
+from ..patience import wait
 
 pytestmark = pytest.mark.skipif(not hasattr(os, 'SCHED_IDLE'), reason='needs SCHED_IDLE')
 
 
 def state(pid):
-    """Policy and processors of a process once it is at work."""
-    deadline = time.monotonic() + PATIENCE
-    while os.sched_getscheduler(pid) != os.SCHED_IDLE or len(os.sched_getaffinity(pid)) > 1:
-        assert time.monotonic() < deadline, f'process {pid} never became idle'
-        time.sleep(0.01)
+    """Processors of a process once it is at work: one, with the lowest policy."""
+    wait(
+        lambda: (
+            os.sched_getscheduler(pid) == os.SCHED_IDLE and len(os.sched_getaffinity(pid)) == 1
+        ),
+        f'process {pid} never became idle',
+    )
     return os.sched_getaffinity(pid)
 
 
-def wait_for_weight(pid):
-    deadline = time.monotonic() + PATIENCE
-    while True:
-        with open(f'/proc/{pid}/autogroup') as text:
-            if text.read().endswith('nice 19\n'):
-                return
-        assert time.monotonic() < deadline, f'the session of {pid} keeps its weight'
-        time.sleep(0.01)
+def text_of(pid, name):
+    """A file of /proc; empty once the process is gone."""
+    try:
+        return Path(f'/proc/{pid}/{name}').read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return ''
+
+
+def ended(pid):
+    """Whether a process is gone, or is a zombie, which nobody may ever fetch."""
+    return text_of(pid, 'stat').rpartition(')')[2].split()[:1] in ([], ['Z'])
 
 
 def wait_for_end(pid):
-    deadline = time.monotonic() + PATIENCE
-    while os.path.exists(f'/proc/{pid}'):
-        with open(f'/proc/{pid}/stat') as text:
-            if text.read().rpartition(')')[2].split()[0] == 'Z':
-                return
-        assert time.monotonic() < deadline, f'process {pid} is still there'
-        time.sleep(0.01)
+    wait(lambda: ended(pid), f'process {pid} is still there')
 
 
 def test_without_an_idle_driver_each_processor_has_a_process_of_the_lowest_kind(tmp_path):
@@ -55,7 +54,8 @@ def test_without_an_idle_driver_each_processor_has_a_process_of_the_lowest_kind(
         if os.path.exists('/proc/self/autogroup'):
             # Without, a session of its own has the weight of any other: half of the processors.
             for pid in pids:
-                wait_for_weight(pid)
+                weight = f'the session of {pid} keeps its weight'
+                wait(lambda pid=pid: text_of(pid, 'autogroup').endswith('nice 19\n'), weight)
     assert awake.pids == []
     for pid in pids:
         wait_for_end(pid)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-import shutil
 import subprocess
-import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -18,9 +16,9 @@ import pytest
 from stage_bringup.live_page import LivePage
 from stage_core.errors import StageError
 
-from ..patience import PATIENCE
+from ..browser import command, needs_chromium
+from ..patience import wait
 
-CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'google-chrome', 'chrome'))), None)
 STATE: dict[str, Any] = {
     'axes': ['x', 'y'],
     'position': [0.0123456, -0.002],
@@ -124,23 +122,19 @@ async def in_the_browser(port: int) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
+@needs_chromium
 def test_a_browser_shows_the_state_and_stops_the_stage(stage: Stage, tmp_path: Path) -> None:
     pytest.importorskip('tornado', reason='comes with Dask, an optional extra')
     profile = tmp_path / 'profile'
     browser = subprocess.Popen(
-        [
-            str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu',
-            '--remote-debugging-port=0', f'--user-data-dir={profile}', stage.address,
-        ],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+        command(profile, '--remote-debugging-port=0', stage.address),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     try:
         # The browser writes the port that it took into its profile.
-        place, deadline = profile / 'DevToolsActivePort', time.monotonic() + PATIENCE
-        while not place.exists() or '\n' not in place.read_text():
-            assert time.monotonic() < deadline and browser.poll() is None
-            time.sleep(0.1)
+        place = profile / 'DevToolsActivePort'
+        wait(lambda: place.exists() and '\n' in place.read_text(), 'the port of the browser')
         port = int(place.read_text().split()[0])
         found = asyncio.run(asyncio.wait_for(in_the_browser(port), 60.0))
     finally:

@@ -9,7 +9,6 @@ import os
 import socket
 import struct
 import subprocess
-import sys
 import threading
 import time
 import urllib.request
@@ -23,6 +22,8 @@ from session_bags.definitions import definition
 from stage_bringup.graph import free_port
 from stage_bringup.live_view_node import Thinner, channel
 from stage_core import topics
+
+from ..node_process import end, start
 
 
 def test_thinner_keeps_the_rate() -> None:
@@ -54,29 +55,20 @@ def test_channel_carries_the_message_definition() -> None:
     assert values['schema']['data'].decode() == definition('sensor_msgs/msg/JointState')[0]
 
 
-def start(env: dict[str, str], **ports: int) -> subprocess.Popen:
-    parameters = [word for name, value in ports.items() for word in ('-p', f'{name}:={value}')]
-    return subprocess.Popen(
-        [sys.executable, '-m', 'stage_bringup.live_view_node', '--ros-args', *parameters],
-        env=env,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+LIVE_VIEW = 'stage_bringup.live_view_node'
 
 
 def test_node_without_the_sdk_serves_its_page(ros_env: dict[str, str], tmp_path: Path) -> None:
     (tmp_path / 'foxglove.py').write_text('raise ImportError')
     path = os.pathsep.join([str(tmp_path), ros_env.get('PYTHONPATH', '')])
     port = free_port()
-    node = start({**ros_env, 'PYTHONPATH': path}, page_port=port)
+    node = start(LIVE_VIEW, {**ros_env, 'PYTHONPATH': path}, page_port=port)
     try:
         wait_for_server(port, node)
         with urllib.request.urlopen(f'http://127.0.0.1:{port}/') as page:
             assert 'Stop the stage' in page.read().decode()
     finally:
-        node.terminate()
-        output, _ = node.communicate()
+        output = end(node)
     assert node.returncode == 0
     assert 'pip install foxglove-sdk' in output
 
@@ -144,7 +136,7 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
     from stage_core.ros.node import LATCHED_QOS, STATE_QOS, joint_state
 
     port, page_port = free_port(), free_port()
-    node = start(ros_env, port=port, page_port=page_port)
+    node = start(LIVE_VIEW, ros_env, port=port, page_port=page_port)
     ended = threading.Event()
     try:
         with GraphClient('live_view_test') as client:
@@ -197,8 +189,8 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
         assert decoded(topics.MODEL).data == '{"active": false}'
         assert decoded(topics.DIAGNOSTICS).status[0].name.startswith('live_view')
     finally:
-        node.terminate()
-        assert node.wait() == 0
+        end(node)
+    assert node.returncode == 0
 
 
 def wait_for_server(port: int, node: subprocess.Popen) -> None:

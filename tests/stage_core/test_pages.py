@@ -5,9 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import re
-import shutil
-import subprocess
-from html import unescape
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,7 +17,7 @@ from stage_core.pages import Page, add_conditions
 from stage_core.wording import effect_words, measure, rounded, span, with_interval, with_std
 from stage_reports import figures
 
-CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'google-chrome', 'chrome'))), None)
+from ..browser import browse, needs_chromium, told
 
 
 def test_the_page_is_self_contained_and_escaped(tmp_path: Path) -> None:
@@ -57,20 +54,17 @@ def test_a_picture_has_the_colours_of_both_themes() -> None:
     assert theme.svg(figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm')) == text
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
+@needs_chromium
 @pytest.mark.parametrize('dark', [False, True])
 def test_page_and_picture_follow_the_same_theme(tmp_path: Path, dark: bool) -> None:
     page = Page('theme').figure(figures.histogram({'a': [0.0, 1.0, 2.0]}), 'a picture', 'Look.')
     shot = tmp_path / 'shot.png'
-    subprocess.run(
-        [
-            str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu', '--hide-scrollbars',
-            f'--blink-settings=preferredColorScheme={0 if dark else 1}', '--window-size=700,600',
-            f'--user-data-dir={tmp_path / "profile"}', f'--screenshot={shot}',
-            page.save(tmp_path / 'page.html').as_uri(),
-        ],
-        check=True, capture_output=True,
-    )  # fmt: skip
+    browse(
+        page.save(tmp_path / 'page.html'),
+        f'--blink-settings=preferredColorScheme={0 if dark else 1}',
+        '--window-size=700,600',
+        f'--screenshot={shot}',
+    )
     luminance = matplotlib.image.imread(shot)[:, :, :3].mean(axis=2)
     corner, ink = luminance[:5, :5].mean(), luminance[90:400]
     # The picture's letters stand out from the page, whichever theme it has.
@@ -99,7 +93,7 @@ document.title = JSON.stringify(found);
 });</script>"""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
+@needs_chromium
 @pytest.mark.parametrize('width', [1200, 500])
 def test_a_reader_reads_values_off_curves_and_zooms(tmp_path: Path, width: int) -> None:
     seconds = [0.0, 20.0, 30.0, 50.0, 100.0]
@@ -108,15 +102,7 @@ def test_a_reader_reads_values_off_curves_and_zooms(tmp_path: Path, width: int) 
     assert page.render().count('</script>') == 2
     place = tmp_path / 'page.html'
     place.write_text(page.render().replace('</body>', MOUSE + '</body>'), encoding='utf-8')
-    done = subprocess.run(
-        [
-            str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu', '--dump-dom',
-            f'--window-size={width},900',
-            f'--user-data-dir={tmp_path / "profile"}', place.as_uri(),
-        ],
-        check=True, timeout=120, capture_output=True, text=True,
-    )  # fmt: skip
-    said = json.loads(unescape(done.stdout.split('title>')[1].removesuffix('</')))
+    said = told(place, f'--window-size={width},900')
     pairs = [re.findall(r' at (\S+): a</script> (\S+)', text)[0] for text in said]
     places = [float(x) for x, _ in pairs]
     # The middle of the whole, of the stretch from 0.2 to 0.4 of it, and of the whole again.
@@ -169,7 +155,7 @@ frame.onload = () => {
 frame.srcdoc = PAGE;</script>"""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
+@needs_chromium
 def test_nothing_scrolls_sideways_on_a_phone(tmp_path: Path) -> None:
     page = Page('phone').figure(
         figures.time_series([0.0, 1.0], {'a': [0.0, 1.0]}, 'µm'), 'wide', 'Look.'
@@ -179,14 +165,7 @@ def test_nothing_scrolls_sideways_on_a_phone(tmp_path: Path) -> None:
     text = json.dumps(page.render()).replace('</', '<\\/')
     place = tmp_path / 'frame.html'
     place.write_text(PHONE.replace('PAGE', text), encoding='utf-8')
-    done = subprocess.run(
-        [
-            str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu', '--dump-dom',
-            f'--user-data-dir={tmp_path / "profile"}', place.as_uri(),
-        ],
-        check=True, timeout=120, capture_output=True, text=True,
-    )  # fmt: skip
-    assert json.loads(done.stdout.split('title>')[1].removesuffix('</')) == [0, 0, 0]
+    assert told(place) == [0, 0, 0]
 
 
 def test_a_row_of_sentences_becomes_a_list_on_a_phone() -> None:

@@ -1,6 +1,5 @@
 """The servo backend with a small plant behind the drive link, and how it is moved."""
 
-import time
 from contextlib import contextmanager
 
 from stage_core.twin_file import TwinFile
@@ -9,7 +8,7 @@ from stage_driver.limits import AxisLimits
 from stage_driver.servo import ServoBackend
 from stage_driver.states import State
 
-from ..patience import PATIENCE
+from ..patience import wait
 from .driver_rig import Recorder, SmallPlant
 
 LIMITS = AxisLimits(-0.05, 0.05, 0.2, 2.0, 4.0)
@@ -51,10 +50,10 @@ def lonely(port=9, **options):
 
 def quiet(backend, recorder):
     """Wait until the motion has ended."""
-    deadline = time.monotonic() + PATIENCE
-    while backend.status().state is State.MOVING or not backend._inbox.empty():
-        assert time.monotonic() < deadline, backend.status()
-        time.sleep(0.002)
+    wait(
+        lambda: backend.status().state is not State.MOVING and backend._inbox.empty(),
+        backend.status,
+    )
 
 
 def move(backend, recorder, x, y):

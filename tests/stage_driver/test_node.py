@@ -1,12 +1,7 @@
 """The driver as a real process, before a real twin process and without one."""
 
 import re
-import socket
-import subprocess
-import sys
 import threading
-import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -14,41 +9,19 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from stage_bringup.graph import free_port
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ros.client_node import GraphClient
 from stage_core.ros.node import SETPOINT_QOS, joint_state, stamp_of
-from stage_core.twin_file import StepperAxis, TwinFile
-from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
-from stage_twin.stepper import StepperPlant
 
+from ..node_process import node, start
 from ..patience import PATIENCE
 from .driver_rig import SmallPlant
-
-STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
+from .zaber_rig import chain
 
 CONFIG = Path(__file__).resolve().parents[2] / 'ros_ws' / 'config' / 'stage_driver_servo.yaml'
-DRIVER = [sys.executable, '-m', 'stage_driver.node', '--ros-args']
-
-
-def arguments(**parameters):
-    return [text for name, value in parameters.items() for text in ('-p', f'{name}:={value}')]
-
-
-@contextmanager
-def process(command, environment):
-    running = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
-    try:
-        yield running
-    finally:
-        running.terminate()
-        try:
-            print(running.communicate(timeout=15)[1])
-        except subprocess.TimeoutExpired:
-            running.kill()
-            running.communicate()
+DRIVER = 'stage_driver.node'
 
 
 def statuses(message):
@@ -59,8 +32,8 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
     plant = SmallPlant(lockstep=False, start=(0.1, 0.05))
     plant.start()
     try:
-        command = [*DRIVER, '--params-file', str(CONFIG), *arguments(drive_port=plant.port)]
-        with process(command, ros_env), GraphClient('test_client') as client:
+        driver = node(DRIVER, ros_env, CONFIG, drive_port=plant.port)
+        with driver, GraphClient('test_client') as client:
             for topic in (topics.REFERENCE, topics.COMMAND, topics.JOINT_STATES):
                 client.watch(JointState, topic)
             client.watch(DiagnosticArray, topics.DIAGNOSTICS)
@@ -123,54 +96,15 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
         plant.close()
 
 
-def test_home_waits_for_a_twin_that_starts_later(ros_env):
-    port = free_port(socket.SOCK_DGRAM)
-    twin = [sys.executable, '-m', 'stage_twin.node', '--ros-args']
-    twin += arguments(drive_port=port, clock='lockstep', tracker_protocol='none')
-    driver = DRIVER + arguments(drive_port=port, drive_timeout=300.0)
-    with process(driver, ros_env), GraphClient('test_client') as client:
-        client.watch(DiagnosticArray, topics.DIAGNOSTICS)
-        client.wait_for_service('/stage_driver/home', PATIENCE)
-        answer = client.node.create_client(Trigger, '/stage_driver/home')
-        assert answer.wait_for_service(PATIENCE)
-        homing = answer.call_async(Trigger.Request())
-
-        def waiting():
-            found = statuses(client.latest(topics.DIAGNOSTICS) or DiagnosticArray())
-            status = found.get('stage_driver: state')
-            return status is not None and status.message.startswith(
-                'no contact with the stage: no drive at'
-            )
-
-        client.wait_for(waiting, PATIENCE, 'a driver without a drive')
-        assert not homing.done()
-        with process(twin, ros_env):
-            client.wait_for(homing.done, PATIENCE, 'the answer of ~/home')
-        assert homing.result().success, homing.result().message
-        assert homing.result().message.startswith('homed: x')
-
-
-def test_home_without_a_drive_is_one_clear_line(ros_env):
-    port = free_port(socket.SOCK_DGRAM)
-    driver = DRIVER + arguments(drive_port=port, drive_timeout=0.5)
-    with (
-        process(driver, ros_env),
-        GraphClient('test_client') as client,
-        pytest.raises(StageError, match=f'no drive at 127.0.0.1:{port} within 0.5 s: start it'),
-    ):
-        client.trigger('/stage_driver/home', PATIENCE)
-
-
 def test_a_contour_before_homing_fails_at_once_with_the_call_that_homes(ros_env):
     plant = SmallPlant(lockstep=False)
     plant.start()
     # Longer than the test waits: a run that is not refused at once is not refused in time.
-    patient = ['-p', 'radius:=0.002', '-p', f'approach_timeout:={2.0 * PATIENCE}']
-    contour = [sys.executable, '-m', 'contour_ctrl.node', '--ros-args', *patient]
+    patient = {'radius': 0.002, 'approach_timeout': 2.0 * PATIENCE}
     try:
         with (
-            process(DRIVER + arguments(drive_port=plant.port), ros_env),
-            process(contour, ros_env),
+            node(DRIVER, ros_env, drive_port=plant.port),
+            node('contour_ctrl.node', ros_env, **patient),
             GraphClient('test_client') as client,
         ):
             client.watch(JointState, topics.JOINT_STATES)
@@ -190,61 +124,30 @@ def test_a_contour_before_homing_fails_at_once_with_the_call_that_homes(ros_env)
         plant.close()
 
 
-def test_killed_driver_leaves_the_stage_at_rest_and_a_new_one_takes_over(ros_env):
-    plant = SmallPlant(lockstep=False)
-    plant.start()
-    try:
-        command = DRIVER + arguments(drive_port=plant.port, home_required='false')
-        with process(command, ros_env) as driver, GraphClient('test_client') as client:
-            setpoints = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
-            client.wait_for(lambda: setpoints.get_subscription_count() > 0, PATIENCE, 'the driver')
-
-            def moving():
-                setpoints.publish(joint_state(0, ['x', 'y'], velocity=[0.05, 0.0]))
-                return plant.velocity[0] > 0.03
-
-            client.wait_for(moving, PATIENCE, 'motion')
-            driver.kill()
-            driver.wait(10)
-            client.wait_for(lambda: abs(plant.velocity[0]) < 1e-4, PATIENCE, 'rest')
-            where = plant.position[0]
-            with process(command, ros_env):
-                client.watch(JointState, topics.COMMAND)
-                client.wait_for(
-                    lambda: client.latest(topics.COMMAND) is not None, PATIENCE, 'a driver'
-                )
-                time.sleep(0.2)
-                assert plant.position[0] == pytest.approx(where, abs=1e-5)
-    finally:
-        plant.close()
-
-
 def test_zaber_node_keeps_its_port_reports_a_pulled_cable_and_goes_on_after_the_reset(
     ros_env, tmp_path
 ):
-    plant = StepperPlant(STEPPER)
-    plant.reset([1000, 1000])
     link = tmp_path / 'zaber'
-    command = [*DRIVER, '--params-file', str(CONFIG.with_name('stage_driver_zaber.yaml'))]
+    file = CONFIG.with_name('stage_driver_zaber.yaml')
     # A pulled cable is a hang-up of the port; a busy machine is late with its answers.
-    command += arguments(reply_timeout=5.0, link_timeout=60.0, port=link)
+    patient = {'reply_timeout': 5.0, 'link_timeout': 60.0}
     with (
-        ZaberPty(ZaberChain(plant), link=link) as server,
-        process(command, ros_env) as first,
+        ZaberPty(chain(1000, 1000), link=link) as server,
+        node(DRIVER, ros_env, file, **patient, port=link) as first,
         GraphClient('test_client') as client,
     ):
         client.watch(JointState, topics.JOINT_STATES)
         client.watch(DiagnosticArray, topics.DIAGNOSTICS)
         assert client.trigger('/stage_driver/home', PATIENCE) == 'homed: x, y'
-        second = [*command[:-1], f'port:={server.port}']
         # In another terminal, with its own folder for temporary files.
         elsewhere = {**ros_env, 'TMPDIR': str(tmp_path)}
-        refused = subprocess.run(second, env=elsewhere, capture_output=True, text=True)
-        assert refused.returncode == 2
+        second = start(DRIVER, elsewhere, file, **patient, port=server.port)
+        refused = second.communicate()[0]
+        assert second.returncode == 2
         assert re.search(
             rf'stage_driver with pid {first.pid} \(since \d\d:\d\d\) holds the port '
             rf'{server.port}: stop it, or give this driver another port',
-            refused.stderr,
+            refused,
         )
         setpoints = client.node.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
         client.wait_for(lambda: setpoints.get_subscription_count() > 0, PATIENCE, 'the driver')
@@ -282,15 +185,12 @@ def test_zaber_node_keeps_its_port_reports_a_pulled_cable_and_goes_on_after_the_
     ('parameters', 'words'),
     [
         ({'backend': 'zaber', 'port': '/dev/null'}, 'cannot open port /dev/null'),
-        ({'speeed': 1.0}, 'no parameter speeed'),
         ({'x.limit_lower': 0.5}, 'limits of x'),
-        ({'setpoint_timeout': -1.0}, 'setpoint_timeout must lie in'),
     ],
 )
 def test_wrong_parameters_are_one_line_and_exit_status_two(ros_env, parameters, words):
-    done = subprocess.run(
-        DRIVER + arguments(**parameters), env=ros_env, capture_output=True, text=True
-    )
-    assert done.returncode == 2
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert words in done.stderr
+    driver = start(DRIVER, ros_env, **parameters)
+    said = driver.communicate()[0]
+    assert driver.returncode == 2
+    assert len(said.strip().splitlines()) == 1
+    assert words in said

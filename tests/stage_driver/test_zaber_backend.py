@@ -9,7 +9,8 @@ from stage_driver.states import State
 from stage_driver.zaber_units import ZaberUnits
 from stage_twin.emulators.zaber_faults import KINDS
 
-from .zaber_rig import STEP, move, position, rig, wait
+from ..patience import wait
+from .zaber_rig import STEP, move, position, rig
 
 
 def test_native_units():
@@ -63,7 +64,7 @@ def test_dead_host_leaves_the_axis_at_its_bound(tmp_path):
             time.sleep(0.01)
         backend._ended.set()
         backend._thread.join(timeout=5)
-        wait(lambda: not server.chain.axes[0].busy, 5)
+        wait(lambda: not server.chain.axes[0].busy)
         assert server.chain.axes[0].position > 0
         assert server.chain.axes[0].position * STEP < 0.02
 

@@ -3,20 +3,15 @@
 import pytest
 
 from stage_core.errors import StageError
-from stage_core.twin_file import StepperAxis, TwinFile
 from stage_driver.protocol import Assembler, Info, LineSplitter, checksum, decode_answer
-from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_faults import KINDS
-from stage_twin.stepper import StepperPlant
 
-STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
+from . import zaber_rig
 
 
 @pytest.fixture
 def chain():
-    plant = StepperPlant(STEPPER)
-    plant.reset([1000, 2000])
-    return ZaberChain(plant)
+    return zaber_rig.chain(1000, 2000)
 
 
 def ask(chain, command, time=0.0):

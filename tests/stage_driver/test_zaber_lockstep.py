@@ -12,9 +12,9 @@ from stage_driver.zaber_lockstep import LockstepZaberBackend
 from stage_twin.loops import LOCKSTEP_START_NS
 from stage_twin.stepper_loop import StepperLoop
 
+from ..patience import wait
 from ..points import PointRecorder
 from .driver_rig import Recorder
-from .zaber_rig import wait
 
 TWIN = TwinFile(
     kind='stepper',

@@ -9,23 +9,14 @@ from pathlib import Path
 import pytest
 
 from stage_core.errors import StageError
-from stage_core.twin_file import StepperAxis, TwinFile
-from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
-from stage_twin.stepper import StepperPlant
 
-STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
-
-
-def make_chain():
-    plant = StepperPlant(STEPPER)
-    plant.reset([3000, 5000])
-    return ZaberChain(plant)
+from .zaber_rig import chain
 
 
 def test_the_official_library_drives_the_emulated_chain(tmp_path):
     # Each exchange lets 20 ms pass: the library's polls, not the wall clock, end the moves.
-    with ZaberPty(make_chain(), exchange_time=0.02) as server:
+    with ZaberPty(chain(3000, 5000), exchange_time=0.02) as server:
         session = Path(__file__).with_name('zaber_motion_session.py')
         done = subprocess.run(
             [sys.executable, str(session), server.port],
@@ -48,7 +39,7 @@ def test_the_official_library_drives_the_emulated_chain(tmp_path):
 
 def test_link_follows_the_cable(tmp_path):
     link = tmp_path / 'zaber'
-    with ZaberPty(make_chain(), link=link) as server:
+    with ZaberPty(chain(3000, 5000), link=link) as server:
         assert os.path.realpath(link) == server.port
         server.unplug()
         assert not link.exists()
@@ -61,5 +52,5 @@ def test_link_name_that_is_taken_is_an_error(tmp_path):
     taken = tmp_path / 'file'
     taken.write_text('mine')
     with pytest.raises(StageError, match='cannot make the link'):
-        ZaberPty(make_chain(), link=taken).start()
+        ZaberPty(chain(3000, 5000), link=taken).start()
     assert taken.read_text() == 'mine'

@@ -12,12 +12,10 @@ from stage_driver.limits import AxisLimits
 from stage_driver.zaber import ZaberBackend
 from stage_driver.zaber_link import ZaberLink
 from stage_driver.zaber_setup import connect
-from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
-from stage_twin.stepper import StepperPlant
 
 from .driver_rig import Recorder
-from .zaber_rig import LIMITS, STEP, STEPPER, rig
+from .zaber_rig import LIMITS, STEP, chain, rig
 
 
 def test_a_port_that_is_not_there_yet_is_waited_for(tmp_path):
@@ -32,7 +30,7 @@ def test_a_port_that_is_not_there_yet_is_waited_for(tmp_path):
         )
         homing = backend.home()
         recorder.wait(lambda: recorder.said(f'homing waits up to 60 s for the port {link}'))
-        with ZaberPty(ZaberChain(StepperPlant(STEPPER)), link=link):
+        with ZaberPty(chain(0, 0), link=link):
             assert homing.result() == 'homed: x, y'
             assert backend.status().connected and 'waits' not in backend.status().details
     finally:
@@ -109,7 +107,7 @@ def test_silence_and_garbage_are_told_apart(babble, words):
 
 
 def test_limits_outside_the_travel_are_an_error(tmp_path):
-    with ZaberPty(ZaberChain(StepperPlant(STEPPER))) as server:
+    with ZaberPty(chain(0, 0)) as server:
         far = AxisLimits(0.5, 0.6, 0.1, 1.0, 1.0)
         config = ZaberConfig(('x',), (far,), server.port, (1,), (1,), (STEP,))
         with pytest.raises(StageError, match='outside the travel'):

@@ -1,6 +1,5 @@
 """The Zaber backend with the emulated chain on a pseudo-terminal, and how it is moved."""
 
-import time
 from contextlib import contextmanager
 
 from stage_core.twin_file import StepperAxis, TwinFile
@@ -12,24 +11,25 @@ from stage_twin.emulators.zaber import ZaberChain
 from stage_twin.emulators.zaber_pty import ZaberPty
 from stage_twin.stepper import StepperPlant
 
-from ..patience import PATIENCE
+from ..patience import wait
 from .driver_rig import Recorder
 
 STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
-
-
 LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
-
-
 STEP = 0.047625e-6
+
+
+def chain(*start):
+    """Two emulated devices whose axes stand at these steps."""
+    plant = StepperPlant(STEPPER)
+    plant.reset(start)
+    return ZaberChain(plant)
 
 
 @contextmanager
 def rig(tmp_path, start=(3000, 2000), **options):
-    plant, recorder = StepperPlant(STEPPER), Recorder()
-    plant.reset(start)
-    link = tmp_path / 'zaber'
-    with ZaberPty(ZaberChain(plant), link=link) as server:
+    recorder, link = Recorder(), tmp_path / 'zaber'
+    with ZaberPty(chain(*start), link=link) as server:
         options.setdefault('reply_timeout', 0.1)
         options.setdefault('link_timeout', 0.5)
         config = ZaberConfig(('x', 'y'), (LIMITS, LIMITS), str(link), **options)
@@ -39,13 +39,6 @@ def rig(tmp_path, start=(3000, 2000), **options):
             yield server, backend, recorder
         finally:
             backend.close()
-
-
-def wait(condition, timeout=PATIENCE):
-    deadline = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
 
 
 def move(backend, recorder, x, y):

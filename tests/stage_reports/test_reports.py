@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -25,9 +23,8 @@ from stage_reports.tracking import places, runs, tracking_errors
 from stage_reports.trials_page import trials_page
 from stage_reports.uncertainty import positioning_uncertainty
 
+from ..browser import browse, needs_chromium
 from .sessions import START, circle_session, joint, rest_session, staircase
-
-CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'google-chrome', 'chrome'))), None)
 
 
 class Page(HTMLParser):
@@ -270,20 +267,18 @@ def test_a_missing_bag_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().err.count('\n') == 1
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason='no Chromium on PATH')
+@needs_chromium
 def test_a_browser_without_a_network_draws_the_whole_page(tmp_path: Path) -> None:
     bag = write_session(tmp_path / 'bag', rest_session())
     assert main(['--bag', str(bag), '--out', str(tmp_path)]) == 0
     shot = tmp_path / 'page.png'
-    run = subprocess.run(
-        [
-            str(CHROMIUM), '--headless=new', '--no-sandbox', '--disable-gpu', '--hide-scrollbars',
-            '--host-resolver-rules=MAP * ~NOTFOUND', '--enable-logging=stderr',
-            f'--user-data-dir={tmp_path / "profile"}', '--window-size=1200,1600',
-            f'--screenshot={shot}', (tmp_path / 'report.html').as_uri(),
-        ],
-        capture_output=True, text=True,
-    )  # fmt: skip
+    run = browse(
+        tmp_path / 'report.html',
+        '--host-resolver-rules=MAP * ~NOTFOUND',
+        '--enable-logging=stderr',
+        '--window-size=1200,1600',
+        f'--screenshot={shot}',
+    )
     assert ':CONSOLE' not in run.stderr, run.stderr
     pixels = matplotlib.image.imread(shot)[:, :, :3]
     assert pixels.shape[:2] == (1600, 1200)

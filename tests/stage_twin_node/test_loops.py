@@ -15,7 +15,7 @@ from stage_twin.emulators.drive import DriveSocket
 from stage_twin.loops import LOCKSTEP_START_NS, LockstepLoop, RealTimeLoop
 from stage_twin.machine import ServoMachine
 
-from ..patience import PATIENCE
+from ..patience import PATIENCE, wait
 from ..points import PointRecorder
 
 
@@ -158,10 +158,7 @@ def test_lockstep_brakes_a_moving_stage_when_its_driver_dies(machine):
     with running(lockstep(machine, watchdog=0.2)) as loop:
         push_constant_force(loop, 200)
         assert machine.moving
-        deadline = time.monotonic() + PATIENCE
-        while not machine.at_rest and time.monotonic() < deadline:
-            time.sleep(0.02)
-        assert machine.at_rest
+        wait(lambda: machine.at_rest)
         # 0.2 m/s decays with 20 ms to 10 µm/s in some 0.2 s.
         assert 50 < loop.braked < 500
 
@@ -195,10 +192,7 @@ def test_real_time_follows_forces_and_brakes_in_silence(machine):
         steps = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
         assert all(step >= 1_000_000 for step in steps)
         driver.close()
-        deadline = time.monotonic() + PATIENCE
-        while not (loop.braking and machine.at_rest) and time.monotonic() < deadline:
-            time.sleep(0.02)
-        assert loop.braking and machine.at_rest
+        wait(lambda: loop.braking and machine.at_rest)
         assert machine.positions()[0] > 1e-4
     stamps = [stamp for stamp, _ in loop.tracker.points]
     assert stamps == sorted(stamps)

@@ -10,7 +10,7 @@ from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
 from stage_twin.loops import LOCKSTEP_START_NS
 from stage_twin.stepper_loop import StepperLoop
 
-from ..patience import PATIENCE
+from ..patience import wait
 from ..points import PointRecorder
 
 MICROSTEP = StepperAxis().microstep
@@ -72,11 +72,9 @@ def test_real_time_samples_at_the_trackers_rate(tmp_path):
     loop = StepperLoop(TWIN, recorder, noise=False)
     loop.start()
     try:
-        deadline = time.monotonic() + PATIENCE
-        while len(recorder.points) < 30 and time.monotonic() < deadline:
-            time.sleep(0.01)
+        wait(lambda: len(recorder.points) >= 30)
     finally:
         loop.stop()
     stamps = [stamp for stamp, _ in recorder.points]
-    assert len(stamps) >= 30 and stamps == sorted(set(stamps))
+    assert stamps == sorted(set(stamps))
     assert begin <= stamps[0]

@@ -3,7 +3,6 @@
 import contextlib
 import socket
 import struct
-import time
 
 import pytest
 
@@ -17,16 +16,9 @@ from tracker_bridge.sources.sa_text import SaTextSource
 from tracker_bridge.tpi_packets import Answer, SingleMeasurement, StatusChange
 from tracker_bridge.tpi_words import Command, Event, LengthUnit, PointStatus, ResultStatus
 
-from ..patience import PATIENCE
+from ..patience import PATIENCE, wait
 
 MS = 1_000_000
-
-
-def wait(condition):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, 'not in time'
-        time.sleep(0.005)
 
 
 @contextlib.contextmanager
