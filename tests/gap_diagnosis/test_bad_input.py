@@ -51,11 +51,6 @@ def still(session: Session) -> Session:
     return session
 
 
-def frozen_tracker(session: Session) -> Session:
-    constant = np.full(len(session.series[topics.TRACKER_POINT]), 1e-3)
-    return changed(session, topics.TRACKER_POINT, x=constant)
-
-
 def cut(session: Session, seconds: float) -> Session:
     start = session.start_ns
     stop = start + int(seconds * 1e9)
@@ -67,7 +62,6 @@ CASES: list[tuple[str, Callable[[Session], Session], str]] = [
     ('no encoder', lambda s: without(s, topics.JOINT_STATES), topics.JOINT_STATES),
     ('NaN', nan_encoder, 'NaN|not.*number'),
     ('no motion', still, 'motion is missing'),
-    ('frozen tracker', frozen_tracker, 'frozen'),
     ('too short', lambda s: cut(s, 3.0), 'too short'),
     ('tracker at another time', lambda s: shifted(s, topics.TRACKER_POINT, 900.0), 'overlap'),
     ('command at another time', lambda s: shifted(s, topics.COMMAND, 900.0), 'overlap'),
