@@ -1,15 +1,13 @@
 """The contour controller against the servo twin in another process, over DDS.
 
-    python benchmarks/realtime_contour.py [--lockstep] [--runs 10] [--composed] [--priority]
+    python benchmarks/realtime_contour.py [--runs 10] [--composed] [--priority]
 
-Real time: 1 kHz, the processors kept awake; prints the figures, the timing that the node reports
+1 kHz in real time, the processors kept awake; prints the figures, the timing that the node reports
 on /diagnostics, what the other two nodes count, and what the machine itself left out: gaps in
 which a processor ran nothing, and on a virtual machine the processor time that its host kept.
 --priority: with real-time priority, where the system permits it. --asleep: the processors may
 sleep. Exit status 1 where a run failed.
 --composed: driver and controller in one process (`ros2 run stage_bringup control`).
-Lockstep: two fresh graphs of three processes and one of two; prints the results, which must be
-equal.
 """
 
 from __future__ import annotations
@@ -45,26 +43,26 @@ COUNTED = {
 }
 
 
-def nodes(lockstep: bool, priority: bool, together: bool) -> list[NodeCommand]:
+def nodes(priority: bool, together: bool) -> list[NodeCommand]:
     """Twin, driver and controller; the last two in one process where they are `together`."""
-    port, sim = free_port(socket.SOCK_DGRAM), {'use_sim_time': lockstep}
+    port = free_port(socket.SOCK_DGRAM)
     # Who is waited for goes first: the plant, then the driver, then the controller.
     plant, driver, controller = (
         {'thread_priority': value if priority else 0} for value in (45, 40, 35)
     )
     plant |= {
         'twin': config_folder() / 'twin_reality.yaml',
-        'clock': 'lockstep' if lockstep else 'realtime',
+        'clock': 'realtime',
         'drive_port': port,
         'tracker_protocol': 'none',
     }
     found = [
         NodeCommand('stage_twin', 'stage_twin.node', plant),
-        NodeCommand('stage_driver', 'stage_driver.node', {'drive_port': port, **sim, **driver}),
+        NodeCommand('stage_driver', 'stage_driver.node', {'drive_port': port, **driver}),
         NodeCommand(
             'contour_ctrl',
             'contour_ctrl.node',
-            {'iterations': 3, **sim, **controller},
+            {'iterations': 3, **controller},
             (config_folder() / 'contour_ctrl.yaml',),
         ),
     ]
@@ -95,7 +93,7 @@ class Told:
         print(gaps)
 
 
-def run(lockstep: bool, priority: bool = False, together: bool = False) -> str:
+def run(priority: bool, together: bool) -> str:
     """Start twin, driver and controller; run once; return the message."""
     reserve_domain()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -103,9 +101,9 @@ def run(lockstep: bool, priority: bool = False, together: bool = False) -> str:
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         processes = Processes(Path(folder))
         stack.callback(processes.end, 10.0)
-        for command in nodes(lockstep, priority, together):
+        for command in nodes(priority, together):
             processes.start(command)
-        client = stack.enter_context(GraphClient('realtime_contour', use_sim_time=lockstep))
+        client = stack.enter_context(GraphClient('realtime_contour'))
         client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=told.hear)
         for service in ('/stage_driver/home', '/contour_ctrl/run'):
             client.wait_for_service(service, PATIENCE, processes.check)
@@ -119,50 +117,35 @@ def run(lockstep: bool, priority: bool = False, together: bool = False) -> str:
         # What was reported during the run does not hold its last ticks.
         told.timing.clear()
         client.wait_for(lambda: 'status' in told.timing, PATIENCE, 'the timing on /diagnostics')
-        if not lockstep:
-            told.show(gaps.text)
+        told.show(gaps.text)
     if failure is not None:
         raise failure
     return message
 
 
 def main() -> int:
-    """Run and print; exit 1 where lockstep results differ."""
+    """Run and print; exit 1 where a run failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--lockstep', action='store_true')
-    parser.add_argument('--runs', type=int, default=1, help='real time: how often')
+    parser.add_argument('--runs', type=int, default=1, help='how often')
     parser.add_argument('--priority', action='store_true', help='with real-time priority')
     parser.add_argument('--asleep', action='store_true', help='the processors may sleep')
     parser.add_argument(
         '--composed', action='store_true', help='driver and controller in one process'
     )
     given = parser.parse_args()
-    if given.lockstep:
-        return compare()
     failed = 0
     with ExitStack() as stack:
         if not given.asleep:
             print(f'the processors are kept awake: {stack.enter_context(KeepAwake()).how}')
         for _ in range(given.runs):
             try:
-                print(run(False, given.priority, given.composed), flush=True)
+                print(run(given.priority, given.composed), flush=True)
             except StageError as error:
                 print(f'error: {error}', flush=True)
                 failed += 1
     if given.runs > 1:
         print(f'{given.runs - failed} of {given.runs} runs succeeded')
     return int(failed > 0)
-
-
-def compare() -> int:
-    """Run in lockstep, twice with three processes and once with two; 1 where results differ."""
-    results = []
-    for together in (False, False, True):
-        results.append(run(True, together=together))
-        print(results[-1], flush=True)
-    equal = len(set(results)) == 1
-    print('equal' if equal else 'DIFFERENT')
-    return int(not equal)
 
 
 if __name__ == '__main__':

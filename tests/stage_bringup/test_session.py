@@ -11,6 +11,8 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+
 from session_bags.check import OK, check_bag
 from session_bags.reader import read_session
 from stage_core import topics
@@ -70,13 +72,17 @@ def check_page(page: Path, folder: Path) -> None:
 
 
 def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
-    """Every step passes, the correction helps, a second run prints the same table."""
+    """Every step passes, the correction helps; with driver and contour controller in one process
+    a second run prints the same table and follows the same contour, tick by tick.
+    """
     tables = []
     # Lockstep waits more than it computes: both run at once, each in a domain of its own.
     with own_domain():
         runs = {
             tmp_path / 'first': start(tmp_path / 'first', ros_env),
-            tmp_path / 'second': start(tmp_path / 'second', dict(os.environ), '--no-diagnosis'),
+            tmp_path / 'second': start(
+                tmp_path / 'second', dict(os.environ), '--no-diagnosis', '--composed'
+            ),
         }
         try:
             for out, process in runs.items():
@@ -88,6 +94,12 @@ def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
             for process in runs.values():
                 process.kill()
     assert tables[0] == tables[1]
+    apart, composed = (read_session(out / 'circle').series for out in runs)
+    for topic in (topics.REFERENCE, topics.COMMAND, topics.JOINT_STATES):
+        assert len(apart[topic]) > 1500
+        np.testing.assert_array_equal(composed[topic].stamps, apart[topic].stamps)
+        for name, values in apart[topic].values.items():
+            np.testing.assert_array_equal(composed[topic].values[name], values)
     distance = tables[0]['held-out distance']
     assert distance['after']['rms'] < 0.8 * distance['before']['rms']
     first = tmp_path / 'first'
