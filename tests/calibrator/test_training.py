@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibrator import model_file
 from calibrator.clock_shift import estimate_shift
 from calibrator.compare import compare, table
 from calibrator.prepare import approach_direction, prepare, splits
@@ -268,25 +267,6 @@ def test_lead_comes_from_the_nominal_twin(grid_session):
     assert twin_leads(grid_session(9)) is None
 
 
-def test_offline_command_trains_from_a_bag_and_writes_the_model(tmp_path, capsys, grid_session):
-    from calibrator.retrain_offline import main
-    from session_bags.writer import write_session
-
-    bag = tmp_path / 'bag'
-    write_session(bag, grid_session(60))
-    out = tmp_path / 'model.json'
-    arguments = ['--bag', str(bag), '--out', str(out), '--machine', 'm1', '--seed', '2']
-    assert main(arguments) == 0
-    printed = capsys.readouterr().out
-    assert '60 rests of 1 bag(s)' in printed and 'before' in printed
-    loaded = model_file.load(out, 'm1')
-    assert loaded.seed == 2 and loaded.training == {'bag': model_file.bag_hash(bag)}
-    assert loaded.metrics['after']['rms'] < 0.1 * loaded.metrics['before']['rms']
-    assert main(['--bag', str(tmp_path / 'absent')]) == 2
-    assert 'there is no bag' in capsys.readouterr().err
-    assert main([*arguments, '--options', '[1]']) == 2
-
-
 def test_phase_table_is_the_mean_over_laps():
     from calibrator.phase_table import PhaseTable
 
@@ -301,20 +281,3 @@ def test_phase_table_is_the_mean_over_laps():
     assert np.abs(found.predict(circle) - circle - error).max() < 1e-4 * 3 * np.radians(1.0)
     with pytest.raises(StageError, match='two axes'):
         PhaseTable().fit(circle[:, :1], circle[:, :1])
-
-
-def test_offline_command_judges_held_out_bags_beside_the_phase_table(
-    tmp_path, capsys, grid_session
-):
-    from calibrator.retrain_offline import main
-    from session_bags.writer import write_session
-
-    bags = []
-    for seed in (1, 2):
-        bags.append(str(write_session(tmp_path / f'bag{seed}', grid_session(60, seed=seed))))
-    assert main(['--bag', bags[0], '--holdout', bags[1], '--phase-table']) == 0
-    rows = capsys.readouterr().out.splitlines()[-2:]
-    for row, axis in zip(rows, 'xy', strict=True):
-        name, found_axis, before, table, after = row.split()
-        assert (name, found_axis) == ('bag2', axis)
-        assert float(after) < 0.2 * float(before) and float(after) < float(table)

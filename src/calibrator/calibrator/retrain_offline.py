@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from calibrator.phase_table import PhaseTable
 from calibrator.prepare import INPUTS, TARGETS, prepare
 from calibrator.restarts import train_restarts
 from calibrator.samples import Samples
-from calibrator.training import Training, default_options, predict
+from calibrator.training import Training, default_options, judged_by, predict, train
 from calibrator.training_job import Job, run_job
 from session_bags.archive import add_arguments, find_bags, where_from
 from stage_core.errors import command_line
@@ -45,7 +46,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     job = _job(options)
 
-    def restarts(settings: dict[str, Any]) -> Training:
+    held = [
+        (bag.name, _samples(bag, options)) for path in options.holdout for bag in find_bags(path)
+    ]
+
+    def trained(settings: dict[str, Any]) -> Training:
+        if options.restarts <= 1:
+            return train(samples, job.method, settings, job.seed, job.by, _progress())
         result, values = train_restarts(
             samples, job.method, settings, job.seed, job.by, options.restarts, options.results,
             where,
@@ -54,14 +61,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f'training RMS from {len(values)} starts [µm]: {listed}; the least is taken')
         return result
 
-    training = restarts if options.restarts > 1 else None
-    result, model = run_job(job, gathered, _progress(), training)
+    def judged(settings: dict[str, Any]) -> Training:
+        result = trained(settings)
+        if not held:
+            return result
+        print(_held_out_table(held, samples, result, options.phase_table))
+        return judged_by(result, [part for _, part in held], job.seed)
+
+    result, model = run_job(job, gathered, training=judged)
     print(result.model.describe())
     print(before_and_after(result.before, result.after, result.held_out))
     print(result.line())
     print(f'domain: {model.domain_line()}')
-    if options.holdout:
-        print(_held_out_table(options, samples, result))
     if options.out:
         model_file.save(model, options.out)
         marked = ', marked as refused: ~/activate will not take it' if model.refusal else ''
@@ -95,25 +106,31 @@ def before_and_after(before: Metrics, after: Metrics, count: int) -> str:
     return '\n'.join(lines)
 
 
-def _held_out_table(options: argparse.Namespace, samples: Samples, result: Training) -> str:
+def _samples(bag: Path, options: argparse.Namespace) -> Samples:
+    session = read_training_session(bag, options.input, options.target)
+    return prepare(session, options.input, options.target)
+
+
+def _held_out_table(
+    bags: list[tuple[str, Samples]], samples: Samples, result: Training, phase_table: bool
+) -> str:
     """RMS per held-out bag and axis: uncalibrated, phase table where asked for, model."""
-    bags, model = [bag for path in options.holdout for bag in find_bags(path)], result.model
+    model = result.model
     predictors: dict[str, Callable[[Samples], Any]] = {'before': lambda s: s.command}
-    if options.phase_table:
+    if phase_table:
         baseline = PhaseTable().fit(samples.command, samples.measured)
         predictors['phase table'] = lambda s: baseline.predict(s.command)
     predictors[model.method] = lambda s: predict(model, s)
     lines = [f'{"held-out RMS [µm]":22s} ' + ' '.join(f'{name:>12s}' for name in predictors)]
-    for bag in bags:
-        session = read_training_session(bag, options.input, options.target)
-        held = prepare(session, options.input, options.target).only(result.sensors)
+    for name, seen in bags:
+        held = seen.only(result.sensors)
         errors = [
             np.sqrt(np.mean((held.measured - predict(held)) ** 2, axis=0))
             for predict in predictors.values()
         ]
         for number, axis in enumerate(held.axes):
             cells = ' '.join(f'{1e6 * error[number]:12.1f}' for error in errors)
-            lines.append(f'{bag.name + " " + axis:22s} {cells}')
+            lines.append(f'{name + " " + axis:22s} {cells}')
     return '\n'.join(lines)
 
 
@@ -153,7 +170,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--input', default='reference', choices=INPUTS, help='model input')
     parser.add_argument('--target', default='tracker', choices=TARGETS, help='model output')
     parser.add_argument('--split', default='position', choices=('position', 'time'))
-    parser.add_argument('--holdout', action='append', default=[], help='bag to judge the model on')
+    parser.add_argument('--holdout', action='append', default=[], help='bag that must gain, too')
     parser.add_argument(
         '--phase-table', action='store_true', help='with --holdout: beside a table over the lap'
     )

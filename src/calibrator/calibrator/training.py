@@ -129,8 +129,7 @@ def train(
     seconds = (time.perf_counter() - started) / len(pairs)
     before, after, gain = _judged(models, pairs, seed)
     if apart := splits(samples, seed=seed, by='session'):
-        other = _judged([fit(part) for part, _ in apart], apart, seed)[2]
-        gain = min(gain, replace(other, sessions=True), key=lambda found: found.low)
+        gain = _worse(gain, _judged([fit(part) for part, _ in apart], apart, seed)[2])
     training, model = (pairs[0][0], models[0]) if len(pairs) == 1 else (samples, fit(samples))
     return Training(
         model,
@@ -145,6 +144,17 @@ def train(
         samples.sensors if model.sensors else (),
         speeds(samples),
     )
+
+
+def judged_by(result: Training, held: Sequence[Samples], seed: int) -> Training:
+    """The training judged at whole other sessions as well; the worse gain counts."""
+    pairs = [(part, part.only(result.sensors)) for part in held]
+    other = _judged([result.model] * len(pairs), pairs, seed)[2]
+    return replace(result, gain=_worse(result.gain, other))
+
+
+def _worse(gain: Gain, of_sessions: Gain) -> Gain:
+    return min(gain, replace(of_sessions, sessions=True), key=lambda found: found.low)
 
 
 def _fitted(

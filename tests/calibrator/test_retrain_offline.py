@@ -1,0 +1,62 @@
+"""The command that trains from bags alone."""
+
+from dataclasses import replace
+
+from calibrator import model_file
+from calibrator.retrain_offline import main
+from session_bags.writer import write_session
+from stage_core import topics
+from stage_core.session import Series
+
+
+def test_offline_command_trains_from_a_bag_and_writes_the_model(tmp_path, capsys, grid_session):
+    bag = tmp_path / 'bag'
+    write_session(bag, grid_session(60))
+    out = tmp_path / 'model.json'
+    arguments = ['--bag', str(bag), '--out', str(out), '--machine', 'm1', '--seed', '2']
+    assert main(arguments) == 0
+    printed = capsys.readouterr().out
+    assert '60 rests of 1 bag(s)' in printed and 'before' in printed
+    loaded = model_file.load(out, 'm1')
+    assert loaded.seed == 2 and loaded.training == {'bag': model_file.bag_hash(bag)}
+    assert loaded.metrics['after']['rms'] < 0.1 * loaded.metrics['before']['rms']
+    assert main(['--bag', str(tmp_path / 'absent')]) == 2
+    assert 'there is no bag' in capsys.readouterr().err
+    assert main([*arguments, '--options', '[1]']) == 2
+
+
+def test_offline_command_judges_held_out_bags_beside_the_phase_table(
+    tmp_path, capsys, grid_session
+):
+    bags = []
+    for seed in (1, 2):
+        bags.append(str(write_session(tmp_path / f'bag{seed}', grid_session(60, seed=seed))))
+    assert main(['--bag', bags[0], '--holdout', bags[1], '--phase-table']) == 0
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith('bag2')]
+    for row, axis in zip(rows, 'xy', strict=True):
+        name, found_axis, before, table, after = row.split()
+        assert (name, found_axis) == ('bag2', axis)
+        assert float(after) < 0.2 * float(before) and float(after) < float(table)
+
+
+def test_offline_command_refuses_a_model_that_makes_another_session_worse(
+    tmp_path, capsys, grid_session
+):
+    def mirrored(session):
+        """The session of a stage with the opposite error."""
+        points = session.series[topics.TRACKER_POINT]
+        stands = session.series[topics.REFERENCE].columns('position', ('x', 'y'))[::5]
+        turned = {a: 2.0 * stands[:, i] - points.values[a] for i, a in enumerate('xy')}
+        found = Series(topics.TRACKER_POINT, points.stamps, {**points.values, **turned})
+        return replace(session, series={**session.series, topics.TRACKER_POINT: found})
+
+    bag = str(write_session(tmp_path / 'bag', grid_session(60, seed=1)))
+    other = str(write_session(tmp_path / 'other', mirrored(grid_session(60, seed=2))))
+    model = tmp_path / 'model.json'
+    arguments = ['--bag', bag, '--holdout', other, '--out', str(model)]
+    assert main(arguments) == 2
+    said = capsys.readouterr()
+    assert 'other x' in said.out and 'where whole sessions are left out' in said.err
+    assert not model.exists()
+    assert main([*arguments, '--force']) == 0
+    assert 'where whole sessions are left out' in model_file.load(model).refusal
