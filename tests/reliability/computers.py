@@ -22,6 +22,27 @@ NAMES = f'{PREFIX}a', f'{PREFIX}b'
 ADDRESSES = '10.77.0.1', '10.77.0.2'
 
 
+#: A port of the first computer's loopback, where the emulated tracker listens, for the second.
+FORWARD = """
+import socket, sys, threading
+address, port = sys.argv[1], int(sys.argv[2])
+def copy(source, sink):
+    while data := source.recv(65536):
+        sink.sendall(data)
+    sink.close()
+server = socket.create_server((address, port))
+while True:
+    outer, _ = server.accept()
+    try:
+        inner = socket.create_connection(('127.0.0.1', port))
+    except OSError:
+        outer.close()
+        continue
+    for ends in ((outer, inner), (inner, outer)):
+        threading.Thread(target=copy, args=ends, daemon=True).start()
+"""
+
+
 @dataclass(frozen=True)
 class On(NodeCommand):
     """A node on one of the computers."""
@@ -145,3 +166,15 @@ def two_computers(delay: float, loss: float) -> Iterator[Cable]:
             os.close(end)
         for name in NAMES[: len(ends)]:
             subprocess.run(['ip', 'netns', 'delete', name], capture_output=True, check=False)
+
+
+@contextmanager
+def forwarded(port: int) -> Iterator[None]:
+    """The first computer's own port at its address on the cable."""
+    script = [sys.executable, '-c', FORWARD, ADDRESSES[0], str(port)]
+    process = subprocess.Popen(['ip', 'netns', 'exec', NAMES[0], *script])
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()

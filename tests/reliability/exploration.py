@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,15 @@ NUMBERS = st.one_of(
 TEXTS = st.sampled_from(['', 'x', '../x', '/no/such', '{"active": true}', '[' * 5000, 'circle'])
 
 
+class Broken(BaseException):
+    """What must not happen, and the steps before it.
+
+    No Exception: hypothesis would try to have it again, in a world that cannot be set back.
+    """
+
+
 class World:
-    """The running graph: what it offers, how large its processes were."""
+    """The running graph: what it offers, how large its processes were, what was done last."""
 
     def __init__(self, nodes: Nodes, watch: Watch) -> None:
         self.nodes, self.watch = nodes, watch
@@ -49,6 +57,7 @@ class World:
         self.sizes = {name: self.memory(name) for name in nodes.commands}
         self.curve = client.node.create_publisher(String, '/contour_ctrl/curve', LATCHED_QOS)
         self.calls = self.answers = 0
+        self.steps: deque[str] = deque(maxlen=30)
 
     def _parameters(self, node: str) -> list[tuple[str, str, str]]:
         call = self.watch.client.call
@@ -69,12 +78,18 @@ class World:
     def ask(self, what: Any, *arguments: Any, **named: Any) -> None:
         """Call something that may refuse, or may still be busy with an earlier call."""
         self.calls += 1
+        self.steps.append(f'{what.__name__} {arguments} {named}')
         try:
             what(*arguments, **named)
         except StageError as refusal:
             self.answers += 'did not answer' not in str(refusal)
         else:
             self.answers += 1
+
+    def demand(self, true: bool, what: str) -> None:
+        """Raise `Broken` with the last steps."""
+        if not true:
+            raise Broken('\n'.join([*self.steps, what]))
 
     def settled(self) -> None:
         """Every node lives and speaks."""
@@ -115,10 +130,12 @@ def machine(world: World) -> type[RuleBasedStateMachine]:
             stamp = max(client.node.get_clock().now().nanoseconds, 0)
             velocity = None if speed is None else (speed, 0.0)
             message = joint_state(stamp, ('x', 'y'), (x, y), velocity)
+            world.steps.append(f'move {x} {y} {speed} {corrected}')
             (world.watch.targets if corrected else world.watch.setpoints).publish(message)
 
         @rule(text=TEXTS)
         def curve(self, text: str) -> None:
+            world.steps.append(f'curve {text[:20]}')
             world.curve.publish(String(data=text))
 
         @rule()
@@ -133,11 +150,14 @@ def machine(world: World) -> type[RuleBasedStateMachine]:
 
         @invariant()
         def nobody_ended_and_nothing_is_outside(self) -> None:
-            assert world.nodes.dead() == []
+            dead = world.nodes.dead()
+            world.demand(not dead, f'{dead} ended')
             for name, size in world.sizes.items():
-                assert world.memory(name) < size + GROWTH, f'{name} grew'
+                now = world.memory(name)
+                world.demand(now < size + GROWTH, f'{name} grew from {size} to {now} bytes')
             if world.watch.encoder:
                 row = world.watch.encoder[-1]
-                assert max(abs(row[1]), abs(row[2])) <= TRAVEL, f'{topics.JOINT_STATES}: {row}'
+                inside = max(abs(row[1]), abs(row[2])) <= TRAVEL
+                world.demand(inside, f'{topics.JOINT_STATES}: {row}')
 
     return Exploration

@@ -18,15 +18,14 @@ from stage_bringup.graph import Options, commands
 from stage_core import topics
 
 from ..domains import own_domain
-from .computers import NAMES, Cable, On, two_computers
+from .computers import ADDRESSES, NAMES, Cable, On, forwarded, two_computers
 from .rig import Nodes
 
-#: The tracker's emulator is part of the plant and listens on the loopback.
-STAGE = ('stage_twin', 'stage_driver', 'tracker_bridge')
-REST = ('session_recorder', 'calibrator', 'contour_ctrl')
+STAGE = ('stage_twin', 'stage_driver')
 ROOT = Path(__file__).resolve().parents[2]
-#: K_p of 10 1/s bears a delay of 20 ms there and back, that of the default would not.
-SLOW: dict[str, dict[str, object]] = {
+#: K_p of 10 1/s bears a delay of 20 ms there and 20 ms back, that of the default would not.
+OWN: dict[str, dict[str, object]] = {
+    'tracker_bridge': {'host': ADDRESSES[0]},
     'contour_ctrl': {
         'iterations': 1, 'scheme': 'p_ff', 'feed': 0.01, 'missed_share': 0.5,
         'x.position_gain': 10.0, 'y.position_gain': 10.0,
@@ -45,17 +44,18 @@ def test_a_cut_cable_brings_the_stage_to_rest_and_the_graph_heals(tmp_path: Path
             )
         )
         try:
-            cable = stack.enter_context(two_computers(delay=0.01, loss=0.01))
+            cable = stack.enter_context(two_computers(delay=0.02, loss=0.01))
         except (OSError, subprocess.CalledProcessError) as error:
             pytest.skip(f'network namespaces are not permitted here: {error}')
         chosen = []
-        for command in commands(Options(clock='realtime', out=tmp_path / 'out')):
-            if command.name in STAGE + REST:
-                where = NAMES[0] if command.name in STAGE else NAMES[1]
-                parameters = {**command.parameters, **SLOW.get(command.name, {})}
-                chosen.append(
-                    On(command.name, command.module, parameters, command.parameter_files, where)
-                )
+        for command in commands(Options(clock='realtime', out=tmp_path / 'out', live=False)):
+            where = NAMES[0] if command.name in STAGE else NAMES[1]
+            parameters = {**command.parameters, **OWN.get(command.name, {})}
+            chosen.append(
+                On(command.name, command.module, parameters, command.parameter_files, where)
+            )
+            if command.name == 'tracker_bridge':
+                stack.enter_context(forwarded(int(str(parameters['port']))))
         nodes = Nodes(chosen, tmp_path / 'log')
         try:
             nodes.run()

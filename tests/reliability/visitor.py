@@ -46,6 +46,7 @@ def main() -> None:
     rest = last(watch.encoder, 200)
     print(f'rest {spread(rest):.9f}', flush=True)
     watch.wait(lambda: not watch.text('stage_driver: peers').strip().endswith('again'), 'peers')
+    watch.wait(lambda: watch.text('tracker_bridge: connection') == 'connected', 'the tracker')
     watch.home()
     watch.move(-0.01, 0.02)
     watch.wait(watch.arrived(-0.01, 0.02), 'a move after the cut')
