@@ -18,7 +18,7 @@ def test_any_order_of_calls_ends_no_node_and_keeps_the_limits(graph: Callable[..
         run_state_machine_as_test(
             machine(world),
             settings=settings(
-                max_examples=1,
+                max_examples=2,
                 stateful_step_count=25,
                 deadline=None,
                 derandomize=True,
@@ -26,5 +26,6 @@ def test_any_order_of_calls_ends_no_node_and_keeps_the_limits(graph: Callable[..
                 suppress_health_check=tuple(HealthCheck),
             ),
         )
+        assert len(set(world.steps)) > 10
         world.settled()
         assert nodes.dead() == []
