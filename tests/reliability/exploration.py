@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import time
 from collections import deque
 from pathlib import Path
@@ -41,10 +42,6 @@ class Broken(BaseException):
     """
 
 
-class Over(BaseException):
-    """The time of an exploration is over."""
-
-
 class World:
     """The running graph: what it offers, how large its processes were, what was done last."""
 
@@ -63,6 +60,7 @@ class World:
         self.curve = client.node.create_publisher(String, '/contour_ctrl/curve', LATCHED_QOS)
         self.calls = self.answers = 0
         self.steps: deque[str] = deque(maxlen=30)
+        #: Nothing is asked any more after this time.
         self.end = math.inf
 
     def _parameters(self, node: str) -> list[tuple[str, str, str]]:
@@ -83,19 +81,25 @@ class World:
 
     def ask(self, what: Any, *arguments: Any, **named: Any) -> None:
         """Call something that may refuse, or may still be busy with an earlier call."""
+        if time.monotonic() > self.end:
+            return
         self.calls += 1
         self.steps.append(f'{what.__name__} {arguments} {named}')
         try:
             what(*arguments, **named)
         except StageError as refusal:
             self.answers += 'did not answer' not in str(refusal)
+        except Exception as error:
+            self.demand(False, repr(error))
         else:
             self.answers += 1
 
     def demand(self, true: bool, what: str) -> None:
         """Raise `Broken` with the last steps."""
         if not true:
-            raise Broken('\n'.join([*self.steps, what]))
+            # Hypothesis may put an error of its own in the place of this one.
+            print(*self.steps, what, sep='\n', file=sys.stderr, flush=True)
+            raise Broken(what)
 
     def settled(self) -> None:
         """Every node lives and speaks."""
@@ -157,8 +161,6 @@ def machine(world: World) -> type[RuleBasedStateMachine]:
 
         @invariant()
         def nobody_ended_and_nothing_is_outside(self) -> None:
-            if time.monotonic() > world.end:
-                raise Over
             dead = world.nodes.dead()
             world.demand(not dead, f'{dead} ended')
             for name, size in world.sizes.items():
