@@ -31,8 +31,10 @@ SURE = 5.0  # standard deviations of a jitter above zero
 QUIET = 0.3  # share of a session's slowest points that tell a tracker's noise
 WILD = 5.0  # times the expected power, from which on a block is a knock and no noise
 TRACKER_BLOCK = 10  # points
-#: Share of a control period beyond which ticks would change places by a jitter.
-MOST_JITTER = 0.5
+#: Shares of a control period: least jitter about the stamps that is named, and one beyond which
+#: ticks would change places. Clocks of good loops are within 0.02; those of a foreign simulator
+#: without a fault have 0.001.
+LEAST_JITTER, MOST_JITTER = 0.02, 0.5
 #: Between the jitters that two axes of a machine show.
 AGREE = 1.5
 
@@ -154,7 +156,9 @@ def jitter_finding(
     largest = max((own.std for own in asked), default=0.0)
     told = [own for own in asked if AGREE * own.least < largest]
     values = np.array([own.std for own in told])
-    if not told or values.max() > min(AGREE * values.min(), MOST_JITTER * period):
+    if not told or values.min() < LEAST_JITTER * period:
+        return None
+    if values.max() > min(AGREE * values.min(), MOST_JITTER * period):
         return None
     return float(values.mean()), math.hypot(
         max(own.deviation for own in told), 0.5 * float(np.ptp(values))

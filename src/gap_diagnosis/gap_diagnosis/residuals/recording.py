@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import check_controller
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.noise import SURE, jitter_finding
+from gap_diagnosis.input.noise import LEAST_JITTER, jitter_finding
 from gap_diagnosis.residuals.controller import (
     Parameters,
     fit_law,
@@ -106,13 +106,14 @@ def jitter_findings(
     An encoder that errs within its period scatters like late samples: it is not asked. `points`
     is the jitter of the tracker's points, where they show one.
     """
+    least = LEAST_JITTER * twin.control_period
     noises = [r.noise for r in records if r.noise is not None]
     doubted = [f'encoder_interpolation.{axis}' in found for axis in records[0].axes]
     jitter = jitter_finding(noises, twin.control_period, doubted)
     stated = twin.effects.get('sample_jitter', {})
-    if jitter is None or abs(jitter[0] - stated.get('std', 0.0)) <= SURE * jitter[1]:
+    if jitter is None or abs(jitter[0] - stated.get('std', 0.0)) < least:
         jitter = None
-    if points is not None and abs(points[0] - stated.get('tracker_std', 0.0)) <= SURE * points[1]:
+    if points is not None and abs(points[0] - stated.get('tracker_std', 0.0)) < least:
         points = None
     if jitter is None and points is None:
         return {}
