@@ -180,7 +180,9 @@ class Regression:
 
         Its columns are freed of what the set's columns explain (Frisch, Waugh, Lovell).
         """
-        key = 'start', name, self.problem.terms[name].columns, self._set(base.thetas)
+        term = self.problem.terms[name]
+        # Shapes with more waves share the function of their columns and have more parameters.
+        key = 'start', name, term.columns, len(term.lower), self._set(base.thetas)
         if key not in self.problem.tried:
             self.problem.tried[key] = self._started(base, name)
         found: Theta = self.problem.tried[key]
