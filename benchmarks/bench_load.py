@@ -15,7 +15,8 @@ import sys
 import tempfile
 import threading
 import time
-from dataclasses import dataclass, replace
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,16 +26,22 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from std_srvs.srv import Trigger
 
 from benchmarks.processor_gaps import ProcessorGaps
-from stage_bringup.graph import NodeCommand, Options, commands
+from stage_bringup.graph import Options
 from stage_core.errors import StageError
 from tests.domains import reserve_domain
-from tests.reliability.rig import Nodes, Watch
+from tests.reliability.rig import Watch, running
 
 PERIOD = 1e-3
 #: Limits that the figures stand beside.
 STOP_LIMIT = 0.05
 MISSED_LIMIT = 0.01
 TICKS_PER_SECOND = os.sysconf('SC_CLK_TCK')
+#: A circle of 3 s, again and again, wherever the contour controller runs.
+CIRCLE = {'radius': 0.01, 'feed': 0.02, 'iterations': 3, 'approach_timeout': 3.0}
+CIRCLES: dict[str, dict[str, object]] = {
+    'contour_ctrl': {**CIRCLE},
+    'control': {f'contour_ctrl:{name}': value for name, value in CIRCLE.items()},
+}
 
 
 @dataclass
@@ -126,16 +133,6 @@ def report(watch: Watch, cpu: dict[str, Cpu], stops: np.ndarray, seconds: float)
     print(f'CPU of all             {100 * total / seconds:5.0f} % of {os.cpu_count()} cores')
 
 
-def circles(command: NodeCommand) -> NodeCommand:
-    """The command with a circle of 3 s where it runs the contour controller."""
-    prefix = {'contour_ctrl': '', 'control': 'contour_ctrl:'}.get(command.name)
-    if prefix is None:
-        return command
-    circle = {'radius': 0.01, 'feed': 0.02, 'iterations': 3, 'approach_timeout': 3.0}
-    given = {f'{prefix}{name}': value for name, value in circle.items()}
-    return replace(command, parameters={**command.parameters, **given})
-
-
 def main() -> int:
     """Run the load."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -148,46 +145,36 @@ def main() -> int:
     reserve_domain()
     counts = {'/calibrator/retrain': [0, 0], '/gap_diagnosis/diagnose': [0, 0]}
     counts['/contour_ctrl/run'] = [0, 0]
-    with tempfile.TemporaryDirectory() as folder:
+    ended = threading.Event()
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         options = Options(clock='realtime', composed=given.composed, out=Path(folder) / 'out')
-        chosen = [circles(command) for command in commands(options)]
-        nodes = Nodes(chosen, Path(folder) / 'log')
-        nodes.run()
-        watch = Watch(lockstep=False, lean=True)
-        ended = threading.Event()
-        try:
-            watch.wait(lambda: len(watch.encoder) > 0, 'the stage', 180.0)
-            client = watch.client
-            for service in ('/session_recorder/start', *counts):
-                client.wait_for_service(service, 90.0)
-            bag = record(watch)
-            client.set_parameters('/calibrator', bag=bag)
-            client.set_parameters('/gap_diagnosis', bag=bag)
-            client.trigger('/session_recorder/start')
-            cpu = {name: Cpu.of(p.pid) for name, p in nodes.running.items()}
-            cpu['(this benchmark)'] = Cpu.of(os.getpid())
-            watch.encoder.clear()
-            begin = time.monotonic()
-            threads = [
-                # Daemons: a call may still wait for an answer when the time is over.
-                threading.Thread(target=repeat, args=(ended, counts, watch, name), daemon=True)
-                for name in counts
-            ]
-            for thread in threads:
-                thread.start()
-            with ProcessorGaps() as gaps:
-                time.sleep(seconds)
-            stops = stop_times(watch)
-            print(gaps.text)
-            report(watch, cpu, stops, time.monotonic() - begin)
-            ended.set()
-            for name, (done, failed) in counts.items():
-                print(f'{name:26s} {done} answered, {failed} failed')
-            return 0
-        finally:
-            ended.set()
-            nodes.end()
-            watch.close()
+        nodes, watch = stack.enter_context(running(options, lean=True, **CIRCLES))
+        stack.callback(ended.set)
+        watch.wait(lambda: len(watch.encoder) > 0, 'the stage', 180.0)
+        client = watch.client
+        for service in ('/session_recorder/start', *counts):
+            client.wait_for_service(service, 90.0)
+        bag = record(watch)
+        client.set_parameters('/calibrator', bag=bag)
+        client.set_parameters('/gap_diagnosis', bag=bag)
+        client.trigger('/session_recorder/start')
+        cpu = {name: Cpu.of(p.pid) for name, p in nodes.running.items()}
+        cpu['(this benchmark)'] = Cpu.of(os.getpid())
+        watch.encoder.clear()
+        begin = time.monotonic()
+        for name in counts:
+            # Daemons: a call may still wait for an answer when the time is over.
+            calls = (ended, counts, watch, name)
+            threading.Thread(target=repeat, args=calls, daemon=True).start()
+        with ProcessorGaps() as gaps:
+            time.sleep(seconds)
+        stops = stop_times(watch)
+        print(gaps.text)
+        report(watch, cpu, stops, time.monotonic() - begin)
+        ended.set()
+        for name, (done, failed) in counts.items():
+            print(f'{name:26s} {done} answered, {failed} failed')
+    return 0
 
 
 def stop_times(watch: Watch, calls: int = 50) -> np.ndarray:

@@ -10,7 +10,6 @@ ess_tank: encoder by motor position, 70/30 over positions; approach direction wh
     python benchmarks/calibration_real_data.py        (data at STAGE_DATA or ../shared/data)
 """
 
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +21,8 @@ from calibrator.models import make_model
 from calibrator.phase_table import PhaseTable
 from calibrator.prepare import approach_direction
 from calibrator.samples import Samples
+from session_bags.measured import data_folder
+from stage_core.errors import command_line
 
 METHODS = (
     'identity affine polynomial structured it2fls perceptron gaussian_process gradient_boosting '
@@ -29,12 +30,6 @@ METHODS = (
 )
 #: Three restarts each, of seeds of their own.
 SEEDS = range(0, 12, 3)
-
-
-def data_folder() -> Path:
-    """Folder of the recorded data."""
-    default = Path(__file__).resolve().parents[2] / 'shared' / 'data'
-    return Path(os.environ.get('STAGE_DATA', default))
 
 
 def circle(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -128,12 +123,10 @@ def ess_tank(folder: Path) -> None:
             print(f'  {row["name"]:16s} {1e6 * row["value"]:9.2f} ± {1e6 * row["std"]:.2f} µrad')
 
 
+@command_line
 def main() -> int:
     """Print all tables."""
     folder = data_folder()
-    if not folder.is_dir():
-        print(f'no recorded data at {folder}: set STAGE_DATA; bags.md names the sources')
-        return 0
     xy_circle(folder / 'xy_circle')
     ess_tank(folder / 'ess_tank')
     return 0

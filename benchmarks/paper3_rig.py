@@ -256,14 +256,20 @@ def norm_optimal(
     iterations: int = ITERATIONS,
     situation: Situation = NORMAL,
 ) -> list[Figures]:
+    """Norm-optimal learning on the machine of a seed."""
+    forces = situation.forces(seed, len(contour()), iterations)
+    return norm_optimal_on(Rehearsal(machine(seed, situation.load)), gains, change, forces)
+
+
+def norm_optimal_on(
+    rig: Rehearsal, gains: Gains, change: float, forces: list[np.ndarray]
+) -> list[Figures]:
     """Plain norm-optimal learning on the nominal model of each axis; no weight on the effort."""
-    ref = contour()
-    forces = situation.forces(seed, len(ref), iterations)
-    rig, controller = Rehearsal(machine(seed, situation.load)), Controller(ref, gains)
+    controller = Controller(contour(), gains)
     models = [nominal_impulse(axis, gains.position[i], 1000) for i, axis in enumerate(('x', 'y'))]
     results = []
-    for index in range(iterations):
-        results.append(rig.run(controller, forces[index]))
+    for force in forces:
+        results.append(rig.run(controller, force))
         for axis in range(2):
             controller.learned[:, axis] = norm_optimal_update(
                 controller.learned[:, axis].copy(),

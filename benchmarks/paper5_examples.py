@@ -16,6 +16,7 @@ scaled least squares.
 """
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -148,12 +149,12 @@ def _criterion(mechanism: Mechanism, poses: Poses) -> float:
     return count * float(np.log(squared)) + (2 + mechanism.guide.weights.size) * np.log(count)
 
 
-def poses(delta, noise: float) -> Poses:
-    """Two hundred poses of the mechanism with x_P = 0.2 m, y_P = 0 and l = 1 m."""
+def poses(delta: Callable[[Array], Array], noise: float = 0.0, count: int = 200) -> Poses:
+    """Poses of the mechanism with x_P = 0.2 m, y_P = 0 and l = 1 m."""
     generator = np.random.default_rng(0)
-    s, angle = generator.uniform(0.0, 1.0, 200), generator.uniform(-1.2, 1.2, 200)
-    x = 0.2 + s + np.cos(angle) + generator.normal(0.0, noise, 200)
-    return Poses(s, angle, x, delta(s) + np.sin(angle) + generator.normal(0.0, noise, 200))
+    s, angle = generator.uniform(0.0, 1.0, count), generator.uniform(-1.2, 1.2, count)
+    x = 0.2 + s + np.cos(angle) + generator.normal(0.0, noise, count)
+    return Poses(s, angle, x, delta(s) + np.sin(angle) + generator.normal(0.0, noise, count))
 
 
 def main() -> int:
@@ -167,7 +168,7 @@ def main() -> int:
     print('  paper (11c): [-0.0470 0.0295; -0.0285 0.0250; -0.0137 0.0173]')
     weights = np.array([[0.0295, -0.0470], [0.0250, -0.0285], [0.0173, -0.0137]])
     planted = LocalLinearTree(trees[-1].low, trees[-1].high, weights, 0.1)
-    steps = grow_calibration(poses(lambda s: planted.predict(s[:, None]), 0.0))
+    steps = grow_calibration(poses(lambda s: planted.predict(s[:, None])))
     print('example I, e of eq. 12:', ', '.join(f'{m.discrepancy:.2e}' for m in steps))
     print('  paper (15b): 7.84e-02, 4.05e-04, 1.53e-07')
     print(f'  largest error of w {np.abs(steps[-1].guide.weights - weights).max():.1e}, of l '

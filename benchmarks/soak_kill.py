@@ -17,15 +17,14 @@ import sys
 import tempfile
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from stage_bringup.graph import Options, commands
+from stage_bringup.graph import Options
 from stage_core.errors import StageError
 from tests.domains import reserve_domain
-from tests.reliability.rig import PATIENCE, STANDS, Nodes, Watch, restart, spread
+from tests.reliability.rig import PATIENCE, STANDS, Nodes, Watch, restart, running, spread
 
 #: Wall time after which a node gives up another: several times what a busy machine keeps a process
 #: waiting. With 2 s the driver took the load of 17 on two cores for a drive that is gone.
@@ -104,39 +103,29 @@ def main() -> int:
     reserve_domain()
     rounds: collections.Counter[tuple[str, str]] = collections.Counter()
     failures: list[str] = []
-    with tempfile.TemporaryDirectory() as folder:
-        chosen = [
-            replace(c, parameters={**c.parameters, **SHORT.get(c.name, {})})
-            for c in commands(Options(out=Path(folder) / 'out'))
-        ]
-        nodes = Nodes(chosen, Path(folder) / 'log')
-        nodes.run()
-        watch = Watch(lockstep=True)
-        try:
-            watch.wait(
-                lambda: watch.value('stage_driver: state', 'connected') == 'True', 'the drive'
-            )
-            arrive(watch, 0.01, 0.01)
-            deadline = time.monotonic() + 60.0 * given.minutes
-            while time.monotonic() < deadline:
-                victim = random.choice(list(nodes.commands))
-                motion = random.choice(('move', 'stream'))
-                rounds[victim, motion] += 1
-                print(f'{sum(rounds.values())}: {victim} in a {motion}', flush=True)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running(Options(out=Path(folder) / 'out'), **SHORT) as (nodes, watch),
+    ):
+        watch.wait(lambda: watch.value('stage_driver: state', 'connected') == 'True', 'the drive')
+        arrive(watch, 0.01, 0.01)
+        deadline = time.monotonic() + 60.0 * given.minutes
+        while time.monotonic() < deadline:
+            victim = random.choice(list(nodes.commands))
+            motion = random.choice(('move', 'stream'))
+            rounds[victim, motion] += 1
+            print(f'{sum(rounds.values())}: {victim} in a {motion}', flush=True)
+            try:
+                one_round(nodes, watch, victim, motion)
+            except (AssertionError, StageError) as error:
+                failures.append(f'{victim} during a {motion}: {error}')
+                print(f'  {failures[-1]}', flush=True)
                 try:
-                    one_round(nodes, watch, victim, motion)
-                except (AssertionError, StageError) as error:
-                    failures.append(f'{victim} during a {motion}: {error}')
-                    print(f'  {failures[-1]}', flush=True)
-                    try:
-                        restart(nodes, watch, *nodes.dead())
-                        arrive(watch, 0.01, 0.01)
-                    except (AssertionError, StageError) as again:
-                        failures.append(f'the graph did not recover: {again}')
-                        break
-        finally:
-            watch.close()
-            nodes.end()
+                    restart(nodes, watch, *nodes.dead())
+                    arrive(watch, 0.01, 0.01)
+                except (AssertionError, StageError) as again:
+                    failures.append(f'the graph did not recover: {again}')
+                    break
     print(f'{"node killed":18s} {"move":>6s} {"stream":>7s}')
     for name in nodes.commands:
         print(f'{name:18s} {rounds[name, "move"]:6d} {rounds[name, "stream"]:7d}')

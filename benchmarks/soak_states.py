@@ -19,10 +19,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis.stateful import run_state_machine_as_test
 
-from stage_bringup.graph import Options, commands
+from stage_bringup.graph import Options
 from tests.domains import reserve_domain
 from tests.reliability.exploration import World, machine
-from tests.reliability.rig import Nodes, Watch
+from tests.reliability.rig import running
 
 STEPS = settings(
     max_examples=5,
@@ -40,24 +40,19 @@ def main() -> int:
     parser.add_argument('--minutes', type=float, default=10.0)
     given = parser.parse_args()
     reserve_domain()
-    with tempfile.TemporaryDirectory() as folder:
-        nodes = Nodes(commands(Options(out=Path(folder) / 'out')), Path(folder) / 'log')
-        nodes.run()
-        watch = Watch(lockstep=True)
-        try:
-            world = World(nodes, watch)
-            before = dict(world.sizes)
-            world.end = time.monotonic() + 60.0 * given.minutes
-            while time.monotonic() < world.end:
-                run_state_machine_as_test(machine(world), settings=STEPS)
-            world.settled()
-            grown = ', '.join(
-                f'{name} {(world.memory(name) - size) / 2**20:+.0f}'
-                for name, size in before.items()
-            )
-        finally:
-            watch.close()
-            nodes.end()
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running(Options(out=Path(folder) / 'out')) as (nodes, watch),
+    ):
+        world = World(nodes, watch)
+        before = dict(world.sizes)
+        world.end = time.monotonic() + 60.0 * given.minutes
+        while time.monotonic() < world.end:
+            run_state_machine_as_test(machine(world), settings=STEPS)
+        world.settled()
+        grown = ', '.join(
+            f'{name} {(world.memory(name) - size) / 2**20:+.0f}' for name, size in before.items()
+        )
     print(
         f'{world.calls} calls of {len(world.services)} services and {len(world.parameters)} '
         f'parameters, {world.answers} answered in time; no node ended; memory [MiB]: {grown}'

@@ -8,10 +8,6 @@ Reads xy_circle below STAGE_DATA (or ../shared/data). The records are one lap of
 
 from __future__ import annotations
 
-import os
-import sys
-from pathlib import Path
-
 import numpy as np
 
 from contour_ctrl.contour_error import of_record
@@ -21,7 +17,8 @@ from contour_ctrl.friction import lugre_force
 from contour_ctrl.identify_friction import identify
 from contour_ctrl.path import PathTable
 from hra_curves.arc_length import ArcLength
-from stage_core.errors import StageError
+from session_bags.measured import data_folder
+from stage_core.errors import StageError, command_line
 
 PERIOD = 0.001
 BINS = 360
@@ -102,12 +99,10 @@ def show(name: str, record: dict[str, np.ndarray], learned: np.ndarray) -> None:
     )
 
 
+@command_line
 def main() -> int:
     """Print the three parts."""
-    root = Path(os.environ.get('STAGE_DATA', '../shared/data')) / 'xy_circle'
-    if not root.is_dir():
-        print(f'error: no records at {root}: set STAGE_DATA', file=sys.stderr)
-        return 2
+    root = data_folder() / 'xy_circle'
     records = {name: dict(np.load(root / f'{name}.npz')) for name in NAMES}
     errors = {name: r['reference'] - r['encoder'] for name, r in records.items()}
     for name, r in records.items():

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.generators.score import bins
+
 Row = dict[str, Any]
 
 #: Edges of the bins of stated probability.
@@ -120,27 +122,23 @@ def interval(values: list[Any]) -> dict[str, float | int]:
     return {'mean': float(numbers.mean()), 'low': low, 'high': high, 'count': len(numbers)}
 
 
-def calibration(rows: list[Row]) -> list[dict[str, float]]:
+def calibration(rows: list[Row]) -> list[dict[str, Any]]:
     """Stated probabilities beside how often they were true."""
     pairs = [
         (p, name in r['expected'] or (name == 'none' and not r['expected']))
         for r in rows
         for name, p in r['probability'].items()
     ]
-    out = []
-    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
-        inside = [(p, t) for p, t in pairs if low <= p < high or p == high == BINS[-1]]
-        if inside:
-            out.append(
-                {
-                    'from': low,
-                    'to': high,
-                    'stated': float(np.mean([p for p, _ in inside])),
-                    'true': interval([t for _, t in inside]),
-                    'count': len(inside),
-                }
-            )
-    return out
+    return [
+        {
+            'from': low,
+            'to': high,
+            'stated': float(np.mean([p for p, _ in within])),
+            'true': interval([t for _, t in within]),
+            'count': len(within),
+        }
+        for low, high, within in bins(pairs, BINS)
+    ]
 
 
 def confusion(rows: list[Row]) -> dict[str, dict[str, int]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.calibrate.fit import CANDIDATES, left_out, statements
 from benchmarks.calibrate.truth import belongs_to_machine
-from benchmarks.generators.score import BINS, judged
+from benchmarks.generators.score import judged
 from gap_diagnosis.evidence.describe import is_magnitude
 from stage_core.quantities import split_effect
 
@@ -78,17 +78,6 @@ def _dealt_out(one: list[list[Any]]) -> Pairs:
         factor = (1.0 - said[0][0]) / rest
         one = [[s[0] * (factor if s[2] == 'passed' else 1.0), *s[1:]] for s in one]
     return [(s[0], s[1]) for s in one]
-
-
-def bins(found: Pairs) -> list[tuple[float, float, int, float, float]]:
-    """Per bin of stated probability: its edges, number, mean stated, share that is true."""
-    out = []
-    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
-        within = [pair for pair in found if low <= pair[0] < high]
-        if within:
-            mean, true = np.mean(within, axis=0)
-            out.append((low, min(high, 1.0), len(within), float(mean), float(true)))
-    return out
 
 
 def coverage(rows: Sequence[Row]) -> dict[str, dict[str, float]]:

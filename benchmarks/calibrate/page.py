@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.calibrate.figures import bins, coverage, unseen, verdicts, without_doubtful
+import numpy as np
+
+from benchmarks.calibrate.figures import coverage, unseen, verdicts, without_doubtful
 from benchmarks.calibrate.sessions import GENERATORS
 from benchmarks.calibrate.spread import Spread, spread_of, widened
+from benchmarks.generators.score import bins
 from benchmarks.rows import table
 
 Row = dict[str, Any]
@@ -79,8 +82,8 @@ def _verdicts(rows: Sequence[Row], weights: Weights) -> str:
 
 def _reliability(found: list[tuple[float, bool]]) -> str:
     lines = [
-        [f'{low:.2f} to {high:.2f}', f'{n}', f'{mean:.3f}', f'{true:.3f}']
-        for low, high, n, mean, true in bins(found)
+        [f'{low:.2f} to {high:.2f}', f'{len(within)}', *(f'{m:.3f}' for m in np.mean(within, 0))]
+        for low, high, within in bins(found)
     ]
     return table(['stated', 'number', 'mean stated', 'true'], lines)
 

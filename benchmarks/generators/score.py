@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import shlex
 import subprocess
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ import numpy as np
 
 # These belong to the whole session; a report that adds an axis means the same.
 SESSION_WIDE = ('sample_jitter',)
-BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.9, 0.99, 1.0 + 1e-9)
+BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.9, 0.99, 1.0)
 Row = dict[str, Any]
 
 
@@ -143,14 +145,25 @@ def _coverage(rows: list[Row]) -> list[str]:
     return lines
 
 
+def bins(
+    stated: Sequence[tuple[float, bool]], edges: Sequence[float] = BINS
+) -> list[tuple[float, float, list[tuple[float, bool]]]]:
+    """Per bin that is not empty: its edges, and the probabilities stated in it with their truth.
+
+    A bin holds its lower edge, the last one both.
+    """
+    last = edges[-1]
+    return [
+        (low, high, within)
+        for low, high in itertools.pairwise(edges)
+        if (within := [s for s in stated if low <= s[0] < high or s[0] == high == last])
+    ]
+
+
 def _reliability(rows: list[Row]) -> list[str]:
     stated = [pair for row in rows for pair in row.get('stated', [])]
     lines = ['', f'{"probability stated":20s} {"n":>5s} {"mean":>6s} {"true":>6s}']
-    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
-        within = [(p, true) for p, true in stated if low <= p < high]
-        if within:
-            mean, true = np.mean(within, axis=0)
-            lines.append(
-                f'{low:5.2f} to {high:5.2f}       {len(within):5d} {mean:6.3f} {true:6.3f}'
-            )
+    for low, high, within in bins(stated):
+        mean, true = np.mean(within, axis=0)
+        lines.append(f'{low:5.2f} to {high:5.2f}       {len(within):5d} {mean:6.3f} {true:6.3f}')
     return lines

@@ -3,21 +3,12 @@
 import numpy as np
 import pytest
 
-from benchmarks.paper5_examples import Poses, calibrate, constraint, grow_calibration, jacobian
+from benchmarks.paper5_examples import calibrate, constraint, grow_calibration, jacobian, poses
 from calibrator.lolimot import LocalLinearTree
 from stage_core.errors import StageError
 
 WEIGHTS = np.array([[0.0295, -0.0470], [0.0250, -0.0285], [0.0173, -0.0137]])
 LOW, HIGH = np.array([[0.0], [0.25], [0.5]]), np.array([[0.25], [0.5], [1.0]])
-
-
-def poses(delta, count=200, noise=0.0, x_p=0.2, length=1.0):
-    generator = np.random.default_rng(0)
-    s = generator.uniform(0.0, 1.0, count)
-    angle = generator.uniform(-1.2, 1.2, count)
-    x = x_p + s + length * np.cos(angle) + generator.normal(0, noise, count)
-    y = delta(s) + length * np.sin(angle) + generator.normal(0, noise, count)
-    return Poses(s, angle, x, y)
 
 
 @pytest.mark.parametrize('overlap', [0.1, 0.33])

@@ -192,8 +192,8 @@ def test_trees_and_perceptron_equal_scikit_learn(samples):
 
 
 def test_gaussian_process_equals_the_textbook_solution(samples):
-    command, measured, _ = samples
-    model = make_model('gaussian_process', points=400).fit(command, measured)
+    command, measured = (part[:150] for part in samples[:2])
+    model = make_model('gaussian_process', points=150).fit(command, measured)
     state = model.state
     x = (command - state['centre']) / state['half']
     target = (measured - command - state['mean']) / state['deviation']

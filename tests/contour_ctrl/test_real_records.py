@@ -7,12 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contour_ctrl.contour_error import of_record
-from contour_ctrl.curves import circle
+from benchmarks.xy_circle_contour import contour_of, fitted_circle
 from contour_ctrl.figures import figures
 from contour_ctrl.identify_friction import identify
-from contour_ctrl.path import PathTable
-from hra_curves.arc_length import ArcLength
 
 
 def test_contour_error_and_friction_of_the_recorded_stage(data_root: Path) -> None:
@@ -21,11 +18,8 @@ def test_contour_error_and_friction_of_the_recorded_stage(data_root: Path) -> No
         pytest.skip(f'no record at {file}')
     record = np.load(file)
     reference, encoder = record['reference'], record['encoder']
-    centre = 0.5 * (reference.max(axis=0) + reference.min(axis=0))
-    radius = float(np.median(np.hypot(*(reference - centre).T)))
-    angle = np.unwrap(np.arctan2(*(reference - centre).T[::-1]))
-    path = PathTable.from_curve(ArcLength.of(circle(radius, (centre[0], centre[1]))))
-    contour = of_record(path, radius * np.mod(angle, 2.0 * np.pi), encoder)
+    centre, radius = fitted_circle(reference)
+    contour = contour_of(reference, encoder)
     # Counter-clockwise, a point outside the circle has a positive contour error.
     assert contour == pytest.approx(np.hypot(*(encoder - centre).T) - radius, abs=1e-9)
     found = figures(reference - encoder, contour)

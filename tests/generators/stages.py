@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.generators.machine import Axis, Machine
+from benchmarks.generators.record import Record
 from benchmarks.generators.references import Reference
 
 
@@ -31,6 +32,21 @@ def waves(seconds: float = 4.0) -> Reference:
         columns.append(size * rise * np.sin(rate * t))
         speeds.append(size * (slope * np.sin(rate * t) + rise * rate * np.cos(rate * t)))
     return Reference(np.column_stack(columns), np.column_stack(speeds), ('waves',))
+
+
+def assert_controlled(record: Record, ticks: int) -> None:
+    """The forces of x are those of interfaces.md, "Servo controller", on what it has read."""
+    axis = stage().axes[0]
+    pole, integral, speed = np.exp(-0.001 * axis.velocity_filter), 0.0, 0.0
+    last = record.encoder[0, 0]
+    for k in range(ticks):
+        q, r = record.encoder[k, 0], record.reference[k, 0]
+        speed = pole * speed + (1 - pole) * (q - last) / 0.001
+        last = q
+        error = axis.position_gain * (r - q) - speed
+        force = axis.velocity_gain * error + integral
+        assert abs(record.force[k, 0] - force) < 1e-9
+        integral += axis.integral_gain * error * 0.001
 
 
 def rest(seconds: float = 1.0) -> Reference:

@@ -8,7 +8,7 @@ from benchmarks.generators.handmade import friction, kernel
 from benchmarks.generators.handmade.settings import nominal
 from benchmarks.generators.record import Planted, Wish
 
-from .stages import rest, stage, waves
+from .stages import assert_controlled, rest, stage, waves
 
 
 def run(settings: dict, planted_axis: str = 'x', reference=None):
@@ -27,18 +27,7 @@ def test_the_nominal_motion_obeys_newton():
 
 
 def test_the_controller_is_that_of_the_interfaces():
-    record = handmade.simulate(stage(), waves(), [], 3)
-    axis = stage().axes[0]
-    pole, integral, speed = np.exp(-0.001 * axis.velocity_filter), 0.0, 0.0
-    last = record.encoder[0, 0]
-    for k in range(200):
-        q, r = record.encoder[k, 0], record.reference[k, 0]
-        speed = pole * speed + (1 - pole) * (q - last) / 0.001
-        command = axis.position_gain * (r - q)
-        force = axis.velocity_gain * (command - speed) + integral
-        integral += axis.integral_gain * (command - speed) * 0.001
-        last = q
-        assert record.force[k, 0] == pytest.approx(force, abs=1e-9)
+    assert_controlled(handmade.simulate(stage(), waves(), [], 3), 200)
 
 
 def test_friction_loop_has_its_level_and_loses_its_work():

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.generators.record import Planted, Record, Wish
 
-from .stages import rest, stage, waves
+from .stages import assert_controlled, rest, stage, waves
 
 pytest.importorskip('mujoco', reason='the MuJoCo generator is not installed')
 
@@ -46,19 +46,7 @@ def test_a_constant_force_on_the_nominal_axis_gives_the_exponential_speed():
 
 
 def test_the_controller_is_that_of_the_interfaces():
-    record = mujoco_stage.simulate(stage(), waves(0.5), [], 3)
-    axis = stage().axes[0]
-    pole, integral, speed = np.exp(-0.001 * axis.velocity_filter), 0.0, 0.0
-    last = record.encoder[0, 0]
-    for k in range(300):
-        q, r = record.encoder[k, 0], record.reference[k, 0]
-        speed = pole * speed + (1 - pole) * (q - last) / 0.001
-        command = axis.position_gain * (r - q)
-        assert record.force[k, 0] == pytest.approx(
-            axis.velocity_gain * (command - speed) + integral, abs=1e-9
-        )
-        integral += axis.integral_gain * (command - speed) * 0.001
-        last = q
+    assert_controlled(mujoco_stage.simulate(stage(), waves(0.5), [], 3), 300)
 
 
 def test_friction_loss_holds_below_its_level_and_slides_above():

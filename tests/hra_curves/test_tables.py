@@ -10,8 +10,8 @@ from hra_curves.__main__ import main
 
 
 def test_table1_holds_1e_14_where_the_plain_solve_is_useless() -> None:
-    entries = {(e.row, e.column): e.here for e in tables.table1((10, 50, 100), draws=3)}
-    for size in (10, 50, 100):
+    entries = {(e.row, e.column): e.here for e in tables.table1((10, 50), draws=2)}
+    for size in (10, 50):
         assert entries[f'n={size}', 'HRA'] < 1e-14
     assert entries['n=10', 'plain solve'] < 1e-11
     assert entries['n=50', 'plain solve'] > 0.5

@@ -3,45 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import replace
-from pathlib import Path
+from contextlib import AbstractContextManager
 from typing import Any
 
 import pytest
 
 pytest.importorskip('rclpy')
 
-from stage_bringup.graph import Options, commands
+from stage_bringup.graph import Options
 
 from ..domains import own_domain
-from .rig import Nodes, Watch
+from .rig import Nodes, Watch, running
 
 
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Any]]:
     """Maker of a graph: names of its nodes, clock, parameters per node."""
-    folder = tmp_path_factory.mktemp('graph')
+    out = tmp_path_factory.mktemp('graph') / 'out'
 
-    @contextmanager
     def make(
         *names: str, clock: str = 'lockstep', **parameters: dict[str, object]
-    ) -> Iterator[tuple[Nodes, Watch]]:
-        chosen = []
-        for command in commands(Options(clock=clock, out=folder / 'out')):
-            if not names or command.name in names:
-                extra = parameters.get(command.name, {})
-                chosen.append(replace(command, parameters={**command.parameters, **extra}))
-        nodes = Nodes(chosen, Path(folder) / 'log')
-        watch = None
-        try:
-            nodes.run()
-            watch = Watch(clock == 'lockstep')
-            yield nodes, watch
-        finally:
-            if watch is not None:
-                watch.close()
-            nodes.end()
+    ) -> AbstractContextManager[tuple[Nodes, Watch]]:
+        return running(Options(clock=clock, out=out), *names, **parameters)
 
     # Nothing in the environment asks for this machine alone: the nodes choose it themselves.
     with own_domain(ROS_AUTOMATIC_DISCOVERY_RANGE=None):

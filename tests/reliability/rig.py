@@ -5,7 +5,9 @@ from __future__ import annotations
 import signal
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from stage_bringup.graph import Options, commands
 from stage_bringup.processes import NodeCommand, Processes
 from stage_core import topics
 from stage_core.errors import StageError
@@ -223,6 +226,28 @@ class Watch:
     def close(self) -> None:
         """Leave the graph."""
         self.client.close()
+
+
+@contextmanager
+def running(
+    options: Options, *names: str, lean: bool = False, **parameters: Mapping[str, object]
+) -> Iterator[tuple[Nodes, Watch]]:
+    """The graph of `options`, or some of its nodes, with parameters per node, and its watcher."""
+    chosen = [
+        replace(command, parameters={**command.parameters, **parameters.get(command.name, {})})
+        for command in commands(options)
+        if not names or command.name in names
+    ]
+    nodes = Nodes(chosen, options.out.with_name('log'))
+    watch = None
+    try:
+        nodes.run()
+        watch = Watch(options.clock == 'lockstep', lean)
+        yield nodes, watch
+    finally:
+        if watch is not None:
+            watch.close()
+        nodes.end()
 
 
 def restart(nodes: Nodes, watch: Watch, *names: str) -> None:

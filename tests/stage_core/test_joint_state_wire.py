@@ -86,7 +86,7 @@ def test_rubbish_and_short_messages_are_none() -> None:
         assert reader.read(broken) is None
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.binary(max_size=80).map(lambda tail: b'\0\x01\0\0' + tail))
 def test_damaged_bytes_end_no_reader(data: bytes) -> None:
     sample = JointStateReader().read(data)

@@ -97,31 +97,25 @@ assert 'the gear wobbles by 8' in page.render(found)
 """
 
 
-def run(script: str, tmp_path: Path, name: str, effect: str) -> None:
-    file = tmp_path / f'{name}.py'
-    file.write_text(effect, encoding='utf-8')
+def test_effects_of_one_file_each_are_simulated_diagnosed_and_reported(tmp_path: Path) -> None:
+    """Two files beside the library, one of an effect with a state; kernels are compiled once."""
+    (tmp_path / 'effects').mkdir()
+    for name, effect in (('gear_wobble', GEAR_WOBBLE), ('slow_drive', SLOW_DRIVE)):
+        (tmp_path / 'effects' / f'{name}.py').write_text(effect, encoding='utf-8')
     # First, because other folders of tests have a conftest too.
     paths = [str(TESTS / 'gap_diagnosis'), *sys.path]
     environment = {
         **os.environ,
-        'STAGE_EFFECTS': str(file),
+        'STAGE_EFFECTS': str(tmp_path / 'effects'),
         'PYTHONPATH': os.pathsep.join(p for p in paths if p),
         'NUMBA_CACHE_DIR': str(tmp_path / 'numba'),
     }
     done = subprocess.run(
-        [sys.executable, '-c', script, str(tmp_path / 'out')],
+        [sys.executable, '-c', SIMULATE + DIAGNOSE, str(tmp_path / 'out')],
         capture_output=True, text=True, env=environment,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-
-
-def test_an_effect_of_one_file_is_diagnosed_and_reported(tmp_path: Path) -> None:
-    run(DIAGNOSE, tmp_path, 'gear_wobble', GEAR_WOBBLE)
     assert 'gear_wobble.x' in (tmp_path / 'out' / 'report.json').read_text(encoding='utf-8')
-
-
-def test_an_effect_may_have_a_state(tmp_path: Path) -> None:
-    run(SIMULATE, tmp_path, 'slow_drive', SLOW_DRIVE)
 
 
 def test_a_function_that_asks_for_what_there_is_not_is_named(tmp_path: Path) -> None:

@@ -1,8 +1,10 @@
 """Faults on the tracker's wire with the nodes as processes, in real time."""
 
 import contextlib
+import os
 import socket
 import time
+from pathlib import Path
 
 from stage_bringup.graph import free_port
 from stage_core import topics
@@ -54,6 +56,10 @@ def test_tracker_absent_then_there_faulty_killed_and_back(ros_env):
                 f'{name}: {words}',
             )
 
+        def memory():
+            pages = Path(f'/proc/{bridge.pid}/statm').read_text().split()[1]
+            return int(pages) * os.sysconf('SC_PAGE_SIZE')
+
         def fault(name):
             client.set_parameters('/stage_twin', tracker_fault=name)
 
@@ -67,9 +73,11 @@ def test_tracker_absent_then_there_faulty_killed_and_back(ros_env):
         now = time.time_ns()
         assert -1e9 < now - stamps[-1] < 10e9
 
+        before = memory()
         for name in ('out_of_order', 'flood'):
             fault(name)
             growing(f'points in spite of {name}')
+        assert memory() < before + 50 * 2**20
         fault('stall')
         fault('none')
         growing('points after a stall')
