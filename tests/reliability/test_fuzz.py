@@ -14,7 +14,7 @@ import pytest
 
 from calibrator import model_file
 from calibrator.node import _options
-from contour_ctrl import nurbs, storage
+from contour_ctrl import curve_file, storage
 from session_bags.bag import open_bag
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
@@ -25,7 +25,7 @@ FILES: dict[str, Callable[[Path], Any]] = {
     'twin file': TwinFile.load,
     'model file': model_file.load,
     'options of a method': lambda path: _options(path.read_text()),
-    'curve': lambda path: nurbs.from_text(path.read_text(), 'the curve'),
+    'curve': lambda path: curve_file.from_text('nurbs', path.read_text(), 'the curve'),
     'learned signals': lambda path: storage.load(path, '', ''),
     'bag': lambda path: open_bag(path.rename(path.with_name('metadata.yaml')).parent),
 }
