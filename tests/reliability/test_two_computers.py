@@ -26,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 #: K_p of 10 1/s bears a delay of 20 ms there and 20 ms back, that of the default would not.
 OWN: dict[str, dict[str, object]] = {
     'tracker_bridge': {'host': ADDRESSES[0]},
+    'gap_diagnosis': {'live': False},
     'contour_ctrl': {
         'iterations': 1, 'scheme': 'p_ff', 'feed': 0.01, 'missed_share': 0.5,
         'x.position_gain': 10.0, 'y.position_gain': 10.0,
@@ -48,7 +49,7 @@ def test_a_cut_cable_brings_the_stage_to_rest_and_the_graph_heals(tmp_path: Path
         except (OSError, subprocess.CalledProcessError) as error:
             pytest.skip(f'network namespaces are not permitted here: {error}')
         chosen = []
-        for command in commands(Options(clock='realtime', out=tmp_path / 'out', live=False)):
+        for command in commands(Options(clock='realtime', out=tmp_path / 'out')):
             where = NAMES[0] if command.name in STAGE else NAMES[1]
             parameters = {**command.parameters, **OWN.get(command.name, {})}
             chosen.append(
