@@ -23,7 +23,7 @@ from stage_core.twin_file import TwinFile
 from ..patience import PATIENCE
 
 CHANGED = {'coulomb_friction.x': {'coulomb': 25.0}, 'viscous_friction.y': {'viscous': 150.0}}
-LIVE: dict[str, object] = {'window': 2.0, 'learn': 2}
+LIVE: dict[str, object] = {'live': True, 'window': 2.0, 'learn': 2}
 
 
 def test_live_mode_warns_when_the_machine_is_another_one(
