@@ -13,7 +13,7 @@ from calibrator.node import Calibrator
 from stage_core import topics
 from stage_core.ros.node import make_executor, spin
 
-from ..patience import PATIENCE
+from ..patience import PATIENCE, wait
 
 
 def fill(buffer, session):
@@ -37,11 +37,12 @@ def test_a_training_that_ends_within_an_adaptation_waits_for_it(
     old = StoredModel(make_model('affine').fit(points, points), version=7)
     node._correction.stored = old
     fill(node._buffer, grid_session(40))
-    learn, overlaps = LiveAdaptation.step, []
+    learn, answers, overlaps = LiveAdaptation.step, [], []
 
     def slow_step(adaptation, buffer):
-        """Let the training end in the middle of the step."""
-        if not overlaps:
+        """Let a training begin and end in the middle of the step."""
+        if not answers:
+            answers.append(node._retrain())
             while node._trainer.running:
                 time.sleep(0.01)
             time.sleep(0.2)
@@ -49,13 +50,13 @@ def test_a_training_that_ends_within_an_adaptation_waits_for_it(
         return learn(adaptation, buffer)
 
     monkeypatch.setattr(LiveAdaptation, 'step', slow_step)
-    answer = node._retrain()
     executor, ended = make_executor(), threading.Event()
     executor.add_node(node)
     spinning = threading.Thread(target=spin, args=(executor, ended))
     spinning.start()
     try:
-        assert 'held-out RMS' in answer.result(PATIENCE)
+        wait(lambda: answers, 'an adaptation')
+        assert 'held-out RMS' in answers[0].result(PATIENCE)
         # The step that the training ended in still had the old model; the new one came after it.
         assert overlaps == [old.version]
         assert node._correction.stored.version == 1
