@@ -13,6 +13,7 @@ from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import Record, motion_step
@@ -54,6 +55,11 @@ class Kinematics:
         self.rests = any(r.points_per_row > 1.0 for r in self.records)
         self.both_move = len(self.axes) == 2 and any(all(r.moving) for r in self.records)
         self._points = [r.encoder_at(_required(r.tracker_time)) for r in self.records]
+        # Without noise: what a spline lets through depends on the place between two ticks, and
+        # would make some time errors look better than others.
+        self._paths = [
+            CubicSpline(r.time, band_limited(r.encoder, r.period)) for r in self.records
+        ]
         self._splines = [
             Spline.at((_required(r.tracker_time) - r.time[0]) / r.period, len(r.time))
             for r in self.records
@@ -285,13 +291,12 @@ class Kinematics:
 
     def shifted(self, latency: float = 0.0, drift: float = 0.0) -> Array:
         """Rows (n, 1) [m]: where the table was if the stamps are late or drift, less without."""
-        moved = [r.encoder_at(r.point_time(latency, drift)) for r in self.records]
-        return self.rows(
-            [
-                [(m - p)[:, i : i + 1] for i in range(len(self.axes))]
-                for m, p in zip(moved, self._points, strict=True)
-            ]
-        )
+        ways = []
+        for record, path in zip(self.records, self._paths, strict=True):
+            own, moved = record.point_time(), record.point_time(latency, drift)
+            ends = record.time[0], record.time[-1]
+            ways.append(path(np.clip(moved, *ends)) - path(np.clip(own, *ends)))
+        return self.rows([[w[:, i : i + 1] for i in range(len(self.axes))] for w in ways])
 
     def session_share(self) -> Array:
         """Time of each row (n,) as a share of its session."""
