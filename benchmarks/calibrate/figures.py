@@ -31,6 +31,15 @@ def verdicts(rows: Sequence[Row]) -> dict[str, float]:
     }
 
 
+def near(rows: Sequence[Row], link: str, threshold: float) -> list[int]:
+    """Residuals of a link by their share that is structure, over the threshold.
+
+    Counts below one half of it, up to it, up to twice it, and above.
+    """
+    shares = [s for row in rows for name, s, _ in row['structure'] if name.startswith(link)]
+    return np.histogram(np.array(shares) / threshold, (-np.inf, 0.5, 1.0, 2.0, np.inf))[0].tolist()
+
+
 def unseen(rows: Sequence[Row], weights: dict[str, dict[str, float]]) -> dict[str, Pairs]:
     """Per generator: probability of each statement by a fit to the other generators, and truth.
 

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.calibrate.figures import coverage, unseen, verdicts, without_doubtful
+from benchmarks.calibrate.figures import coverage, near, unseen, verdicts, without_doubtful
 from benchmarks.calibrate.sessions import GENERATORS
 from benchmarks.calibrate.spread import Spread, spread_of, widened
 from benchmarks.generators.score import bins
 from benchmarks.rows import table
+from gap_diagnosis.evidence.judgement import SERVO_STRUCTURE, TRACKER_STRUCTURE
 
 Row = dict[str, Any]
 Weights = dict[str, dict[str, float]]
@@ -43,6 +44,7 @@ def markdown(rows: Sequence[Row], weights: Weights, spread: Spread, facts: Row) 
     parts += ['## Weights', WEIGHED, _weights(weights)]
     parts += ['## Intervals', INTERVALS, _spread(spread), _coverage(widened(rows, spread))]
     parts += ['### Each generator left out of the fit', HELD, _held(rows)]
+    parts += ['## Structure', STRUCTURE, _structure(rows)]
     return '\n\n'.join(part.strip('\n') for part in parts) + '\n'
 
 
@@ -52,6 +54,9 @@ features stand in `evidence/probability.py`. One is taken if it lowers the log-l
 that the fit did not see by at least 5 %."""
 HELD = """The estimated deviations hold noise and misfit of the session alone. The widened ones are
 fitted to the two other generators."""
+STRUCTURE = """A residual has structure where its share that is no noise is above a threshold
+(`SERVO_STRUCTURE` and `TRACKER_STRUCTURE` in `evidence/judgement.py`). The counts show how many
+verdicts another threshold would change: those between one half of it and twice it."""
 INTERVALS = """A deviation is widened by what models of its kind get wrong: by a factor, and
 by a share of the value (added in squares) for all but places and phases. Both are the narrowest
 that hold 95 % of the truths in sessions with an exact verdict (of a handful of intervals, all).
@@ -122,6 +127,14 @@ def _held(rows: Sequence[Row]) -> str:
         lines.append([generator, f'{coverage(own)["all"]["count"]:.0f}', *cells])
     head = ['generator', 'n', 'estimated: holds', 'relative width', 'widened: holds']
     return table([*head, 'relative width'], lines)
+
+
+def _structure(rows: Sequence[Row]) -> str:
+    lines = []
+    for link, threshold in (('servo', SERVO_STRUCTURE), ('tracker', TRACKER_STRUCTURE)):
+        lines.append([link, f'{threshold:g}', *map(str, near(rows, link, threshold))])
+    head = ['residual', 'threshold', 'below one half of it', 'up to it', 'up to twice it', 'above']
+    return table(head, lines)
 
 
 def _number(value: float) -> str:
