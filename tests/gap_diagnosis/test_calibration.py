@@ -44,6 +44,7 @@ def sessions(count: int = 400) -> list[dict[str, Any]]:
             'also_right': [], 'verdict': ['backlash.x'], 'false': [] if true else ['backlash.x'],
             'intervals': [('backlash.x', 'width', g.standard_normal(), 0.4)],
             'statements': [named, *({'effect': f'e{k}', **passed} for k in range(9))],
+            'structure': [['servo.x', 0.0 if true else 0.05, 9.0]],
         })  # fmt: skip
     return rows
 
@@ -131,6 +132,8 @@ def test_the_page_and_the_weights(tmp_path: Path) -> None:
     assert written['SESSIONS'] == {'own': 134}
     text = markdown(rows, weights, spread, facts)
     assert '134 of `own`' in text and '| backlash.width | 400 |' in text
+    right = sum(row['exact'] for row in rows)
+    assert f'| servo | 0.04 | {right} | 0 | {len(rows) - right} | 0 |' in text
     held = coverage(rows)['backlash.width']
     assert 0.9 < held['holds'] < 0.99 and held['open'] == 0.0
     assert {g: len(p) for g, p in unseen(rows, weights).items()}['own'] == 134 * 10
