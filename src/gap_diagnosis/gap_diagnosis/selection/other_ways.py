@@ -84,11 +84,13 @@ def _better(selector: Selector, other: Selection, best: Selection) -> bool:
     """Whether a set predicts better than the best one for certain, or no worse with less.
 
     With as many parameters the likelier set is the one that predicts better, if ever so little.
+    What both sets hold does not say how much the others have to gain.
     """
     gains = block_gains(selector.problem, best.fit, other.fit)
     gain = float(gains.mean())
     low, high = bootstrap_interval(gains, selector.seed, level=selector.rules.level)
-    least = max(selector.least(n) for n in other.accepted)
+    apart = {*other.accepted} ^ {*best.accepted}
+    least = max((selector.least(n) for n in apart), default=0.0)
     if low > 0.0 and gain > least:
         return True
     loses = high < 0.0 and -gain > least
