@@ -39,6 +39,16 @@ def test_a_parameter_at_nothing_or_at_its_bound_is_no_finding(width: tuple[float
     assert refuted('backlash.x', shrink(3e-6, 1e-6, 0.5), {'width': width})
 
 
+@pytest.mark.parametrize(('backwards', 'stands'), [(0.37, False), (0.9, True)])
+def test_a_friction_that_is_the_same_in_both_directions_is_not_asymmetric(
+    backwards: float, stands: bool
+) -> None:
+    values = {'coulomb_positive': (0.38, 0.05), 'coulomb_negative': (backwards, 0.06)}
+    viscous = {'viscous_positive': (0.7, 1.5), 'viscous_negative': (0.8, 1.1)}
+    found = shrink(3e-6, 1e-6, 0.5)
+    assert refuted('asymmetric_friction.y', found, {**values, **viscous}) is not stands
+
+
 def test_the_noise_of_other_channels_hides_no_effect() -> None:
     noise = np.random.default_rng(0).normal(0.0, 1.3e-6, (4, 6000)) ** 2
     moved = np.abs(np.sin(np.linspace(0.0, 60.0, 6000))) * 4e-12

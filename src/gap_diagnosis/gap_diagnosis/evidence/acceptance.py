@@ -194,6 +194,9 @@ def refuted(
     if not shrink.matters or shrink.worse:
         return True
     stated = nominal or {}
+    pairs = [p for p in effect_of(name).differ if set(p) <= set(values)]
+    if pairs and not any(apart(values[one], values[other]) for one, other in pairs):
+        return True
     own = defining(name)
     return bool(own) and not any(
         away(values[p.name], stated.get(p.name, p.neutral), p.minimum, p.maximum, p.neutral)
@@ -215,6 +218,11 @@ def defining(name: str) -> set[str]:
         for p in effect.parameters
         if p.fitted and not p.nuisance and p.neutral is not None and p.name not in shared
     }
+
+
+def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether two values (with their standard deviations) differ by more than their interval."""
+    return abs(one[0] - other[0]) > SIGMAS * float(np.hypot(one[1], other[1]))
 
 
 def away(

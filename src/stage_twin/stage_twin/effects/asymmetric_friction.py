@@ -35,6 +35,7 @@ EFFECT = Effect(
     excited_by='strokes in both directions at several speeds',
     holds=('coulomb_friction', 'viscous_friction', 'force_offset'),
     sums=('coulomb_friction', 'viscous_friction'),
+    differ=(('coulomb_positive', 'coulomb_negative'), ('viscous_positive', 'viscous_negative')),
     excludes=('position_dependent_friction', 'stribeck_friction'),
 )
 

@@ -93,6 +93,8 @@ class Effect:
         place.
     sums : tuple of str
         Special cases whose sum may be all that there is: they are tried together in its place.
+    differ : tuple of (str, str)
+        Pairs of parameters; where the two of each are equal, a special case is all that there is.
     excludes : tuple of str
         Effects that cannot be judged beside this one, as both have the same trivial solution.
     merges : tuple of str
@@ -115,6 +117,7 @@ class Effect:
     swings: bool = False
     holds: tuple[str, ...] = ()
     sums: tuple[str, ...] = ()
+    differ: tuple[tuple[str, str], ...] = ()
     excludes: tuple[str, ...] = ()
     merges: tuple[str, ...] = ()
     states: tuple[str, ...] = ()
