@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from contour_ctrl import curves, reference, storage
+from contour_ctrl import curves, reference, storage, timed
 from contour_ctrl.excitation import excitation
 from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.learning import Learner, LearningSettings
@@ -76,6 +77,21 @@ def test_iterations_learn_and_end_with_a_position() -> None:
     assert len(streams) == 6 * len(REFERENCE)
     assert [p.stamp for p in stage.sent] == sorted({p.stamp for p in stage.sent})
     assert run.missed == 0
+
+
+def test_a_motion_without_a_path_is_off_by_no_more_than_its_tracking_error() -> None:
+    turn = np.linspace(0.0, 1.0, 201)
+    angle = 2.0 * np.pi * turn**3 * (10.0 - 15.0 * turn + 6.0 * turn**2)
+    x, y = 0.01 * np.cos(angle), 0.01 * np.sin(angle)
+    rows = [','.join(map(str, row)) for row in np.column_stack([8.0 * turn, x, y])]
+    motion = timed.from_text('\n'.join(['t,x,y', *rows]), 'a table', 1e-3, AxisLimits())
+    stage = Stage()
+    run = ContourRun(Controller(motion, replace(GAINS, cross_coupling=20.0)), None, 1)
+    stage.take(run.begin(stage.stamp))
+    stage.drive(run)
+    (result,) = run.results
+    # Measured: contour 13 µm, tracking x 33 µm and y 74 µm.
+    assert 0.0 < result.contour.max <= np.hypot(result.x.max, result.y.max) < 1e-4
 
 
 def test_lockstep_starts_at_the_last_tick_seen_when_the_world_is_quiet() -> None:

@@ -62,7 +62,6 @@ def test_live_mode_warns_when_the_machine_is_another_one(
                     'contour_ctrl',
                     contour='timed',
                     curve_file=str(curve),
-                    estimator_steps=0,
                     iterations=1,
                     scheme='p_ff',
                 )

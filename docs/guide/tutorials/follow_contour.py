@@ -13,7 +13,6 @@
 import numpy as np
 
 from contour_ctrl import curves, reference
-from contour_ctrl.contour_error import of_record
 from contour_ctrl.learning import Learner, LearningSettings
 from contour_ctrl.rehearsal import Rehearsal
 from contour_ctrl.tick import Controller, Gains
@@ -39,7 +38,7 @@ plan = reference.plan(curves.circle(0.02), feed=0.05)
 
 def contour_error(controller):
     """Distance to the path in each tick of the last run, (n,) [m]."""
-    return of_record(plan.path, plan.arc, controller.record[:, :2])
+    return plan.contour_errors(controller.record[:, :2])
 
 
 print(f'{len(plan)} ticks of {1e3 * plan.period:g} ms')

@@ -61,7 +61,6 @@ class Excite(StreamingNode):
         gains = Gains(
             (value('x.position_gain'), value('y.position_gain')),
             (value('x.velocity_feedforward'), value('y.velocity_feedforward')),
-            estimator_steps=0,
         )
         course = ContourRun(
             Controller(reference, gains), None, 1, RunSettings(lockstep=self.lockstep)

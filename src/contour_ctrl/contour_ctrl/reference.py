@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from contour_ctrl.contour_error import of_record
 from contour_ctrl.curves import check_regular
 from contour_ctrl.feedrate import AxisLimits, SCurve
 from contour_ctrl.path import PathTable, arc_derivatives, sampled_derivatives
@@ -34,7 +35,7 @@ class Reference:
     arc
         (n,) arc length [m], beyond the path's length in later laps.
     path
-        The geometry without the clock, for the contour error.
+        The geometry without the clock, for the contour error; None for a motion that has none.
     feed
         Feed that is reached [m/s].
     fluctuation
@@ -48,7 +49,7 @@ class Reference:
     acceleration: FloatArray
     angle: FloatArray
     arc: FloatArray
-    path: PathTable
+    path: PathTable | None
     feed: float
     fluctuation: float
 
@@ -64,11 +65,23 @@ class Reference:
         ticks = np.round(self.position * 1e9).astype(np.int64)
         return hashlib.sha256(ticks.tobytes() + repr(self.period).encode()).hexdigest()
 
+    def contour_errors(self, measured: FloatArray) -> FloatArray:
+        """Contour error (n,) [m] of the encoder (n, 2) at each tick.
+
+        A motion without a path has no nearest point: its error is taken across its direction.
+        """
+        if self.path is not None:
+            return of_record(self.path, self.arc, measured)
+        x, y = (self.position - measured).T
+        return -np.sin(self.angle) * x + np.cos(self.angle) * y
+
     def corrected(self, invert: Callable[[FloatArray], FloatArray]) -> Reference:
         """Reference in stage coordinates: `invert` maps wanted table points (n, 2) to them.
 
         Velocity and acceleration follow from the corrected points, and the path with them.
         """
+        if self.path is None:
+            raise StageError('a motion that follows no contour is not corrected')
         position = np.asarray(invert(self.position), dtype=float)
         points = np.asarray(invert(self.path.values[:, :2]), dtype=float)
         if not (np.all(np.isfinite(position)) and np.all(np.isfinite(points))):

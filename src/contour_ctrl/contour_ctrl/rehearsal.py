@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contour_ctrl.contour_error import of_record
 from contour_ctrl.figures import Figures, figures
 from contour_ctrl.learning import Learner
 from contour_ctrl.tick import EX, QX, Controller, tick
@@ -82,7 +81,7 @@ class Rehearsal:
             controller.arrays,
         )
         reference = controller.reference
-        contour = of_record(reference.path, reference.arc, controller.record[:, QX : QX + 2])
+        contour = reference.contour_errors(controller.record[:, QX : QX + 2])
         return figures(controller.record[:, EX : EX + 2], contour)
 
     def iterate(

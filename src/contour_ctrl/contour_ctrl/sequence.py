@@ -10,7 +10,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from contour_ctrl.contour_error import of_record
 from contour_ctrl.curves import circle
 from contour_ctrl.figures import Figures, figures
 from contour_ctrl.learning import Learner
@@ -280,7 +279,7 @@ class ContourRun:
         for column in range(record.shape[1]):
             record[gaps, column] = np.interp(grid[gaps], grid[~gaps], record[~gaps, column])
         reference = self.controller.reference
-        contour = of_record(reference.path, reference.arc, record[:, QX : QX + 2])
+        contour = reference.contour_errors(record[:, QX : QX + 2])
         result = figures(record[:, EX : EX + 2], contour)
         self.results.append(result)
         if result.contour.rms <= self.results[self.best].contour.rms:
@@ -317,5 +316,4 @@ def compile_kernels() -> None:
     would take the seconds of a compiler for a stream that has broken off.
     """
     controller = Controller(plan(circle(0.001), 0.01), Gains())
-    reference = controller.reference
-    of_record(reference.path, reference.arc, controller.table[:, :2])
+    controller.reference.contour_errors(controller.table[:, :2])

@@ -171,7 +171,8 @@ class Controller:
                 reference.arc,
             ]
         )
-        self.path = np.ascontiguousarray(reference.path.values)
+        path = reference.path
+        self.path = np.zeros((2, 6)) if path is None else np.ascontiguousarray(path.values)
         self.learned = np.zeros((count, 2))
         self.record = np.full((count, RECORD), np.nan)
         self.command = np.zeros(2)
@@ -184,9 +185,9 @@ class Controller:
         settings[KA : KA + 2] = gains.acceleration_feedforward
         settings[KC] = gains.cross_coupling
         settings[PERIOD] = reference.period
-        settings[STEP] = reference.path.step
-        settings[CLOSED] = reference.path.closed
-        settings[STEPS] = gains.estimator_steps
+        if path is not None:
+            settings[STEP], settings[CLOSED] = path.step, path.closed
+            settings[STEPS] = gains.estimator_steps
         settings[KEEP], settings[LIMIT], settings[SPAN] = 1.0, 1.0, 1.0
         if gains.cmac is not None:
             settings[MODE] = 1 + cmac.UPDATES.index(gains.cmac.mode)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from contour_ctrl.feedrate import AxisLimits
-from contour_ctrl.path import PathTable
 from contour_ctrl.reference import LONGEST, Reference
 from stage_core.errors import StageError
 
@@ -21,8 +20,7 @@ COLUMNS = 't,x,y'
 def free_motion(
     period: float, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
 ) -> Reference:
-    """Reference of a motion (n, 2) that follows no contour: the tick takes the tangent."""
-    grid = np.linspace(0.0, 1.0, 8)[:, None] * np.array([1.0, 0.0])
+    """Reference of a motion (n, 2) that follows no contour: it has no path."""
     return Reference(
         period=period,
         position=position,
@@ -30,7 +28,7 @@ def free_motion(
         acceleration=acceleration,
         angle=np.arctan2(velocity[:, 1], velocity[:, 0]),
         arc=np.zeros(len(position)),
-        path=PathTable.from_points(grid, 1.0, False),
+        path=None,
         feed=float(np.linalg.norm(velocity, axis=1).max()),
         fluctuation=0.0,
     )

@@ -96,7 +96,6 @@ def _settings(motion: Path, twin: str) -> dict[str, Any]:
         'curve_file': str(motion),
         'scheme': 'p_ff',
         'iterations': 1,
-        'estimator_steps': 0,
         'reuse_learned': False,
     }
     machine = TwinFile.load(twin)
