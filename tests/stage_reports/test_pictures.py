@@ -28,9 +28,13 @@ def test_error_maps_share_a_scale_and_state_the_rms() -> None:
 
 def test_positioning_and_circular_plots_show_their_figures() -> None:
     result = positioning([0.0, 0.1], [[1e-6, 1e-6], [2e-6, 2e-6]], [[0.0, 0.0], [0.0, 0.0]])
-    title = figures.positioning_plot(result, 'axis x').axes[0].get_title(loc='left')
-    assert 'B 2' in title
-    assert 'A 2' in title
+    uncertain = {'A': 2e-7, 'R': 3e-7, 'E': 1e-7, 'B': 1e-7}
+    axes = figures.positioning_plot(result, uncertain, 'axis x').axes[0]
+    title = axes.get_title(loc='left')
+    assert 'A 2.0 ± 0.2 µm' in title and 'B 2.00 ± 0.10 µm' in title
+    # U of A, at the upper end of the bracket.
+    (bar,) = axes.containers[0].lines[2]
+    assert bar.get_segments()[0][:, 1] == pytest.approx([1.8, 2.2])
     angle = np.linspace(0.0, 2.0 * np.pi, 400)
     path = 0.010001 * np.column_stack([np.cos(angle), np.sin(angle)])
     outcome = circular(path, path[::-1], 0.01, (0.0, 0.0))

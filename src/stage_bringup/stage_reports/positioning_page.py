@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from stage_core.pages import Page
-from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
+from stage_core.wording import with_std
 from stage_reports.extract import PositioningRuns, positioning_runs
 from stage_reports.iso230 import positioning
 from stage_reports.sections import (
@@ -58,20 +58,26 @@ def positioning_page(
     page = Page('Positioning of each axis')
     said = []
     for axis, test in tests.items():
-        accuracy = positioning(test.targets, test.up, test.down).A / MICROMETRE
-        uncertain = positioning_uncertainty(test)['A'] / MICROMETRE
-        said.append(f'{axis} {accuracy:.1f} ± {uncertain:.1f} µm')
+        accuracy = positioning(test.targets, test.up, test.down).A
+        said.append(f'{axis} {with_std(accuracy, positioning_uncertainty(test)["A"])}')
     page.headline(
         f'A: {", ".join(said)}',
         'Bidirectional accuracy A by ISO 230-2: the band that holds every position of the axis, '
         'with its expanded uncertainty (k = 2) from the scatter of the tracker.',
         'bidirectional accuracy by ISO 230-2',
     )
-    count = ', '.join(
-        f'{axis}: {len(t.targets)} with {t.up.shape[1]} approaches from each side'
+    counts = {
+        axis: f'{len(t.targets)} with {t.up.shape[1]} approaches from each side'
         for axis, t in tests.items()
+    }
+    alike = len(set(counts.values())) == 1
+    count = ', '.join(f'{axis}: {text}' for axis, text in counts.items())
+    page.conditions(
+        [
+            *condition_entries(session, entries),
+            ('Targets', f'on each axis {next(iter(counts.values()))}' if alike else count),
+        ]
     )
-    page.conditions([*condition_entries(session, entries), ('Targets', count)])
     positioning_section(page, session, tracking)
     temperature_section(page, session)
     recorded_section(page, session)

@@ -11,7 +11,7 @@ from stage_core.metrics import Metrics
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
-from stage_core.wording import date_words, measure, span
+from stage_core.wording import date_words, measure, span, with_std
 from stage_reports import figures
 from stage_reports.extract import circular_paths, positioning_runs
 from stage_reports.iso230 import Circular, circular, positioning
@@ -68,18 +68,18 @@ def positioning_section(page: Page, session: Session, tracking: Tracking) -> boo
     values: dict[str, list[str]] = {name: [] for name, _ in POSITIONING_FIGURES}
     for axis, test in tests.items():
         result = positioning(test.targets, test.up, test.down)
+        uncertain = positioning_uncertainty(test)
         page.figure(
-            figures.positioning_plot(result, f'axis {axis}'),
+            figures.positioning_plot(result, uncertain, f'axis {axis}'),
             f'Deviations of axis {axis} at {len(test.targets)} targets',
             'Bands that lie apart show play (B), wide bands poor repeatability (R). A slope is an '
-            'error of scale, a wave comes from the screw.',
+            'error of scale, a wave comes from the screw. The bracket spans A. The bar '
+            'beside its end is ± U, the expanded uncertainty of A (k = 2).',
         )
-        uncertain = positioning_uncertainty(test)
         for name, said in values.items():
-            value, u = getattr(result, name) / MICROMETRE, uncertain[name] / MICROMETRE
-            said.append(f'{value:.2f} ± {u:.2f}')
+            said.append(with_std(getattr(result, name), uncertain[name]))
     page.table(
-        ['figure', 'meaning', *(f'{axis} ± U (µm)' for axis in tests)],
+        ['figure', 'meaning', *(f'{axis} ± U' for axis in tests)],
         [
             [name.replace('_up', '↑').replace('_down', '↓'), meaning, *values[name]]
             for name, meaning in POSITIONING_FIGURES

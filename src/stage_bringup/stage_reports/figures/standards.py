@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from stage_core.drawing import MICRO, MILLI, canvas, styled, thin
 from stage_core.theme import BLUE, INK, MUTED, ORANGE
-from stage_core.wording import measure
+from stage_core.wording import measure, with_std
 from stage_reports.figures.checks import pairs
 from stage_reports.figures.contours import on_circle
 from stage_reports.iso230 import Circular, Positioning
 
 
 @styled
-def positioning_plot(result: Positioning, axis_name: str = '') -> Figure:
+def positioning_plot(
+    result: Positioning, uncertain: Mapping[str, float], axis_name: str = ''
+) -> Figure:
     """Positioning deviations over the targets as ISO 230-2 draws them: means and bands of 2 s.
 
-    A bracket on the right spans the accuracy A.
+    A bracket on the right spans the accuracy A, the bar beside it the expanded uncertainty of A.
+    `uncertain` holds the expanded uncertainty U (m) of A, R, E and B.
     """
     figure = canvas(6.4, 4.2)
     axes = figure.subplots()
@@ -38,10 +43,13 @@ def positioning_plot(result: Positioning, axis_name: str = '') -> Figure:
         '', (place, top * MICRO), (place, (top - result.A) * MICRO),
         arrowprops={'arrowstyle': '<->', 'color': INK}, annotation_clip=False,
     )  # fmt: skip
-    axes.text(place, (top - 0.5 * result.A) * MICRO, f' A {result.A * MICRO:.3g}', va='center')
-    figures = ', '.join(f'{n} {getattr(result, n) * MICRO:.3g}' for n in ('A', 'R', 'E', 'B'))
+    beside = place + 0.05 * float(np.ptp(position) or 1.0)
+    axes.errorbar(beside, top * MICRO, yerr=uncertain['A'] * MICRO, color=INK, capsize=3)
+    axes.text(beside, top * MICRO, '  ± U', va='center')
+    axes.text(place, (top - 0.5 * result.A) * MICRO, ' A', va='center')
+    figures = ', '.join(f'{n} {with_std(getattr(result, n), uncertain[n])}' for n in 'AREB')
     axes.set(
-        title=f'ISO 230-2 {axis_name}: {figures} µm'.replace('  ', ' '),
+        title=f'{axis_name} by ISO 230-2, ± U (k = 2):\n{figures}'.strip(),
         xlabel='target position (mm)',
         ylabel='deviation (µm)',
     )
