@@ -107,10 +107,13 @@ class StoredModel:
         ]
         fastest = self.metrics.get('domain', {}).get('speeds', (0.0, 0.0))[1]
         parts.append(f'up to {1e3 * fastest:.0f} mm/s' if fastest else 'at rest')
-        half = ' and '.join(f'{1.96e6 * deviation:.2f}' for deviation in self.model.spread)
+        half = ', '.join(
+            f'{axis} ± {1.96e6 * deviation:.2f} µm'
+            for axis, deviation in zip(AXES, self.model.spread, strict=False)
+        )
         return (
-            f'{", ".join(parts)}; beyond it the model holds its edge; 95 % of predictions '
-            f'within {half} µm'
+            f'{", ".join(parts)}; beyond it the model holds its edge; 95 % of predictions are '
+            f'right within {half}'
         )
 
     def beyond(self, command: Array, temperatures: Array | None) -> str:

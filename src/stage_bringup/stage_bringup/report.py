@@ -37,7 +37,9 @@ def write_report(options: Options, result: SessionResult) -> Path:
     cards: list[Link] = []
     for name, bag in result.bags.items():
         session = read_session(bag)
-        page = session_page(session, _model(options), entries)
+        # The positioning test comes before the calibration.
+        told = [(n, v if (n, name) != ('Model', 'positioning') else '') for n, v in entries]
+        page = session_page(session, _model(options), told)
         here = f'{name}.html'
         others = [(n, a if a != here else '') for n, a in links]
         page.navigation([('Session', 'report.html'), *others])

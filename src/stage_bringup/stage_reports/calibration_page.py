@@ -104,8 +104,8 @@ def _over_axes(page: Page, session: Session, rests: Places, left: Array | None) 
             figures.error_over_axis(rests.wanted[:, column], error, toward, axis),
             f'Error of {axis} by the direction of approach',
             f'Two branches a constant apart show play as it is at rest, here '
-            f'{_gap(error, toward)}. A servo that overshoots takes play up before it rests. A '
-            'slope shows an error of scale.',
+            f'{_gap(error, toward)}, the dashed lines. A servo that overshoots takes play up '
+            'before it rests. A slope shows an error of scale.',
         )
     page.figure(
         figures.histogram({axis: errors[:, k] for k, axis in enumerate(session.axes)}),
