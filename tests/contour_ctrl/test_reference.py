@@ -177,6 +177,14 @@ def test_bad_curves_are_refused() -> None:
         curves.circle(-1.0)
 
 
+def test_a_circle_goes_round_either_way() -> None:
+    for clockwise, sense in ((False, 1.0), (True, -1.0)):
+        plan = reference.plan(curves.circle(0.02, clockwise=clockwise), 0.03)
+        turned = np.unwrap(np.arctan2(*plan.position.T[::-1]))
+        assert turned[-1] - turned[0] == pytest.approx(sense * 2.0 * np.pi)
+        assert (sense * np.diff(turned) > -1e-12).all()
+
+
 def test_nurbs_texts() -> None:
     points = '[[0, 0], [0.01, 0.02], [0.02, 0]]'
     good = f'degree: 2\nknots: [0, 0, 0, 1, 1, 1]\ncontrol_points: {points}'

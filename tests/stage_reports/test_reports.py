@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -127,6 +129,41 @@ def test_a_contour_page_leaves_out_approach_and_pauses(tmp_path: Path) -> None:
     assert 'In the first run it was 4.00 µm' in told
     assert 'The last run lowered the RMS by 75 %' in told
     assert 'The largest error is 1.00' in told
+
+
+def two_ways() -> dict[str, Series]:
+    """A run of a circle, a pause, a run the other way; the table is 3 µm off in x."""
+    series = {
+        name: replace(s, stamps=START + 4 * (s.stamps - START))
+        for name, s in circle_session(2e-6).series.items()
+    }
+    kept = np.r_[0:1185, 1215:2400]
+    contour = series[topics.CONTOUR_ERROR]
+    values = {name: column[kept] for name, column in contour.values.items()}
+    series[topics.CONTOUR_ERROR] = replace(contour, stamps=contour.stamps[kept], values=values)
+    encoder = series[topics.JOINT_STATES]
+    x, y = (encoder.values[f'position.{axis}'] for axis in 'xy')
+    point = {'x': x + 3e-6, 'y': y, 'z': 0.0 * x}
+    series[topics.TRACKER_POINT] = Series(topics.TRACKER_POINT, encoder.stamps, point)
+    return series
+
+
+def test_both_ways_round_are_one_circular_test() -> None:
+    told = words(session_page(Session('circle', two_ways())).render())
+    assert 'in run 1 of 1' in told and '1 the other way round' in told
+    assert 'first run of each direction' in told
+    # 2 µm too large one way, too small the other.
+    for figure in ('G(b) the same of both directions together', 'H largest difference of the two'):
+        assert re.search(re.escape(figure) + r'\D*4\.00', told), figure
+
+
+def test_the_nominal_circle_is_where_the_table_was_to_be() -> None:
+    grid = np.random.default_rng(0).uniform(-0.01, 0.01, (50, 2))
+    model = StoredModel(make_model('affine').fit(grid, grid + [3e-6, 0.0]))
+    told = [words(session_page(Session('circle', two_ways()), m).render()) for m in (None, model)]
+    # The correction was meant to move the table by 3 µm: what is left is the radius.
+    largest = [re.findall(r'largest radial deviation ([\d.]+)', text)[0] for text in told]
+    assert [float(value) for value in largest] == pytest.approx([5.0, 2.0], abs=0.02)
 
 
 def test_the_interval_of_an_rms_covers_it() -> None:

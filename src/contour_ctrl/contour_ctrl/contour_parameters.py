@@ -67,6 +67,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter('centre_x', 0.0, 'centre of the contour', 'm'),
     Parameter('centre_y', 0.0, 'centre of the contour', 'm'),
     Parameter('radius', 0.02, 'circle, star (outer points)', 'm', 1e-6),
+    Parameter('clockwise', False, 'circle: the way round'),
     Parameter('inner_radius', 0.01, 'star (inner points)', 'm', 1e-6),
     Parameter('star_points', 5, 'star', '', 3, 50),
     Parameter('side', 0.04, 'square', 'm', 1e-6),
@@ -136,7 +137,7 @@ def make_curve(value: Values, text: str | None = None) -> curves.Curve:
     kind = value('contour')
     centre = float(value('centre_x')), float(value('centre_y'))
     if kind == 'circle':
-        return curves.circle(value('radius'), centre)
+        return curves.circle(value('radius'), centre, value('clockwise'))
     if kind == 'square':
         return curves.square(value('side'), value('corner_radius'), centre)
     if kind == 'star':

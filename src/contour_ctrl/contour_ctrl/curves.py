@@ -62,14 +62,17 @@ class CallableCurve:
         return cached
 
 
-def circle(radius: float, centre: tuple[float, float] = (0.0, 0.0)) -> nurbs.NurbsCurve:
+def circle(
+    radius: float, centre: tuple[float, float] = (0.0, 0.0), clockwise: bool = False
+) -> nurbs.NurbsCurve:
     """Exact circle [m] as the nine-point rational quadratic (paper 3, figure 8a)."""
     _positive('radius', radius)
     corner = np.sqrt(0.5)
     square = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
+    corners = np.array(square[::-1] if clockwise else square)
     knots = np.array([0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]) / 4.0
     weights = np.array([1, corner, 1, corner, 1, corner, 1, corner, 1])
-    return nurbs.NurbsCurve(2, knots, np.asarray(centre) + radius * np.array(square), weights)
+    return nurbs.NurbsCurve(2, knots, np.asarray(centre) + radius * corners, weights)
 
 
 def rounded_polygon(vertices: ArrayLike, corner_radius: float) -> nurbs.NurbsCurve:

@@ -28,12 +28,12 @@ def session_page(
 
     Parameters
     ----------
-    model : trained from it, for a calibration session.
+    model : trained from a calibration session, or active while a contour was followed.
     entries : further conditions that the recording does not know.
     """
     found = runs(session)
     if found:
-        return contour_page(session, found, entries)
+        return contour_page(session, found, model, entries)
     tested = positioning_tests(session)
     if tested is not None:
         return positioning_page(session, *tested, entries)
@@ -50,7 +50,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         '--bag', action='append', required=True, help='session; several are trials in this order'
     )
-    parser.add_argument('--model', help='model file that was trained from a calibration session')
+    parser.add_argument(
+        '--model', help='model file that was trained from this session or corrected its contour'
+    )
     parser.add_argument('--out', required=True, help='folder for report.html and the pictures')
     chosen = parser.parse_args(arguments)
     sessions = [read_session(path) for path in chosen.bag]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from calibrator.model_file import StoredModel
 from stage_core.metrics import Metrics
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
 from stage_core.wording import measure, span, with_interval
 from stage_reports import figures
-from stage_reports.extract import circular_paths
+from stage_reports.extract import CircularPaths, circular_paths
 from stage_reports.figures.contours import Run as Curve
 from stage_reports.hysteresis_section import hysteresis_section
 from stage_reports.intervals import STRETCHES, path_interval
@@ -27,14 +30,28 @@ MICRO = 1.0 / MICROMETRE
 
 
 def contour_page(
-    session: Session, found: list[Run], entries: list[tuple[str, str]] | None = None
+    session: Session,
+    found: list[Run],
+    model: StoredModel | None = None,
+    entries: list[tuple[str, str]] | None = None,
 ) -> Page:
-    """Page of a session with a contour; `found` are its runs, see `tracking.runs`."""
-    rms = [Metrics.of(run.contour).rms for run in found]
-    best = int(np.argmin(rms))
+    """Page of a session with a contour.
+
+    Parameters
+    ----------
+    found : its runs, see `tracking.runs`.
+    model : that corrected the contour; its prediction of the reference is where the table should
+        be. None takes the reference.
+    """
     encoder = {item.sensor: item for item in tracking_errors(session)}
     seen = [encoder[s] for s in ('encoder', 'tracker') if s in encoder]
-    deviation = _table_deviation(found, seen)
+    found, other = _by_way(found, seen)
+    rms = [Metrics.of(run.contour).rms for run in found]
+    best = int(np.argmin(rms))
+    table = seen[-1] if seen and seen[-1].sensor == 'tracker' else None
+    if table is not None and model is not None:
+        table = replace(table, reference=np.asarray(model.model.predict(table.reference)))
+    deviation = _table_deviation(found, table)
     page = Page('Following a contour')
     first = f' In the first run it was {measure(rms[0])}.' if best else ''
     page.headline(
@@ -48,7 +65,7 @@ def contour_page(
         [
             *condition_entries(session, entries),
             ('Place', _place(found[0], seen)),
-            ('Runs', f'{len(found)} of {found[0].seconds[-1] - found[0].seconds[0]:.2f} s each'),
+            ('Runs', _count(found, other)),
         ]
     )
     page.items(
@@ -62,7 +79,7 @@ def contour_page(
     )
     _learning(page, found, rms)
     _over_path(page, found, best, seen)
-    _standard(page, found, seen)
+    _standard(page, found, other, table or (seen[0] if seen else None))
     _table(page, found, encoder.get('encoder'))
     hysteresis_section(page, session, found[best], seen)
     temperature_section(page, session)
@@ -70,11 +87,28 @@ def contour_page(
     return page
 
 
-def _table_deviation(found: list[Run], seen: list[Tracking]) -> float | None:
+def _count(found: list[Run], other: list[Run]) -> str:
+    said = f'{len(found)} of {found[0].seconds[-1] - found[0].seconds[0]:.2f} s each'
+    return f'{said}, {len(other)} the other way round' if other else said
+
+
+def _by_way(found: list[Run], seen: list[Tracking]) -> tuple[list[Run], list[Run]]:
+    """Runs of the way round a circle that was followed most, numbered anew, and of the other."""
+    ways = [_paths(run, seen[0]) if seen else None for run in found]
+    clockwise = [paths is not None and paths.counter_clockwise is None for paths in ways]
+    most = 2 * sum(clockwise) > len(found)
+    mine, others = (
+        [run for run, way in zip(found, clockwise, strict=True) if (way == most) is kept]
+        for kept in (True, False)
+    )
+    return [replace(run, number=number) for number, run in enumerate(mine, 1)], others
+
+
+def _table_deviation(found: list[Run], table: Tracking | None) -> float | None:
     """Circular deviation G of the last run by the tracker [m]; None where it saw no circle."""
-    if not seen or seen[-1].sensor != 'tracker' or _circle(found[-1], seen[-1]) is None:
+    if table is None:
         return None
-    test = circular_test(seen[-1].take(found[-1].within(seen[-1].seconds)))
+    test = circular_test(table.take(found[-1].within(table.seconds)))
     return None if test is None else test[0].G
 
 
@@ -187,12 +221,15 @@ def _over_path(page: Page, found: list[Run], best: int, seen: list[Tracking]) ->
         )
 
 
-def _circle(run: Run, tracking: Tracking) -> tuple[Array, float] | None:
-    inside = run.within(tracking.seconds)
-    part = tracking.take(inside)
+def _paths(run: Run, tracking: Tracking) -> CircularPaths | None:
+    part = tracking.take(run.within(tracking.seconds))
     if part.reference.shape[1] != 2 or len(part.reference) < 16:
         return None
-    paths = circular_paths(part.reference, part.measured)
+    return circular_paths(part.reference, part.measured)
+
+
+def _circle(run: Run, tracking: Tracking) -> tuple[Array, float] | None:
+    paths = _paths(run, tracking)
     return None if paths is None else (paths.centre, paths.radius)
 
 
@@ -220,12 +257,15 @@ def _table(page: Page, found: list[Run], encoder: Tracking | None) -> None:
     )
 
 
-def _standard(page: Page, found: list[Run], seen: list[Tracking]) -> None:
-    """ISO 230-4 of the last run.
+def _standard(page: Page, found: list[Run], other: list[Run], seen: Tracking | None) -> None:
+    """ISO 230-4 of the first run of each way; of the last run where there is one way only.
 
     The tracker sees the table. The encoder leaves the circle by the calibration's correction.
     """
-    for tracking in reversed(seen):
-        if _circle(found[-1], tracking) is not None:
-            circular_section(page, tracking.take(found[-1].within(tracking.seconds)))
-            return
+    if seen is None:
+        return
+    if not other:
+        circular_section(page, seen.take(found[-1].within(seen.seconds)), 'last run')
+        return
+    both = found[0].within(seen.seconds) | other[0].within(seen.seconds)
+    circular_section(page, seen.take(both), 'first run of each direction')

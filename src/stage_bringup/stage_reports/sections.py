@@ -112,8 +112,8 @@ def circular_test(tracking: Tracking) -> tuple[Circular, Paths, str] | None:
     return circular(first, second, paths.radius, paths.centre), (first, second), way
 
 
-def circular_section(page: Page, tracking: Tracking) -> bool:
-    """Evaluate a circle by ISO 230-4; whether there was one."""
+def circular_section(page: Page, tracking: Tracking, which: str = '') -> bool:
+    """Evaluate a circle by ISO 230-4; whether there was one. `which` names the runs of it."""
     test = circular_test(tracking)
     if test is None:
         return False
@@ -129,7 +129,8 @@ def circular_section(page: Page, tracking: Tracking) -> bool:
     ]
     page.figure(
         figures.circular_plot(result, first, second),
-        f'Circular test (ISO 230-4), {tracking.sensor}, radius {measure(result.radius)}',
+        f'Circular test (ISO 230-4), {tracking.sensor}, radius {measure(result.radius)}'
+        f'{which and f", {which}"}',
         'An ellipse along 45° shows axes that are not square. Steps at 0°, 90°, 180° and 270° '
         'show play or friction, waves the pitch of the screw.',
     )
