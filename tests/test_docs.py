@@ -113,8 +113,8 @@ def test_the_readme_is_short() -> None:
 def prose(page: Path) -> list[str]:
     """Lines without what cannot be wrapped: blocks of code and rows of tables become empty."""
     text = re.sub(r'^```.*?^```', '', page.read_text(encoding='utf-8'), flags=re.DOTALL | re.M)
-    # Four spaces after an empty line are code, after text they are a list in a list.
-    text = re.sub(r'(?<=\n\n)(?: {4}.*\n+)+', '\n', text)
+    # Four spaces after an empty line or a mark are code, after text they are a list in a list.
+    text = re.sub(r'(?:(?<=\n\n)|(?<=-->\n))(?: {4}.*\n+)+', '\n', text)
     return re.sub(r'^\|.*$', '', text, flags=re.M).splitlines()
 
 

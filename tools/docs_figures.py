@@ -119,6 +119,8 @@ def main() -> None:
     said_by = f'\n\n{source(folder)}'
     replace(ROOT / 'README.md', printed(folder) + said_by)
     guide = ROOT / 'docs' / 'guide'
+    steps = json.loads((folder / 'session.json').read_text())['steps']
+    replace(guide / 'start.md', _code(steps) + said_by)
     replace(guide / 'diagnosis_reading.md', example(folder) + said_by)
     for page, step in STEPS.items():
         replace(guide / page, said(folder, step) + said_by)

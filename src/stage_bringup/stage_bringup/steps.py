@@ -71,14 +71,14 @@ class Session:
         self.centre = np.zeros(2)
         self.half_range = 0.04
         self.result = SessionResult()
-        self._step = 0
         self._progress = Progress()
 
     @contextmanager
     def step(self, text: str, watch: Callable[[], State] | None = None) -> Iterator[None]:
         """Announce a step and show its progress until it ends."""
-        self._step += 1
-        print(f'[{self._step:2d}] {text}', flush=True)
+        steps = self.result.data.setdefault('steps', [])
+        steps.append(f'[{len(steps) + 1:2d}] {text}')
+        print(steps[-1], flush=True)
         with Progress(watch) as self._progress:
             yield
 
