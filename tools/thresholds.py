@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import sys
 
+from calibrator import online, outliers, prepare, temperatures, thermal, training
+from calibrator.models import domain, selection
 from gap_diagnosis import passes
 from gap_diagnosis.closed_loop import held_out, misread, swing
 from gap_diagnosis.evidence import acceptance
@@ -13,14 +15,46 @@ from gap_diagnosis.input import checks, coarse, grid, windows
 from gap_diagnosis.law import judged, search
 from gap_diagnosis.residuals import kinematics, unrecorded
 from gap_diagnosis.selection import imitations, rivals
+from stage_core import clocks
+from stage_driver import servo_clocks
+from stage_twin import loops, machine
+from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, checks, coarse, design, grid, held_out, imitations, judged,
-                   kinematics, misread, motions, passes, rivals, search, separation, swing,
-                   unrecorded, windows)
+    for module in (acceptance, checks, clocks, coarse, design, domain, drive, grid, held_out,
+                   imitations, judged, kinematics, loops, machine, misread, motions, online,
+                   outliers, passes, prepare, rivals, search, selection, separation,
+                   servo_clocks, swing, temperatures, thermal, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
+    'calibration': """
+share of the places that a model is trained on | {prepare.SHARE:.0%}
+held-out places below which each is held out once | {prepare.FEWEST_HELD}
+rests, at least | {prepare.ENOUGH_RESTS}
+distinct places, at least | {prepare.FEWEST_PLACES}
+sample that is left out: off a smooth map by | {outliers.WILD:g} robust deviations
+the same: share of all samples, at most | {outliers.MOST_WILD:.0%}
+left-out RMS of a more complex candidate, at most | {selection.EARNED:.0%} of the simpler one's
+reach of a place | {domain.REACH:g} distances of neighbouring places
+prediction, at most | {domain.MOST_ERROR:g} × the largest error seen
+adaptation: rests that have to prove it | {online.PROOF}
+adaptation: one rest is held out of | {online.JUDGED_EVERY}
+adaptation: held-out rests that decide | {online.WINDOW}
+adaptation: rolled back if worse by | {online.WORSE:g} ×
+the same at two held-out rests | {online.FAR_WORSE:g} ×
+adaptation: a rest is refused, off by | {online.GATE:g} × the held-out ones
+change of a temperature that is read | {training.LEAST_WARMING:g} K
+length of the parabola of `thermal` | {thermal.DERIVATIVE_SPAN:g} s
+silence of a temperature sensor | {temperatures.STALE:g} s
+""",
+    'time': """
+wait of the plant for a late force, at most | {loops.PATIENCE:g} s
+of which it catches up at most | {drive.Pacer.longest_lag:g} s
+time without a force after which the emulated drive brakes | {machine.BRAKING_TIME:g} s
+lateness of drive or driver that ends a motion | {servo_clocks.LATE_LIMIT:g} s
+lockstep: simulated time of a command line to a Zaber chain | {clocks.LOCKSTEP_EXCHANGE:,} ns
+""",
     'diagnosis': """
 shortest record | {checks.SHORTEST:g} s
 shortest session | {checks.MINIMUM_DURATION:g} s
