@@ -66,6 +66,25 @@ def test_every_table_of_the_papers_is_written() -> None:
     assert sum(text.count('\n') + 1 for text in written) == len(re.findall(r'^\|', papers, re.M))
 
 
+#: A section of results shows a table or an output; one that no command writes has these.
+SHOWS = re.compile(r'^\|[ :-]+\||^```', re.M)
+ORIGIN = (
+    re.compile(r'\b(?=\d*[a-f]|[a-f]*\d)[0-9a-f]{7,12}\b'),
+    re.compile(r'\b20\d\d-\d\d-\d\d\b'),
+)
+COMMAND = re.compile(r'^ {4}\S|`(make|python) ', re.M)
+RESULTS = sorted((ROOT / 'docs' / 'results').glob('*.md'))
+
+
+@pytest.mark.parametrize('page', RESULTS, ids=[page.stem for page in RESULTS])
+def test_what_no_command_writes_has_its_command_commit_and_date(page: Path) -> None:
+    text = TOOL['PLACE'].sub('', page.read_text(encoding='utf-8'))
+    top, *sections = re.split(r'^## ', text, flags=re.M)
+    for section in filter(SHOWS.search, sections):
+        for wanted in (*ORIGIN, COMMAND):
+            assert wanted.search(top + section), section.splitlines()[0]
+
+
 def test_the_example_names_what_the_emulated_machine_has() -> None:
     page = (ROOT / 'docs' / 'guide' / 'diagnosis_reading.md').read_text(encoding='utf-8')
     table = page.partition('| planted |')[2].partition('\n\n')[0].splitlines()[2:]
