@@ -94,7 +94,7 @@ def _session_page(
         with_interval(rms, *rms_interval(after)),
         f'RMS distance between wanted and measured position after the correction, at '
         f'{len(after)} places that no model has seen. Before the correction it was '
-        f'{measure(distance_rms(before))}: {shrinks:.0f} % less.',
+        f'{measure(distance_rms(before), digits=2)}: {shrinks:.0f} % less.',
         warn=shrinks <= 0.0,
     )
     corner = ', '.join(
@@ -130,7 +130,7 @@ def _session_page(
 def _verdict(report: dict[str, Any]) -> str:
     gap = report['gap']
     names = ', '.join(effect_words(name) for name in report['verdict']) or 'no cause named'
-    return f'{names}: gap {measure(gap["before"])} to {measure(gap["after"])}'
+    return f'{names}: gap {measure(gap["before"], digits=2)} to {measure(gap["after"], digits=2)}'
 
 
 def _diagnosis(page: Page, report: dict[str, Any]) -> None:
@@ -151,10 +151,13 @@ def _diagnosis(page: Page, report: dict[str, Any]) -> None:
             ]
         )
     page.heading('Where the twin and the machine differ')
+    before, after, floor = (
+        measure(gap[name], digits=2) for name in ('before', 'after', 'noise_floor')
+    )
     page.text(
-        f'The gap between the nominal twin and this machine is {measure(gap["before"])} RMS on '
-        f'stretches that no fit has seen. With the effects below it is {measure(gap["after"])}; '
-        f'noise and resolution alone make {measure(gap["noise_floor"])}.'
+        f'The gap between the nominal twin and this machine is {before} RMS on stretches that no '
+        f'fit has seen. With the effects below it is {after}; noise and resolution alone make '
+        f'{floor}.'
     )
     if rows:
         page.table(

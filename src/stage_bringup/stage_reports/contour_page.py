@@ -53,13 +53,13 @@ def contour_page(
         table = replace(table, reference=np.asarray(model.model.predict(table.reference)))
     deviation = _table_deviation(found, table)
     page = Page('Following a contour')
-    first = f' In the first run it was {measure(rms[0])}.' if best else ''
+    first = f' In the first run it was {measure(rms[0], digits=2)}.' if best else ''
     page.headline(
         with_interval(rms[best], *path_interval(found[best].contour)),
         f'RMS contour error in run {best + 1} of {len(found)}: the distance of the encoder from '
         f'the wanted path, without approach and pauses.{first}',
         f'from the contour at the encoder, RMS of the best run'
-        f'{"" if deviation is None else f"; table: G {measure(deviation)}"}',
+        f'{"" if deviation is None else f"; table: G {measure(deviation, digits=2)}"}',
     )
     page.conditions(
         [
@@ -115,13 +115,13 @@ def _table_deviation(found: list[Run], table: Tracking | None) -> float | None:
 def _table_says(deviation: float) -> str:
     return (
         'The encoder does not see play, pitch and squareness. The tracker sees the table: by it '
-        f'the circular deviation G of the last run is {measure(deviation)} (ISO 230-4).'
+        f'the circular deviation G of the last run is {measure(deviation, digits=2)} (ISO 230-4).'
     )
 
 
 def _largest(run: Run, seen: list[Tracking]) -> list[str]:
     """The largest error of a run, and at which angle of the circle."""
-    said = f'The largest error is {measure(Metrics.of(run.contour).max)}'
+    said = f'The largest error is {measure(Metrics.of(run.contour).max, digits=2)}'
     circle = _circle(run, seen[0]) if seen else None
     known = _places(run, seen[0]) if seen else None
     if circle is None or known is None:

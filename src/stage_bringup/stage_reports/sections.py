@@ -136,7 +136,7 @@ def circular_section(page: Page, tracking: Tracking, which: str = '') -> bool:
     )
     page.table(
         ['figure', 'meaning', 'value'],
-        [[n, words, measure(v)] for n, words, v in values if v is not None],
+        [[n, words, measure(v, digits=2)] for n, words, v in values if v is not None],
     )
     if second is None:
         page.text(

@@ -48,7 +48,7 @@ def trials_page(sessions: Sequence[Session]) -> Page:
     page.headline(
         with_interval(rms[name][-1], *interval(last)),
         f'RMS {ERRORS[name]}, in the last of {len(sessions)} trials. '
-        f'In the first it was {measure(rms[name][0])}.',
+        f'In the first it was {measure(rms[name][0], digits=2)}.',
     )
     names = [Path(session.path).name for session in sessions]
     page.conditions(condition_entries(sessions[0], [('Recording', ', '.join(names))]))

@@ -52,16 +52,16 @@ def _name(diagnosis: Diagnosis) -> str:
 
 def _headline(page: Page, diagnosis: Diagnosis) -> None:
     before, after = diagnosis.before, diagnosis.after
-    floor = f'Noise and resolution alone make {measure(diagnosis.noise_floor)}.'
+    floor = f'Noise and resolution alone make {measure(diagnosis.noise_floor, digits=2)}.'
     if not diagnosis.verdict:
         page.headline(
-            f'no cause named, gap {measure(before)} RMS',
+            f'no cause named, gap {measure(before, digits=2)} RMS',
             f'No effect of the library explains the gap between {_name(diagnosis)} and machine '
             f'better. {floor}',
         )
         return
     page.headline(
-        f'gap {measure(before)} → {measure(after)} RMS, {_less(diagnosis)}',
+        f'gap {measure(before, digits=2)} → {measure(after, digits=2)} RMS, {_less(diagnosis)}',
         f'{_lacks(diagnosis)} The gap before and after these effects is that '
         f'of stretches of the session that no fit has seen. {floor}',
         warn=UNKNOWN in diagnosis.verdict,
@@ -251,8 +251,8 @@ def _nothing(diagnosis: Diagnosis) -> str:
     if diagnosis.after**2 <= 2.0 * diagnosis.noise_floor**2:
         return 'Nothing: run the corrected twin, and diagnose again after a change.'
     seen = 'and has structure' if diagnosis.structured else 'but no structure is seen in it'
+    left, floor = (measure(v, digits=2) for v in (diagnosis.after, diagnosis.noise_floor))
     return (
-        f'The gap that is left, {measure(diagnosis.after)}, is more than noise and resolution '
-        f'make ({measure(diagnosis.noise_floor)}), {seen}. Repeat the session: what repeats is '
-        'the machine, and the rest is how it scatters.'
+        f'The gap that is left, {left}, is more than noise and resolution make ({floor}), {seen}. '
+        'Repeat the session: what repeats is the machine, and the rest is how it scatters.'
     )

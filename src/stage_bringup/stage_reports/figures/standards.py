@@ -85,10 +85,10 @@ def circular_plot(
 
 
 def _circular_figures(result: Circular) -> str:
-    parts = [f'G {measure(result.G)}']
+    parts = [f'G {measure(result.G, digits=2)}']
     if result.G_b is not None:
-        parts.append(f'G(b) {measure(result.G_b)}')
-    parts.append(f'F {measure(result.F_min)} to {measure(result.F_max)}')
+        parts.append(f'G(b) {measure(result.G_b, digits=2)}')
+    parts.append(f'F {measure(result.F_min, digits=2)} to {measure(result.F_max, digits=2)}')
     if result.H is not None:
-        parts.append(f'H {measure(result.H)}')
+        parts.append(f'H {measure(result.H, digits=2)}')
     return ', '.join(parts)
