@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from .test_figures import different
+
 ROOT = Path(__file__).resolve().parents[1]
 TOOL = runpy.run_path(str(ROOT / 'tools' / 'notebooks.py'))
 ALL = sorted(TOOL['TUTORIALS'].glob('*.py'))
@@ -30,5 +32,7 @@ def test_one_tutorial_runs(tmp_path: Path) -> None:
         encoding='utf-8'
     )
     assert '519 points, 1 duplicate' in page
+    written = (TOOL['TUTORIALS'] / 'own_tracker.md').read_text(encoding='utf-8')
+    assert different(page, written) == [], 'run make tutorials'
     picture = tmp_path / 'images' / 'tutorial_own_tracker_1.webp'
     assert picture.read_bytes()[:4] == b'RIFF' and f'../../images/{picture.name}' in page
