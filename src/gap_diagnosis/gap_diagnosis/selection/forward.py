@@ -288,9 +288,8 @@ class Selector:
     def least(self, name: str) -> float:
         """Least mean-square gain of an effect, whatever else is in the set."""
         rules = self.rules
-        noise = rules.of_own_noise if self.problem.terms[name].noisy else rules.of_noise
         signal = rules.of_signal * self.problem.terms[name].follows * self.problem.signal
-        return max(rules.of_gap * self.gap, noise * self.noise, signal, 1e-300)
+        return max(rules.of_gap * self.gap, rules.of_noise * self.noise, signal, 1e-300)
 
     def _simplify(self, accepted: list[str], base: Fit) -> tuple[list[str], Fit]:
         """Drop plain effects that a later, richer one holds as special cases."""

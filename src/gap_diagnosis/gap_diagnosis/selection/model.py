@@ -20,7 +20,6 @@ class Rules:
     of_signal : least share of the variance of the whole signal that an effect can follow
         (`Term.follows`); the step of another integrator leaves 1e-4 of the force
     of_noise : least share of the noise's mean square
-    of_own_noise : the same for effects whose columns hold the target's noise
     level : of the bootstrap interval
     largest : number of effects in a set
     given : effects that every set is grown with; they too are left out in the end if they can be
@@ -32,7 +31,6 @@ class Rules:
     of_rest: float = 0.10
     of_signal: float = 1e-4
     of_noise: float = 0.03
-    of_own_noise: float = 0.3
     level: float = 0.98
     largest: int = 10
     given: tuple[str, ...] = ()

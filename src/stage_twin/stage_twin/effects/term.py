@@ -28,8 +28,6 @@ class Term:
     usual : θ -> whether it is what machines have at these values; among effects that explain the
         same, one that is goes first
     fixed : whether θ says everything (a width, a delay): the one column has coefficient 1
-    noisy : whether its columns hold the same measurement noise as the target, so that it can
-        seem to explain as much as the noise
     base : share (n,) of the effect that the nominal twin has already, left out of the target
     nuisances : indices of the columns whose coefficients belong to a session
     phase : whether the nuisances are the phases of pairs of sine and cosine, not their amplitudes
@@ -53,7 +51,6 @@ class Term:
     admissible: Callable[[Theta, Array], bool] = lambda theta, coefficients: True
     usual: Callable[[Theta], bool] = lambda theta: True
     fixed: bool = False
-    noisy: bool = False
     base: Array | None = None
     nuisances: tuple[int, ...] = ()
     phase: bool = False

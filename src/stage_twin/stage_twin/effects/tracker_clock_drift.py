@@ -47,5 +47,4 @@ def term(rows: TrackerRows) -> Term | None:
         lower=(-1e-3,),
         upper=(1e-3,),
         fixed=True,
-        noisy=True,
     )

@@ -42,5 +42,4 @@ def term(rows: TrackerRows) -> Term | None:
         lower=(-0.1,),
         upper=(0.1,),
         fixed=True,
-        noisy=True,
     )
