@@ -52,7 +52,8 @@ def motion_page(session: Session) -> Page:
         page.figure(
             figures.path_plot(paths),
             'Reference and measured path',
-            'The paths lie on each other. An offset shows a tracker that is not aligned.',
+            'A constant offset between two paths shows a tracker that is not aligned, a gap in '
+            'fast motion the lag of the loop.',
         )
     for tracking in found:
         _tracking(page, session, tracking)

@@ -50,13 +50,16 @@ def trials_page(sessions: Sequence[Session]) -> Page:
         f'RMS {ERRORS[name]}, in the last of {len(sessions)} trials. '
         f'In the first it was {measure(rms[name][0], digits=2)}.',
     )
-    names = [Path(session.path).name for session in sessions]
+    paths = [Path(session.path) for session in sessions]
+    alike = len({path.name for path in paths}) < len(paths)
+    names = ['/'.join(path.parts[-2:]) if alike else path.name for path in paths]
     page.conditions(condition_entries(sessions[0], [('Recording', ', '.join(names))]))
     page.heading('Error of each trial')
     page.figure(
-        figures.convergence(rms),
+        figures.convergence(rms, 'trial'),
         'RMS error over the trials',
-        'The curve falls until only what does not repeat from trial to trial is left.',
+        'A fall shows that something learns, down to what does not repeat from trial to trial. A '
+        'rise by more than the interval above shows that the machine has changed.',
     )
     page.table(
         ['trial', 'recording', *(f'{kind} RMS (µm)' for kind in shared)],

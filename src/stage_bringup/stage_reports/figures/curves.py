@@ -16,12 +16,13 @@ from stage_core.wording import measure
 
 
 @styled
-def convergence(errors: Mapping[str, ArrayLike]) -> Figure:
+def convergence(errors: Mapping[str, ArrayLike], each: str = 'run') -> Figure:
     """Errors over the trials of iterative learning, metres, on a logarithmic axis.
 
     Parameters
     ----------
     errors : name of a figure (RMS, maximum, a scheme) -> its value in each trial (n,), m.
+    each : what a trial is called.
     """
     if not errors:
         raise StageError('no learning curve given: pass at least one list of errors')
@@ -32,7 +33,7 @@ def convergence(errors: Mapping[str, ArrayLike]) -> Figure:
         axes.plot(
             np.arange(1, curve.size + 1), curve * MICRO, marker='o', color=colour, label=name
         )
-    axes.set(xlabel='run', ylabel='error (µm)', yscale='log')
+    axes.set(xlabel=each, ylabel='error (µm)', yscale='log')
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plain(axes.yaxis)
     axes.xaxis.get_major_locator().set_params(integer=True)
