@@ -80,7 +80,7 @@ class CmacSettings:
     cells: int = 24
     rate: float = 2000.0
     leak: float = 0.02
-    limit: float = 0.05
+    limit: float = 0.02
     mode: str = 'gradient'
 
     def __post_init__(self) -> None:

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
-from contour_ctrl import cmac, curve_file, curves, reinforcement, timed
+from contour_ctrl import curve_file, curves, reinforcement, timed
+from contour_ctrl.cmac import UPDATES, CmacSettings
 from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.friction import LuGre
 from contour_ctrl.learning import LearningSettings
@@ -89,11 +90,11 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     Parameter('cross_coupling', 20.0, 'K_c of ccc and cccmac', '1/s', 0.0, 1e4),
     Parameter('estimator_steps', 2, 'of the contour error; 0 is the tangent', '', 0, 10),
-    Parameter('cmac_update', 'gradient', 'reading of eq. 19', choices=cmac.UPDATES),
-    Parameter('cmac_rate', 2000.0, 'gradient [1/s^2], literal [1/s]', '', 0.0),
-    Parameter('cmac_layers', 8, 'N_e', '', 1, 64),
-    Parameter('cmac_cells', 24, 'cells per layer and input', '', 2, 512),
-    Parameter('cmac_limit', 0.02, 'largest output of the CMAC', 'm/s', 1e-6),
+    Parameter('cmac_update', CmacSettings.mode, 'reading of eq. 19', choices=UPDATES),
+    Parameter('cmac_rate', CmacSettings.rate, 'gradient [1/s^2], literal [1/s]', '', 0.0),
+    Parameter('cmac_layers', CmacSettings.layers, 'N_e', '', 1, 64),
+    Parameter('cmac_cells', CmacSettings.cells, 'cells per layer and input', '', 2, 512),
+    Parameter('cmac_limit', CmacSettings.limit, 'largest output of the CMAC', 'm/s', 1e-6),
     Parameter('ilc_cutoff', 25.0, 'of the zero-phase filter Q', 'Hz', 1e-3),
     Parameter('ilc_lead', 15, 'ticks by which the error is read ahead; eq. 26 has 0', '', 0, 1000),
     Parameter(
@@ -216,7 +217,7 @@ def make_gains(value: Values) -> Gains:
     base = value('scheme').split('+')[0]
     settings = None
     if base == 'cccmac':
-        settings = cmac.CmacSettings(
+        settings = CmacSettings(
             value('cmac_layers'),
             value('cmac_cells'),
             value('cmac_rate'),
