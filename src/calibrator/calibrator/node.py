@@ -43,7 +43,7 @@ from stage_core.ros.node import (
     run,
     stamp_of,
 )
-from stage_core.ros.services_node import create_deferred_service
+from stage_core.ros.services_node import create_deferred_service, create_trigger_service
 from stage_core.untrusted import json_object
 
 NO_ADAPTATION = 'no adaptation: '
@@ -75,8 +75,8 @@ class Calibrator(StageNode):
         subscribe(Temperature, topics.TEMPERATURE, self._on_temperature, STATE_QOS)
         create_deferred_service(self, Trigger, '~/retrain', lambda _: self._retrain())
         self.create_service(SetBool, '~/activate', self._on_activate)
-        self.create_service(Trigger, '~/abort', self._on_abort)
-        self.create_service(Trigger, '~/load', self._on_load)
+        create_trigger_service(self, '~/abort', self._abort)
+        create_trigger_service(self, '~/load', self._load)
         self.diagnostics.task('model', self._status)
         # Steady time: simulated time stands still while nobody moves the stage.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -275,23 +275,18 @@ class Calibrator(StageNode):
             response.message = f'{response.message}; {silence}'
         return response
 
-    def _on_abort(self, _: Any, response: Any) -> Any:
-        response.success = self._trainer.abort()
-        response.message = 'training aborted' if response.success else 'no training under way'
-        return response
+    def _abort(self) -> str:
+        if not self._trainer.abort():
+            raise StageError('no training under way')
+        return 'training aborted'
 
-    def _on_load(self, _: Any, response: Any) -> Any:
-        try:
-            if not self.value('model_file'):
-                raise StageError('the parameter model_file is empty: name a model file')
-            self._use(Path(self.value('model_file')))
-        except StageError as error:
-            response.success, response.message = False, str(error)
-            return response
+    def _load(self) -> str:
+        if not self.value('model_file'):
+            raise StageError('the parameter model_file is empty: name a model file')
+        self._use(Path(self.value('model_file')))
         self._announce()
         assert self._correction.stored is not None
-        response.success, response.message = True, self._correction.stored.model.describe()
-        return response
+        return self._correction.stored.model.describe()
 
     def _status(self) -> tuple[bytes, str, dict[str, Any]]:
         stored = self._correction.stored

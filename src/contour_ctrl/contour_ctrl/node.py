@@ -24,7 +24,7 @@ from contour_ctrl.streaming_node import StreamingNode
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ros.node import ERROR, LATCHED_QOS, OK, STATE_QOS, run, stamp_of
-from stage_core.ros.services_node import create_deferred_service
+from stage_core.ros.services_node import create_deferred_service, create_trigger_service
 from stage_core.untrusted import json_object
 
 
@@ -44,7 +44,7 @@ class ContourCtrl(StreamingNode):
         self.create_subscription(Temperature, topics.TEMPERATURE, self._on_temperature, STATE_QOS)
         self.create_subscription(String, '~/curve', self._on_curve, LATCHED_QOS)
         create_deferred_service(self, Trigger, '~/run', lambda _: self._run())
-        self.create_service(Trigger, '~/abort', self._on_abort)
+        create_trigger_service(self, '~/abort', self._abort)
         self.diagnostics.task('contour', self._contour_status)
         parameters.check_curve(self.value)
 
@@ -164,17 +164,16 @@ class ContourCtrl(StreamingNode):
         except StageError as error:
             self.get_logger().error(str(error))
 
-    def _on_abort(self, _: Any, response: Any) -> Any:
+    def _abort(self) -> str:
         planning = self._planning
-        planned = planning is not None and not planning.aborted
-        response.success = self.running or planned
-        response.message = (
-            'stopping' if response.success else 'nothing to abort: no run is under way'
-        )
-        if planning is not None and planned:
+        if planning is not None and planning.aborted:
+            planning = None
+        if not self.running and planning is None:
+            raise StageError('nothing to abort: no run is under way')
+        if planning is not None:
             planning.abort('aborted by request')
         self.stop_run('aborted by request')
-        return response
+        return 'stopping'
 
     def _contour_status(self) -> tuple[bytes, str, dict[str, Any]]:
         active = self.value('use_model') and self._model.get('active')

@@ -9,7 +9,6 @@ from builtin_interfaces.msg import Time
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import Trigger
 
 from stage_core import topics
 from stage_core.clocks import NANOSECONDS, split_stamp
@@ -17,6 +16,7 @@ from stage_core.drive_link import DEFAULT_PORT
 from stage_core.errors import StageError
 from stage_core.parameters import THREAD_PRIORITY, Parameter, Value
 from stage_core.ros.node import ERROR, OK, WARN, StageNode, run
+from stage_core.ros.services_node import create_trigger_service
 from stage_core.twin_file import TwinFile
 from stage_twin.emulators.drive import DriveSocket
 from stage_twin.emulators.tracker import FAULTS, TrackerInstrument
@@ -113,7 +113,7 @@ class StageTwin(StageNode):
             self._loop: RealTimeLoop | LockstepLoop | StepperLoop = self._make_stepper(twin)
         else:
             self._loop = self._make_servo(twin)
-        self.create_service(Trigger, '~/reset', self._on_reset)
+        create_trigger_service(self, '~/reset', self._reset)
         self.diagnostics.task('plant', self._plant_status)
         self.diagnostics.task('tracker', self._tracker_status)
         # The plant's thread must get the interpreter within a tick.
@@ -201,10 +201,10 @@ class StageTwin(StageNode):
         self._tracker.set_fault(str(changed['tracker_fault']))
         return None
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._loop.reset()
-        response.message = 'reset' if response.success else 'the plant does not answer'
-        return response
+    def _reset(self) -> str:
+        if not self._loop.reset():
+            raise StageError('the plant does not answer')
+        return 'reset'
 
     def _plant_status(self) -> tuple[bytes, str, dict[str, Any]]:
         level, message, values = self._loop.status()
