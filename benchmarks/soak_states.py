@@ -47,8 +47,11 @@ def main() -> int:
         world = World(nodes, watch)
         before = dict(world.sizes)
         world.end = time.monotonic() + 60.0 * given.minutes
-        while time.monotonic() < world.end:
+        while not world.over():
             run_state_machine_as_test(machine(world), settings=STEPS)
+        if world.broken:
+            print(world.broken, file=sys.stderr)
+            return 1
         world.settled()
         grown = ', '.join(
             f'{name} {(world.memory(name) - size) / 2**20:+.0f}' for name, size in before.items()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import sys
 import time
 from collections import deque
 from pathlib import Path
@@ -35,13 +34,6 @@ NUMBERS = st.one_of(
 TEXTS = st.sampled_from(['', 'x', '../x', '/no/such', '{"active": true}', '[' * 5000, 'circle'])
 
 
-class Broken(BaseException):
-    """What must not happen, and the steps before it.
-
-    No Exception: hypothesis would try to have it again, in a world that cannot be set back.
-    """
-
-
 class World:
     """The running graph: what it offers, how large its processes were, what was done last."""
 
@@ -60,8 +52,12 @@ class World:
         self.curve = client.node.create_publisher(String, '/contour_ctrl/curve', LATCHED_QOS)
         self.calls = self.answers = 0
         self.steps: deque[str] = deque(maxlen=30)
-        #: Nothing is asked any more after this time.
+        #: Nothing is done any more after this time, or when something is broken.
         self.end = math.inf
+        #: What must not happen, and the steps before it. It is not raised within the machine:
+        #: the world cannot be set back, and hypothesis takes a run that stops earlier than one
+        #: with the same draws for an error of the strategies, and tells that instead.
+        self.broken = ''
 
     def _parameters(self, node: str) -> list[tuple[str, str, str]]:
         call = self.watch.client.call
@@ -79,9 +75,13 @@ class World:
         pages = Path(f'/proc/{self.nodes.running[node].pid}/statm').read_text().split()[1]
         return int(pages) * os.sysconf('SC_PAGE_SIZE')
 
+    def over(self) -> bool:
+        """Whether nothing is to be done any more."""
+        return bool(self.broken) or time.monotonic() > self.end
+
     def ask(self, what: Any, *arguments: Any, **named: Any) -> None:
         """Call something that may refuse, or may still be busy with an earlier call."""
-        if time.monotonic() > self.end:
+        if self.over():
             return
         self.calls += 1
         self.steps.append(f'{what.__name__} {arguments} {named}')
@@ -95,11 +95,9 @@ class World:
             self.answers += 1
 
     def demand(self, true: bool, what: str) -> None:
-        """Raise `Broken` with the last steps."""
-        if not true:
-            # Hypothesis may put an error of its own in the place of this one.
-            print(*self.steps, what, sep='\n', file=sys.stderr, flush=True)
-            raise Broken(what)
+        """Keep the first that is not true, with the last steps before it."""
+        if not true and not self.broken:
+            self.broken = '\n'.join((*self.steps, what))
 
     def settled(self) -> None:
         """Every node lives and speaks."""
@@ -137,6 +135,8 @@ def machine(world: World) -> type[RuleBasedStateMachine]:
 
         @rule(x=NUMBERS, y=NUMBERS, corrected=st.booleans(), speed=st.none() | NUMBERS)
         def move(self, x: float, y: float, corrected: bool, speed: float | None) -> None:
+            if world.over():
+                return
             stamp = max(client.node.get_clock().now().nanoseconds, 0)
             velocity = None if speed is None else (speed, 0.0)
             message = joint_state(stamp, ('x', 'y'), (x, y), velocity)
@@ -145,6 +145,8 @@ def machine(world: World) -> type[RuleBasedStateMachine]:
 
         @rule(text=TEXTS)
         def curve(self, text: str) -> None:
+            if world.over():
+                return
             world.steps.append(f'curve {text[:20]}')
             world.curve.publish(String(data=text))
 
@@ -163,6 +165,8 @@ def machine(world: World) -> type[RuleBasedStateMachine]:
         def nobody_ended_and_nothing_is_outside(self) -> None:
             dead = world.nodes.dead()
             world.demand(not dead, f'{dead} ended')
+            if world.broken:
+                return
             for name, size in world.sizes.items():
                 now = world.memory(name)
                 world.demand(now < size + GROWTH, f'{name} grew from {size} to {now} bytes')

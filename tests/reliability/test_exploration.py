@@ -26,6 +26,7 @@ def test_any_order_of_calls_ends_no_node_and_keeps_the_limits(graph: Callable[..
                 suppress_health_check=tuple(HealthCheck),
             ),
         )
+        assert not world.broken, world.broken
         assert len(set(world.steps)) > 5
         world.settled()
         assert nodes.dead() == []
