@@ -28,11 +28,10 @@ def test_the_page_is_of_these_cells(tutorial: Path) -> None:
 
 def test_one_tutorial_runs(tmp_path: Path) -> None:
     """The shortest; `make soak` runs all."""
-    page = TOOL['write'](TOOL['TUTORIALS'] / 'own_tracker.py', tmp_path).read_text(
-        encoding='utf-8'
-    )
+    tutorial = TOOL['TUTORIALS'] / 'own_tracker.py'
+    page = TOOL['write'](tutorial, tmp_path).read_text(encoding='utf-8')
     assert '519 points, 1 duplicate' in page
-    written = (TOOL['TUTORIALS'] / 'own_tracker.md').read_text(encoding='utf-8')
+    written = tutorial.with_suffix('.md').read_text(encoding='utf-8')
     assert different(page, written) == [], 'run make tutorials'
     picture = tmp_path / 'images' / 'tutorial_own_tracker_1.webp'
     assert picture.read_bytes()[:4] == b'RIFF' and f'../../images/{picture.name}' in page
