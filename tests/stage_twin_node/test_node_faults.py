@@ -79,7 +79,11 @@ def test_tracker_absent_then_there_faulty_killed_and_back(ros_env):
             growing(f'points in spite of {name}')
         assert memory() < before + 50 * 2**20
         fault('stall')
+        told('stream', 'no point for', 'check the tracker')
         fault('none')
+        client.wait_for(
+            lambda: 'no point for' not in states['tracker_bridge: stream'][0], PATIENCE, 'no stall'
+        )
         growing('points after a stall')
         fault('beam_lost')
         told('connection', 'beam lost')

@@ -293,3 +293,17 @@ def test_rests_on_one_line_are_refused():
     line = np.outer(np.linspace(-0.05, 0.05, 9), [1.0, 0.5, 0.0])
     with pytest.raises(StageError, match='one line'):
         register(line, line)
+
+
+def test_a_silence_is_told_and_its_end():
+    bridge = Bridge()
+    bridge.look(0, connected=False)
+    bridge.look(20 * SECOND, connected=False)
+    assert bridge.complaints() == []
+    bridge.look(21 * SECOND, connected=True)
+    assert bridge.complaints() == ['no point for 1.0 s: check the tracker and its beam']
+    bridge.process(stream(1)[0])
+    bridge.look(22 * SECOND, connected=True)
+    # A world that waits in lockstep sends nothing.
+    bridge.look(22 * SECOND, connected=True)
+    assert bridge.complaints() == []

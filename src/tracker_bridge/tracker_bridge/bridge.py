@@ -25,7 +25,8 @@ class Limits:
     gap
         Longest time between two points [s].
     age
-        Oldest point on arrival [s]; tells nothing in lockstep, where it is not watched.
+        Oldest point on arrival [s], which tells nothing in lockstep and is not watched there;
+        longest silence [s].
     jump
         Largest distance between two consecutive points [m].
     identical
@@ -81,6 +82,8 @@ class Bridge:
         self.longest_gap = 0.0
         self.rate = 0.0
         self.age = 0.0
+        self.silence = 0.0
+        self._heard = (-1, 0)
         self._offset = ClockOffset(0 if source_clock == 'ros' else None)
         self._last: tuple[int, Point] | None = None
 
@@ -103,6 +106,17 @@ class Bridge:
             self._offset = ClockOffset(0 if self.source_clock == 'ros' else None)
             self._last = None
             self.clock_lost = False
+
+    def look(self, now: int, connected: bool) -> None:
+        """Note for how long a connected source has sent nothing; `now` [ns] is ROS time.
+
+        Called about once a second: a world that waits in lockstep has no silence, and what came
+        between two calls ends it.
+        """
+        received = self.counters.received
+        if received != self._heard[0] or not connected:
+            self._heard = (received, now)
+        self.silence = (now - self._heard[1]) / NANOSECONDS
 
     def process(self, sample: Sample) -> list[tuple[int, Point]]:
         """Take a sample; return what is now to be published: stamps [ns] and points [m]."""
@@ -165,6 +179,8 @@ class Bridge:
             found.append(CLOCK_LOST)
         if self.identical > limits.identical:
             found.append(f'{self.identical} identical points, not proven fresh: check the beam')
+        if limits.rate and self.silence > limits.age:
+            found.append(f'no point for {self.silence:.1f} s: check the tracker and its beam')
         if limits.rate and self.rate and not 0.5 < self.rate / limits.rate < 2.0:
             found.append(f'{self.rate:.0f} points per second, expected {limits.rate:.0f}')
         if self.source_clock == 'own' and self.age > limits.age:

@@ -194,6 +194,7 @@ class TrackerBridge(StageNode):
 
     def _stream_status(self) -> tuple[bytes, str, dict[str, Any]]:
         with self._lock:
+            self._bridge.look(self.get_clock().now().nanoseconds, self._source.connected)
             complaints = self._bridge.complaints()
             values: dict[str, Any] = self._bridge.values()
         if isinstance(self._source, SaTextSource):

@@ -64,7 +64,14 @@ PARAMETERS = (
         read_only=True,
     ),
     Parameter('limits.gap', Limits.gap, 'longest time between points', 's', 0.0, read_only=True),
-    Parameter('limits.age', Limits.age, 'oldest point on arrival', 's', 0.0, read_only=True),
+    Parameter(
+        'limits.age',
+        Limits.age,
+        'oldest point on arrival, longest silence',
+        's',
+        0.0,
+        read_only=True,
+    ),
     Parameter('limits.jump', Limits.jump, 'largest leap between points', 'm', 0.0, read_only=True),
     Parameter(
         'limits.identical',
