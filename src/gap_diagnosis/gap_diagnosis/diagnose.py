@@ -32,7 +32,8 @@ from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows
 from gap_diagnosis.law.learn import learn
-from gap_diagnosis.passes import Memory, Prepared, Progress, prepare, servo_part, tracker_part
+from gap_diagnosis.memory import Memory
+from gap_diagnosis.passes import Prepared, Progress, prepare, servo_part, tracker_part
 from gap_diagnosis.residuals.reading import MISREADS, misreadings
 from gap_diagnosis.residuals.recording import jitter_findings
 from gap_diagnosis.residuals.tracker_jitter import tracker_jitter, tracker_speeds

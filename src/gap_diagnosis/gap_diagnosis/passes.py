@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from gap_diagnosis.input.checks import EXCITATION_HINT, check_duration
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_stepper_record
 from gap_diagnosis.input.windows import moves_while_judged
+from gap_diagnosis.memory import Memory
 from gap_diagnosis.residuals.controller import controller_findings, with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.kinematics import Kinematics
@@ -55,21 +55,6 @@ SAME_GAIN = 0.15
 
 Progress = Callable[[str], None]
 Parameters = dict[str, dict[str, tuple[float, float]]]
-Made = TypeVar('Made')
-
-
-class Memory:
-    """Results of earlier passes, kept by all that they depend on."""
-
-    def __init__(self) -> None:
-        self._kept: dict[Hashable, Any] = {}
-
-    def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
-        """What `make` gives, made once for each key."""
-        if key not in self._kept:
-            self._kept[key] = make()
-        kept: Made = self._kept[key]
-        return kept
 
 
 @dataclass(frozen=True)

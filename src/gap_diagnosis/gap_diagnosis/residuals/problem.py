@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.memory import Memory
 from gap_diagnosis.residuals.stands import Stands
 from stage_twin.effects.term import Term
 
@@ -46,7 +46,7 @@ class Problem:
     stands: Stands | None = None  # rows that share an error; None where none do
     #: What was searched for a set, by all that this depends on: each pass of a selection goes the
     #: way of the last one until a barred effect was taken.
-    tried: dict[Hashable, Any] = field(default_factory=dict)
+    tried: Memory = field(default_factory=Memory)
 
     def whiten(self, rows: Array) -> Array:
         """Rows (n,) or (n, k) freed of what their noise shares.

@@ -180,19 +180,13 @@ class Regression:
 
         Its columns are freed of what the set's columns explain (Frisch, Waugh, Lovell).
         """
-        term = self.problem.terms[name]
-        # Shapes with more waves share the function of their columns and have more parameters.
-        key = 'start', name, term.columns, len(term.lower), self._set(base.thetas)
-        if key not in self.problem.tried:
-            self.problem.tried[key] = self._started(base, name)
-        found: Theta = self.problem.tried[key]
-        return found
+        key = 'start', self.problem.terms[name], self._set(base.thetas)
+        return self.problem.tried.once(key, lambda: self._started(base, name))
 
     def _set(self, thetas: dict[str, Theta]) -> Hashable:
         """What tells a set from all others of the problem: its shapes and their parameters."""
         terms = self.problem.terms
-        shapes = ((name, terms[name].columns, theta) for name, theta in thetas.items())
-        return self.problem.whitening, *shapes
+        return self.problem.whitening, *((terms[name], theta) for name, theta in thetas.items())
 
     def _started(self, base: Fit, name: str) -> Theta:
         term = self.problem.terms[name]
@@ -239,9 +233,7 @@ class Regression:
         if not free:
             return self.linear(thetas)
         key = 'refined', self._set(thetas), tuple(names), rounds
-        if key not in self.problem.tried:
-            self.problem.tried[key] = self._searched(thetas, free, rounds)
-        found: dict[str, Theta] = self.problem.tried[key]
+        found = self.problem.tried.once(key, lambda: self._searched(thetas, free, rounds))
         return self.linear(found)
 
     def _searched(

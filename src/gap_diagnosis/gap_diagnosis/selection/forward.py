@@ -168,14 +168,11 @@ class Selector:
 
     def _trial(self, base: Fit, name: str, accepted: list[str]) -> Trial:
         """An effect beside a set, tried once for all passes."""
-        tried = self.problem.tried
         key = (
-            *(name, self._size(name), tuple(accepted), tuple(base.thetas.items())),
+            *('trial', self.problem.terms[name], tuple(accepted), tuple(base.thetas.items())),
             *(float(base.residual @ base.residual), self.gap, self.rules, self.problem.whitening),
         )
-        if key not in tried:
-            tried[key] = self._best_shape(base, name, accepted)
-        found: Trial = tried[key]
+        found = self.problem.tried.once(key, lambda: self._best_shape(base, name, accepted))
         self.problem.terms[name] = found.shape
         return found._replace(evidence=replace(found.evidence, alternatives=[]))
 

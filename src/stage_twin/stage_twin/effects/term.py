@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 Theta = tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Term:
     """One candidate effect as columns of a regression: separable, linear in most parameters.
 
