@@ -21,6 +21,8 @@ Spread = dict[str, tuple[float, float]]
 
 HOLDS = 0.95
 FACTORS = np.geomspace(1.0, 10.0, 60)
+#: Relative deviation that counts as none: gains read from a record are told to all their digits.
+ROUNDING = 1e-9
 SHARES = np.concatenate([[0.0], np.geomspace(1e-5, 0.1, 60)])
 
 
@@ -55,9 +57,9 @@ def _narrowest(found: Array) -> tuple[float, float]:
     best, least = (float(FACTORS[-1]), float(SHARES[-1])), math.inf
     for share in SHARES:
         for factor in FACTORS:
-            deviation = np.hypot(factor * own, share * counts)
+            deviation = np.maximum(np.hypot(factor * own, share * counts), ROUNDING)
             if np.mean(np.abs(error) <= SIGMAS * deviation) >= wanted:
-                width = float(np.mean(np.log(np.maximum(deviation, 1e-12))))
+                width = float(np.mean(np.log(deviation)))
                 if width < least:
                     best, least = (float(factor), float(share)), width
                 break
@@ -75,5 +77,5 @@ def _wider(interval: Sequence[Any], spread: Spread) -> tuple[str, str, float, fl
     name, parameter, sigmas, width = interval
     factor, share = spread[model_of(name)]
     share = 2.0 * SIGMAS * share if is_magnitude(name, parameter) else 0.0
-    wider = math.hypot(factor * width, share)
+    wider = max(math.hypot(factor * width, share), 2.0 * SIGMAS * ROUNDING)
     return name, parameter, sigmas * width / wider, wider

@@ -1,33 +1,30 @@
 """Weights of the probabilities; `make calibrate-diagnosis` writes them."""
 
-CODE = 'b72277766aa6'
-DATE = '2026-11-24'
+CODE = 'c29ef4bc4c4c'
+DATE = '2026-11-25'
 SESSIONS = {
-    'own': 48,
-    'mujoco': 48,
-    'handmade': 48,
+    'own': 72,
+    'mujoco': 65,
+    'handmade': 63,
 }
-SEEDS = '1 to 12'
+SEEDS = '1 to 18'
 WEIGHTS: dict[str, dict[str, float]] = {
     'named': {
-        '1': 0.305532,
-        'away': 0.640752,
-        'turns': 0.414894,
+        '1': 4.06781,
     },
     'passed': {
-        '1': -5.87801,
+        '1': -5.95911,
     },
     'unknown': {
-        '1': 1.40017,
-        'share': 0.516939,
+        '1': 1.60944,
     },
     'none': {
-        '1': 3.29583,
+        '1': 2.26868,
     },
 }
 SPREAD: dict[str, tuple[float, float]] = {
-    'friction': (2.868, 0),
-    'servo': (2.982, 1e-05),
-    'kinematic': (1.796, 0),
-    'sensor': (1.597, 1e-05),
+    'friction': (2.551, 0.02454),
+    'servo': (2.982, 0),
+    'kinematic': (1.264, 0.001477),
+    'sensor': (1.477, 0),
 }
