@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from calibrator.models.domain import Domain
 from calibrator.places import distinct_places, folds, judged_places
@@ -132,7 +132,7 @@ def deviation(left_out: Array) -> Array:
     quantile = np.quantile(np.abs(left_out), level, axis=0)
     if n < 40:
         rms = np.sqrt(np.mean(left_out**2, axis=0))
-        wide = rms * student.ppf(0.975, max(n - 1, 1)) * np.sqrt(1.0 + 1.0 / n)
+        wide = rms * stdtrit(max(n - 1, 1), 0.975) * np.sqrt(1.0 + 1.0 / n)
         quantile = np.maximum(quantile, wide)
     return np.asarray(quantile / 1.96, dtype=float)
 
