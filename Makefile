@@ -7,6 +7,8 @@ export NUMBA_CACHE_DIR := $(CURDIR)/.cache/numba/$(shell LC_ALL=C sh -c 'cat src
 # Small matrices run slower on many threads, and the control loop needs a core.
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
+# Images of containers often set it: each of the many processes would compile the sources anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: setup venv kernels session test check lint bench soak calibrate-diagnosis clean reference docs-figures screenshots tutorials site
 
