@@ -3,8 +3,8 @@
 For each method and stage: the share of held-out places (both axes counted) that lie within 1.96
 deviations of the prediction, half the interval's width, and the held-out RMS before and after.
 Emulated stages: those below, six trainings with 70 places to learn and 200 others to judge each.
-Recorded stage: a circle, each fifth of its cells left out in turn, and the same circle on the next
-day.
+Recorded stage: eight records of a circle, six of one day and two of the next. Of the first day
+each fifth of the circle's cells is left out in turn; of all, each record.
 
     python benchmarks/calibration_intervals.py [METHOD ...]
 
@@ -26,11 +26,11 @@ from stage_core.errors import StageError
 HELD_OUT = 200
 LEARNT = 70
 SEEDS = range(6)
-SHOWN = [method for method in METHODS if method != 'thermal']
-Rows = tuple[np.ndarray, np.ndarray, np.ndarray]
+Rows = tuple[np.ndarray, ...]
+"""Command, measured, direction, temperatures; the records also have the label of the session."""
 
 
-def screw(command: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def screw(command: np.ndarray, direction: np.ndarray, heat: np.ndarray) -> np.ndarray:
     """Scale, squareness, straightness, a 4 mm screw cycle and backlash over 50 mm."""
     x, y = command.T
     error_x = 3e-4 * x - 2e-4 * y + 4e-6 * np.sin(2.0 * np.pi * x / 0.004)
@@ -38,15 +38,21 @@ def screw(command: np.ndarray, direction: np.ndarray) -> np.ndarray:
     return np.column_stack([error_x, error_y]) + 0.5 * direction * 8e-6
 
 
-def bowed(command: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def bowed(command: np.ndarray, direction: np.ndarray, heat: np.ndarray) -> np.ndarray:
     """Guides with bows that no polynomial of low degree holds; no backlash."""
     x, y = (command / 0.025 - 1.0).T
     return 5e-6 * np.column_stack([np.sin(3.0 * x + y), np.cos(4.0 * y) + 0.5 * x])
 
 
-def still(command: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def still(command: np.ndarray, direction: np.ndarray, heat: np.ndarray) -> np.ndarray:
     """A stage without an error."""
     return np.zeros_like(command)
+
+
+def warm(command: np.ndarray, direction: np.ndarray, heat: np.ndarray) -> np.ndarray:
+    """A screw of steel and a zero of y that follow one temperature, which is measured."""
+    x, y = command.T
+    return np.column_stack([12e-6 * heat * x + 1e-4 * x, 1e-6 * heat - 2e-4 * y])
 
 
 def emulated(error: Callable, seed: int) -> tuple[Rows, Rows]:
@@ -54,34 +60,47 @@ def emulated(error: Callable, seed: int) -> tuple[Rows, Rows]:
     generator = np.random.default_rng(seed)
     command = generator.uniform(0.0, 0.05, (LEARNT + HELD_OUT, 2))
     direction = generator.choice([-1.0, 1.0], command.shape)
-    measured = command + error(command, direction)
+    # Warmer than 20 degC by up to 5 K, twice in the places to learn and in those to judge.
+    time = np.concatenate([np.arange(n) / n for n in (LEARNT, HELD_OUT)])
+    heat = 5.0 * np.sin(2.0 * np.pi * time) ** 2
+    measured = command + error(command, direction, heat)
     measured += generator.normal(0.0, 5e-7, measured.shape)
-    rows = (command, measured, direction)
+    sensors = 20.0 + heat[:, None] if error is warm else np.empty((len(command), 0))
+    rows = (command, measured, direction, sensors)
     return tuple(r[:LEARNT] for r in rows), tuple(r[LEARNT:] for r in rows)
 
 
 def recorded() -> dict[str, list[tuple[Rows, Rows]]]:
-    """The circle's cells of day 1, each left out once, and day 2; empty without the data."""
+    """The circle's cells of day 1 and the records, each left out once; empty without the data."""
     try:
-        folder = data_folder() / 'xy_circle'
+        files = sorted((data_folder() / 'xy_circle').glob('day*.npz'))
     except StageError:
         return {}
-    days = [
-        tuple(np.concatenate(part) for part in zip(*map(circle, files), strict=True))
-        for files in (sorted(folder.glob(f'day{day}_*.npz')) for day in (1, 2))
-    ]
-    first, second = (tuple(r[::4] for r in day) for day in days)
-    masks = folds(judged_places(first[0]), 5)
-    pairs = [tuple(tuple(r[rows] for r in first) for rows in (~mask, mask)) for mask in masks]
-    return {'xy_circle, cells': pairs, 'xy_circle, next day': [(first, second)]}
+    records = [circle(path) for path in files]
+    record = np.repeat(np.arange(len(records)), [len(r[0]) for r in records])[::4]
+    rows = [np.concatenate(part)[::4] for part in zip(*records, strict=True)]
+    rows.append(np.empty((len(record), 0)))
+    day = record < sum(path.stem.startswith('day1') for path in files)
+    cells = folds(judged_places(rows[0][day]), 5)
+    sessions = [*rows, record]
+    return {
+        'xy_circle, cells': [
+            (tuple(r[day][~mask] for r in rows), tuple(r[day][mask] for r in rows))
+            for mask in cells
+        ],
+        'xy_circle, records': [
+            (tuple(r[record != k] for r in sessions), tuple(r[record == k] for r in rows))
+            for k in range(len(records))
+        ],
+    }
 
 
 def judge(method: str, pairs: list[tuple[Rows, Rows]]) -> np.ndarray:
     """Errors before and after and half intervals [m] of all held-out rows, (3, n, axes)."""
     rows = []
-    for learnt, (command, measured, direction) in pairs:
+    for learnt, (command, measured, direction, temperatures) in pairs:
         model = make_model(method).fit(*learnt)
-        after = measured - model.predict(command, direction)
+        after = measured - model.predict(command, direction, temperatures)
         rows.append([measured - command, after, 1.96 * model.deviation(command)])
     return np.concatenate(rows, axis=1)
 
@@ -89,10 +108,10 @@ def judge(method: str, pairs: list[tuple[Rows, Rows]]) -> np.ndarray:
 def main() -> int:
     """Print the table."""
     warnings.simplefilter('ignore')
-    stages = {f.__name__: [emulated(f, k) for k in SEEDS] for f in (screw, bowed, still)}
+    stages = {f.__name__: [emulated(f, k) for k in SEEDS] for f in (screw, bowed, still, warm)}
     stages |= recorded()
     print(f'{"":18s} {"stage":20s} {"within 95 %":>11s} {"± µm":>9s} {"before":>9s} {"after":>9s}')
-    for method in sys.argv[1:] or SHOWN:
+    for method in sys.argv[1:] or METHODS:
         for name, pairs in stages.items():
             before, after, half = judge(method, pairs)
             rms = [1e6 * np.sqrt(np.mean(e**2)) for e in (before, after)]

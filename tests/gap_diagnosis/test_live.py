@@ -69,3 +69,18 @@ def test_a_machine_that_starts_again_begins_a_window(planted: Maker) -> None:
     # The same stamps again, as of an emulated machine in lockstep that was started anew.
     assert feed(monitor, session) >= 4
     assert not any(band.left for band in monitor.bands.values())
+
+
+def test_what_waits_for_a_silent_topic_is_forgotten() -> None:
+    monitor = LiveMonitor(TwinFile.nominal_servo(), window=2.0)
+    for second in range(60):
+        for k in range(1000):
+            stamp = 10**9 * second + 10**6 * k
+            if second < 30:
+                monitor.add(topics.JOINT_STATES, stamp, ('x', 'y'), (0.0, 0.0))
+                monitor.add(topics.COMMAND, stamp, ('x', 'y'), (0.0, 0.0, 0.0, 0.0))
+            if second < 1:
+                monitor.add(topics.REFERENCE, stamp, ('x', 'y'), (0.0, 0.0, 0.0, 0.0))
+            monitor.add_point(stamp, 0.0, 0.0, 0.0)
+        assert not monitor.judge()
+        assert max(map(len, (monitor._points, *monitor._topics.values())), default=0) <= 5000

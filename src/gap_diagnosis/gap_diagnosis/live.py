@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,7 +17,7 @@ from stage_twin.simulate import simulate
 Array = NDArray[np.float64]
 
 BACK = 10**9  # ns by which stamps may run backwards before another session has begun
-MOST_WINDOWS = 10  # windows of messages that are kept while a topic is silent
+MOST_WINDOWS = 2  # windows of messages that are kept while a topic is silent: 3 MiB each
 SETTLING = 1.0  # s at a window's start in which the replay finds the loop's state
 
 
@@ -81,7 +80,7 @@ class LiveMonitor:
         self.bands: dict[str, Band] = {}
         self._learn, self._width = learn, width
         self._topics: dict[str, dict[int, tuple[float, ...]]] = {}
-        self._points: deque[tuple[int, float, float, float]] = deque(maxlen=1_000_000)
+        self._points: list[tuple[int, float, float, float]] = []
         self._latest = 0
 
     def add(
@@ -108,16 +107,12 @@ class LiveMonitor:
 
     def judge(self) -> bool:
         """Judge the collected window if it is full; whether one was judged."""
-        unknown = set(self.axes) - set(self.twin.axes)
-        if len(self._topics) < 3 or unknown or len(set(self.axes)) < len(self.axes):
-            most = MOST_WINDOWS * self.window / self.twin.control_period
-            if any(len(t) > most for t in self._topics.values()):
-                self.clear()
-            return False
-        common = set.intersection(*(set(t) for t in self._topics.values()))
-        stamps = np.array(sorted(common), dtype=np.int64)
         period = self.twin.control_period
+        stamps = self._common()
         if len(stamps) < 2 or (len(stamps) - 1) * period < self.window:
+            kept = max(map(len, (self._points, *self._topics.values())))
+            if kept > MOST_WINDOWS * self.window / period:
+                self.clear()
             return False
         record = self._record(stamps)
         seconds = (stamps - stamps[0]) * 1e-9
@@ -137,6 +132,14 @@ class LiveMonitor:
         self.clear()
         self._compare(record, times, self.alignment.apply(points))
         return True
+
+    def _common(self) -> NDArray[np.int64]:
+        """Stamps [ns] that all topics have, where they speak of axes of the twin."""
+        unknown = set(self.axes) - set(self.twin.axes)
+        if len(self._topics) < 3 or unknown or len(set(self.axes)) < len(self.axes):
+            return np.empty(0, dtype=np.int64)
+        common = set.intersection(*(set(t) for t in self._topics.values()))
+        return np.array(sorted(common), dtype=np.int64)
 
     def _record(self, stamps: NDArray[np.int64]) -> Record:
         count = len(self.axes)
