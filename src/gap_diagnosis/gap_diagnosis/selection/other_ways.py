@@ -89,7 +89,7 @@ def _better(selector: Selector, other: Selection, best: Selection) -> bool:
     gains = block_gains(selector.problem, best.fit, other.fit)
     gain = float(gains.mean())
     low, high = bootstrap_interval(gains, selector.seed, level=selector.rules.level)
-    apart = {*other.accepted} ^ {*best.accepted}
+    apart = ({*other.accepted} ^ {*best.accepted}) & {*selector.problem.terms}
     least = max((selector.least(n) for n in apart), default=0.0)
     if low > 0.0 and gain > least:
         return True
