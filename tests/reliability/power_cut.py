@@ -33,6 +33,7 @@ from session_bags.reader import read_session
 from session_bags.records import read_index
 from session_bags.repair import repair
 from session_bags.writer import SessionWriter
+from stage_bringup import rerun_view
 from stage_core import topics
 from stage_core.pages import Page
 from stage_core.session import Series, Session
@@ -238,6 +239,41 @@ def test_samples_of_a_training_are_whole_or_absent(tmp_path: Path) -> None:
 
     killed_everywhere(lambda: restarts._save(samples, tmp_path), size, check)
     assert restarts._save(samples, tmp_path).stat().st_size == size
+
+
+def test_a_recording_for_rerun_is_old_or_new(tmp_path: Path) -> None:
+    sdk = pytest.importorskip('rerun', reason='rerun-sdk is an optional extra')
+    chunk = pytest.importorskip('rerun.chunk')
+    path = tmp_path / 'session.rrd'
+
+    def write(count: int) -> Callable[[], object]:
+        bag = tmp_path / f'{count}'
+        with SessionWriter(bag, TwinFile.nominal_servo()) as writer:
+            writer.write_blocks(session_blocks(session(count)))
+        return lambda: rerun_view.main(['--bag', str(bag), '--out', str(path)])
+
+    def complete() -> None:
+        reader = chunk.RrdReader(path)
+        rows = sum(
+            part.to_record_batch().num_rows
+            for part in reader.stream(store=reader.recordings()[0])
+            if part.entity_path == '/position_mm/encoder/x'
+        )
+        assert rows == 8000
+
+    def check() -> None:
+        # The threads of Rerun do not outlive a fork: here it is used in children alone.
+        assert path.read_bytes() == old or not dies(complete)
+
+    assert not dies(write(4000))
+    old = path.read_bytes()
+    new = write(8000)
+    # Imports are calls of `open` too.
+    rerun_view.layout(sdk, rerun_view.read_recorded(tmp_path / '8000'))
+    killed_everywhere(new, len(old), check)
+    assert not dies(new)
+    assert path.read_bytes() != old
+    check()
 
 
 def number_of(found: Diagnosis) -> int:
