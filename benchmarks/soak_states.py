@@ -52,6 +52,7 @@ def main() -> int:
         if world.broken:
             print(world.broken, file=sys.stderr)
             return 1
+        world.abort()
         world.settled()
         grown = ', '.join(
             f'{name} {(world.memory(name) - size) / 2**20:+.0f}' for name, size in before.items()
