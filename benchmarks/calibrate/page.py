@@ -56,7 +56,7 @@ HELD = """The estimated deviations hold noise and misfit of the session alone. T
 fitted to the two other generators."""
 STRUCTURE = """A residual has structure where its share that is no noise is above a threshold
 (`SERVO_STRUCTURE` and `TRACKER_STRUCTURE` in `evidence/judgement.py`). The counts show how many
-verdicts another threshold would change: those between one half of it and twice it."""
+verdicts another threshold could change: at most those between one half of it and twice it."""
 INTERVALS = """A deviation is widened by what models of its kind get wrong: by a factor, and
 by a share of the value (added in squares) for all but places and phases. Both are the narrowest
 that hold 95 % of the truths in sessions with an exact verdict (of a handful of intervals, all).

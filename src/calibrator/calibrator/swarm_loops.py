@@ -1,7 +1,7 @@
 """Compiled loops of the swarm's fitness over one block of samples, all rules in one pass.
 
-They are written for vector registers, because the plain loop of `benchmarks/bench_calibrator.py`
-takes about 20 times as long for the same swarm (docs/results/calibration.md).
+They are written for vector registers. `benchmarks/bench_calibrator.py` compares them with a plain
+compiled loop.
 
 Rows of a block of samples lie one after the other in flat arrays, row j from j·BLOCK. The numbers
 of rules and inputs come as the lengths of tuples, which the compiler knows: it unrolls the loops
