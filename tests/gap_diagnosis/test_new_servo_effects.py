@@ -27,6 +27,9 @@ LEVELS = {f'c{k}': level for k, level in enumerate((6.0, 7.0, 10.0, 15.0, 17.0, 
     ('effect', 'planted_values', 'tolerance'),
     [
         ('axis_crosstalk.x', {'mass': 1.5, 'viscous': 20.0}, 0.1),
+        ('axis_crosstalk.x', {'mass': -8.0, 'viscous': -1000.0}, 0.1),
+        # A spring without any stiffness in the middle.
+        ('cable_force.x', {'stiffness': 0.0, 'hardening': 2e6}, 0.1),
         ('current_loop_lag.x', {'time_constant': 2e-3}, 0.1),
         ('torque_sag.x', {'sag_force': 2e-3}, 0.1),
         ('torque_sag.x', {'sag_force': 0.0, 'sag_speed': 1.0}, 0.1),
@@ -71,6 +74,22 @@ def test_friction_that_goes_with_the_position_is_named_with_its_curve(planted: M
     level = np.interp(where, estimated, [values[key] for key in LEVELS])
     planted_level = np.interp(where, np.linspace(-0.03, 0.03, len(LEVELS)), list(LEVELS.values()))
     np.testing.assert_allclose(level, planted_level, rtol=0.1)
+
+
+def test_a_friction_whose_straight_lines_dip_below_none_is_one_of_the_position(
+    planted: Maker,
+) -> None:
+    session, twin = planted({}, duration=8.0), nominal()
+    term = (
+        Servo([load_record(session, twin)], twin, 'x')
+        .problem()
+        .terms['position_dependent_friction.x']
+    )
+    dips = np.array([6.0, 7.0, 3.0, -0.5, 3.0, 7.0, 6.0])
+    assert term.admissible((2e-6,), dips)
+    assert min(value for key, value in term.parameters((2e-6,), dips).items() if 'c' in key) == 0.0
+    assert not term.admissible((2e-6,), np.where(dips < 0.0, -4.0, dips))
+    assert not term.admissible((2e-6,), np.full(7, 6.0))
 
 
 def test_a_base_on_soft_mounts_is_named_and_what_makes_the_same_force_beside_it(

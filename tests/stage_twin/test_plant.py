@@ -7,6 +7,7 @@ import pytest
 
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
+from stage_twin.effects import EFFECTS as LIBRARY
 from stage_twin.plant import ServoPlant
 from stage_twin.simulate import simulate
 
@@ -120,3 +121,20 @@ def test_the_delay_is_a_time_whatever_the_length_of_ticks(period):
         expected = 20.0 / axis.viscous * -np.expm1(-axis.viscous / axis.mass * under_way)
         assert plant.motor_velocity()[0] == pytest.approx(expected, rel=1e-9, abs=1e-12)
         plant.step([20.0, -5.0])
+
+
+def test_a_base_on_mounts_moves_encoder_and_table_as_a_load_on_a_spring_does():
+    base = {'frequency': 12.0, 'damping': 0.05, 'mass_ratio': 0.2, 'floor_share': 1.0}
+    load = {'frequency': 12.0, 'damping': 0.05, 'mass_ratio': 0.2, 'table_share': 0.2}
+    assert LIBRARY['base_resonance'].same(base) == ('structural_resonance',)
+    assert LIBRARY['structural_resonance'].same(load) == ('base_resonance',)
+    assert LIBRARY['structural_resonance'].same({**load, 'table_share': 1.0}) == ()
+    twin, (reference, rate) = TwinFile.nominal_servo(), session(2000)
+    one, other, none = (
+        simulate(twin.with_effects(effects), reference, rate, noise=False)
+        for effects in ({'base_resonance.x': base}, {'structural_resonance.x': load}, {})
+    )
+    for name in ('encoder', 'table'):
+        ways = [getattr(result, name)[:, 0] for result in (one, other, none)]
+        moved = np.abs(ways[0] - ways[2]).max()
+        assert np.abs(ways[0] - ways[1]).max() < max(0.02 * moved, 1.1e-6)  # one count

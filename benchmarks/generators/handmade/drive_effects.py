@@ -128,6 +128,7 @@ def structural_resonance(rng: Rng, wish: Wish) -> Planted:
         settings,
         {'frequency': frequency, 'antiresonance': antiresonance, 'mass_ratio': share},
         shape={'tracker_sees_load': seen, 'load_damping_ratio': damping},
+        instead=() if seen else ('base_resonance',),
     )
     planted.settings['sees_load'] = {wish.letter: seen}
     return planted
@@ -173,6 +174,7 @@ def base_resonance(rng: Rng, wish: Wish) -> Planted:
         settings,
         {'frequency': frequency, 'damping': damping, 'mass': mass},
         shape={'tracker_on_floor': seen},
+        instead=('structural_resonance',),
     )
     planted.settings['sees_base'] = {wish.letter: seen}
     return planted

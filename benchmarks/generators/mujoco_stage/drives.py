@@ -99,6 +99,7 @@ def structural_resonance(rng: Rng, wish: Wish) -> Planted:
         wish, 'structural_resonance', change,
         {'frequency': pole, 'antiresonance': zero, 'mass_ratio': share},
         shape={'tracker_sees_load': seen, 'load_damping_ratio': ratio},
+        instead=() if seen else ('base_resonance',),
     )  # fmt: skip
 
 
@@ -124,6 +125,7 @@ def base_resonance(rng: Rng, wish: Wish) -> Planted:
     return planted(
         wish, 'base_resonance', change, {'frequency': frequency, 'damping': ratio, 'mass': mass},
         shape={'tracker_on_floor': seen, 'frequency_carried': carried},
+        instead=('structural_resonance',),
     )  # fmt: skip
 
 

@@ -15,9 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.describe import plain_values
+from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import STARTED, held_out_windows, inside
+from gap_diagnosis.residuals.measured_noise import with_noise
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -151,12 +154,13 @@ def polish(
     fitted = [r for r in records if not r.held_out_session]
     if not any(hooks.couples(split_effect(e)[0]) for e in {**fixed, **found}):
         fitted = [one_axis(r, axis) for r in fitted]
-    best, least = _refined(fitted, twin, axis, found, fixed)
+    floor = channel_floor(with_noise(twin, fitted), f'encoder.{axis}')
+    best, least = _refined(fitted, twin, axis, found, fixed, floor)
     step = float(getattr(twin.axes[axis], 'encoder_resolution', 1e-6))
     for effect, key, value in _tried(found) if least >= step else ():
         apart = abs(value - found[effect][key][0])
         start = {**found, effect: {**found[effect], key: (value, 0.0)}}
-        other, left = _refined(fitted, twin, axis, start, fixed)
+        other, left = _refined(fitted, twin, axis, start, fixed, floor)
         if left < MUCH_BETTER * least:
             # How far the force balance was from it is all that is known of its deviation.
             best, least = {**other, effect: {**other[effect], key: (value, apart)}}, left
@@ -175,7 +179,12 @@ def _tried(found: Parameters) -> list[tuple[str, str, float]]:
 
 
 def _refined(
-    records: list[Record], twin: TwinFile, axis: str, found: Parameters, fixed: Parameters
+    records: list[Record],
+    twin: TwinFile,
+    axis: str,
+    found: Parameters,
+    fixed: Parameters,
+    floor: float,
 ) -> tuple[Parameters, float]:
     """The parameters at an optimum of the closed loop near them, and the gap there [m]."""
     names = [(e, k) for e, of in found.items() for k, (_, std) in of.items() if std > 0.0]
@@ -203,6 +212,9 @@ def _refined(
         return found, math.inf
     apart = z + np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -2.0, 2.0)
     left = float(np.sqrt(np.mean(residual**2)))
+    if left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
+        # Its slopes say nothing of a loop that goes another way from a moment on.
+        return found, first
     if left > WORTHWHILE * first:
         z, left = np.zeros(len(names)), first
     spread = np.hypot(loop.deviations(slopes, residual), AGREEMENT * apart)

@@ -10,6 +10,7 @@ from gap_diagnosis.closed_loop.channels import Channel, without_cause
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import (
     Shrink,
+    Values,
     refuted,
     shows,
     shrink_in_balance,
@@ -19,10 +20,11 @@ from gap_diagnosis.evidence.describe import given_shape, with_model_error
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.selection.contained import contained
+from gap_diagnosis.selection.model import Evidence
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import link_of, misreads
+from stage_twin.effects import EFFECTS, link_of, misreads
 
 
 def cause_of(
@@ -64,10 +66,18 @@ def cause_of(
         unit=shrink.unit,
         refuted=_judged(name, showing) and refuted(name, shrink, own, twin.effects.get(name)),
         status='accepted',
-        alternatives=list(found.alternatives) if found is not None else [],
+        alternatives=_alternatives(name, stated, found),
         strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
         contains=contained(part, name, seed),
     )
+
+
+def _alternatives(name: str, stated: Values, found: Evidence | None) -> list[str]:
+    """Effects that do as well in its place, and those that no record tells from it."""
+    effect, axis = split_effect(name)
+    values = {**EFFECTS[effect].defaults(), **{k: v for k, (v, _) in stated.items()}}
+    same = [f'{other}.{axis}' for other in EFFECTS[effect].same(values)]
+    return list(dict.fromkeys([*(found.alternatives if found is not None else []), *same]))
 
 
 def swings(parts: Sequence[Part]) -> tuple[str, ...]:

@@ -86,9 +86,6 @@ def term(rows: ForceRows) -> Term:
         lower=(0.0,),
         upper=(longest_presliding(rows),),
         admissible=lambda theta, c: bool(
-            0.0 < c[0] < 500.0
-            and 0.0 < c[1] < 500.0
-            and min(c[2], c[3]) >= -rows.viscous
-            and max(c[2], c[3]) < 2000.0
+            min(c[0], c[1]) > 0.0 and min(c[2], c[3]) >= -rows.viscous
         ),
     )

@@ -12,10 +12,10 @@ EFFECT = Effect(
     name='axis_crosstalk',
     link='servo',
     parameters=(
-        Parameter('mass', 'kg', -50.0, 50.0, 1.0, "mass that the other axis' acceleration moves"),
         Parameter(
-            'viscous', 'N·s/m', -500.0, 500.0, 0.0, "force against the other axis' velocity"
+            'mass', 'kg', -500.0, 500.0, 1.0, "mass that the other axis' acceleration moves"
         ),
+        Parameter('viscous', 'N·s/m', -2e4, 2e4, 0.0, "force against the other axis' velocity"),
     ),
     model='Force -(mass * a_other + viscous * v_other) on the moving mass: axes that are not '
     'square to each other, or whose centre of mass lies off the guide, share their inertia. '
@@ -41,7 +41,6 @@ def term(rows: ForceRows) -> Term | None:
     return Term(
         constant(columns),
         lambda theta, c: {'mass': float(c[0]), 'viscous': float(c[1])},
-        admissible=lambda theta, c: bool(abs(c[0]) < 50.0 and abs(c[1]) < 500.0),
         follows=_likeness(columns, rows.columns(rows.applied(), slope)),
     )
 

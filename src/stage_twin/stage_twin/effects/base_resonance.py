@@ -8,7 +8,15 @@ import numpy as np
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows, TrackerRows
-from stage_twin.effects.structural_resonance import HIGHEST_MOUNT, carried_mass, mode, swinging
+from stage_twin.effects.structural_resonance import (
+    BASE_FREQUENCY,
+    BASE_RATIO,
+    BASE_SHARE,
+    HIGHEST_MOUNT,
+    carried_mass,
+    mode,
+    swinging,
+)
 from stage_twin.effects.term import Array, Term, constant
 
 #: Highest frequency of mounts that a search admits [Hz].
@@ -25,20 +33,20 @@ EFFECT = Effect(
             'frequency',
             'Hz',
             0.5,
-            60.0,
+            BASE_FREQUENCY,
             8.0,
             'natural frequency of the machine on its mounts with the axis held',
             neutral=None,
         ),
         Parameter('damping', '', 0.0, 0.9, 0.05, 'damping ratio of that mode', neutral=None),
         Parameter(
-            'mass_ratio', '', 0.0, 0.8, 0.1, 'moving mass as a share of the machine with it'
+            'mass_ratio', '', 0.0, BASE_RATIO, 0.1, 'moving mass as a share of the machine with it'
         ),
         Parameter(
             'floor_share',
             '',
             0.0,
-            1.5,
+            BASE_SHARE,
             0.0,
             "share of the base's motion that the tracker sees; 1: it stands on the floor, "
             '0: on the machine',
@@ -52,6 +60,7 @@ EFFECT = Effect(
     '{frequency}',
     excited_by='a frequency sweep from 1 to 40 Hz',
     excludes=('structural_resonance',),
+    same=lambda values: ('structural_resonance',),  # of table_share = floor_share * mass_ratio
     states=('base', 'momentum', 'last_velocity'),
 )
 

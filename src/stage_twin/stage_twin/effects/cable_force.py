@@ -8,17 +8,20 @@ from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.term import Array, Term, Theta
 
+#: Share of what hardening adds at an end by which noise may make a stiffness negative inside.
+SOFT = 0.05
+
 EFFECT = Effect(
     name='cable_force',
     link='servo',
     parameters=(
-        Parameter('stiffness', 'N/m', 0.0, 2e4, 100.0, 'restoring force per displacement'),
+        Parameter('stiffness', 'N/m', 0.0, 1e6, 100.0, 'restoring force per displacement'),
         Parameter('centre', 'm', -1.0, 1.0, 0.0, 'position without cable force', neutral=None),
         Parameter(
             'hardening',
             'N/m³',
-            -1e7,
-            1e7,
+            -1e11,
+            1e11,
             0.0,
             'growth of stiffness with displacement squared',
         ),
@@ -47,14 +50,14 @@ def term(rows: ForceRows) -> Term:
         return rows.columns(s, [si**3 for si in s])
 
     def stiffens(theta: Theta, c: Array) -> bool:
-        """Whether the spring pulls back over the whole travel, with a stiffness of its own."""
-        ends = np.array([-1.0, 1.0]) * half - theta[0] * half
-        return bool(0.0 < c[0] < 2e4 and np.all(c[0] + 3.0 * c[1] * ends**2 > 0.0))
+        """Whether the spring pulls back over the whole travel."""
+        hardest = c[1] * (np.array([-1.0, 1.0]) * half - theta[0] * half) ** 2
+        return bool(c[0] > -SOFT * hardest.max() and np.all(c[0] + 3.0 * hardest > 0.0))
 
     return Term(
         columns,
         lambda theta, c: {
-            'stiffness': float(c[0]),
+            'stiffness': max(float(c[0]), 0.0),
             'hardening': float(c[1]),
             'centre': middle + theta[0] * half,
         },

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from stage_core.quantities import LINKS
@@ -99,6 +99,9 @@ class Effect:
         Effects that cannot be judged beside this one, as both have the same trivial solution.
     merges : tuple of str
         Effects that together imitate this one: it is taken if it does as well as all of them.
+    same : callable
+        Values of all parameters -> effects that move encoder and tracker in the same way, with
+        parameters of their own. No record tells them apart, and a report names both.
     states : tuple of str
         States of its own in the simulation of an axis, zero at the start (see
         :mod:`stage_twin.hooks`).
@@ -120,6 +123,7 @@ class Effect:
     differ: tuple[tuple[str, str], ...] = ()
     excludes: tuple[str, ...] = ()
     merges: tuple[str, ...] = ()
+    same: Callable[[Mapping[str, float]], tuple[str, ...]] = lambda values: ()
     states: tuple[str, ...] = ()
     order: int = 0
 

@@ -12,7 +12,7 @@ EFFECT = Effect(
     name='force_offset',
     link='servo',
     parameters=(
-        Parameter('offset', 'N', -200.0, 200.0, 3.0, 'constant force on the moving mass'),
+        Parameter('offset', 'N', -5000.0, 5000.0, 3.0, 'constant force on the moving mass'),
     ),
     model='Constant force of the drive: current sensor offset, inclined guide, tightened cover. '
     'Janot, Gautier, Brunot, EMPS (2019), offset term.',
@@ -32,5 +32,4 @@ def term(rows: ForceRows) -> Term:
     return Term(
         constant(signal),
         lambda theta, c: {'offset': float(c[0])},
-        admissible=lambda theta, c: abs(c[0]) < 200.0,
     )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from stage_twin.effects import periodic
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
@@ -16,11 +14,11 @@ EFFECT = Effect(
     name='force_ripple',
     link='servo',
     parameters=(
-        Parameter('amplitude', 'N', 0.0, 100.0, 2.0, 'amplitude'),
+        Parameter('amplitude', 'N', 0.0, 1000.0, 2.0, 'amplitude'),
         PERIOD,
         PHASE,
-        *periodic.harmonic_parameters('N', 100.0),
-        *periodic.wave_parameters('N', 50.0),
+        *periodic.harmonic_parameters('N', 1000.0),
+        *periodic.wave_parameters('N', 1000.0),
     ),
     model='Force amplitude * sin(2 pi p / period + phase) on the moving mass, harmonics, and '
     'waves of other periods: cogging and commutation. Jahns and Soong, "Pulsating torque '
@@ -82,7 +80,6 @@ def term(rows: ForceRows) -> Term:
         propose=periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead)),
         lower=(low,),
         upper=(high,),
-        admissible=lambda theta, c: float(np.linalg.norm(c)) < 100.0,
         # A force of the position is a curve like any other before it is a slow wave.
         usual=lambda theta: told(theta[0]),
         nuisances=tuple(range(2 * periodic.HARMONICS)),

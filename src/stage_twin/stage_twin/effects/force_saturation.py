@@ -18,7 +18,7 @@ EFFECT = Effect(
     link='servo',
     parameters=(
         Parameter(
-            'limit', 'N', 0.0, 2000.0, 100.0, 'largest force that the amplifier gives; 0 is off'
+            'limit', 'N', 0.0, 2e4, 100.0, 'largest force that the amplifier gives; 0 is off'
         ),
         Parameter(
             'known',

@@ -35,12 +35,12 @@ CURVE_KNOTS = (0.0, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1)  # m/s
 
 def friction_force(name: str, when_on: float, meaning: str) -> Parameter:
     """A level of friction [N]."""
-    return Parameter(name, 'N', 0.0, 500.0, when_on, meaning)
+    return Parameter(name, 'N', 0.0, 5000.0, when_on, meaning)
 
 
 def viscous(name: str, when_on: float, meaning: str) -> Parameter:
     """A viscous coefficient [N·s/m]."""
-    return Parameter(name, 'N·s/m', -500.0, 2000.0, when_on, meaning)
+    return Parameter(name, 'N·s/m', -500.0, 2e4, when_on, meaning)
 
 
 @njit(cache=True)

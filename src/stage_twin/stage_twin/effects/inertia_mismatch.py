@@ -32,5 +32,4 @@ def term(rows: ForceRows) -> Term:
     return Term(
         constant(signal),
         lambda theta, c: {'ratio': float(c[0])},
-        admissible=lambda theta, c: -0.8 < c[0] < MOST,
     )

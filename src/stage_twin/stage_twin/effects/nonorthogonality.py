@@ -38,5 +38,4 @@ def term(rows: TrackerRows) -> Term | None:
     return Term(
         constant(signal),
         lambda theta, c: {'angle': float(np.arcsin(np.clip(c[0], -0.05, 0.05)))},
-        admissible=lambda theta, c: abs(c[0]) < 0.05,
     )

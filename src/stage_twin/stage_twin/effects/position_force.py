@@ -21,11 +21,13 @@ EFFECT = Effect(
         Parameter('start', 'm', -20.0, 20.0, 0.0, 'position of the first knot', neutral=None),
         Parameter('stop', 'm', -20.0, 20.0, 0.01, 'position of the last knot', neutral=None),
         *(
-            Parameter(f'c{k}', 'N', -500.0, 500.0, 0.5 * (k - 4.5), f'force at knot {k}')
+            Parameter(f'c{k}', 'N', -5000.0, 5000.0, 0.5 * (k - 4.5), f'force at knot {k}')
             for k in range(KNOTS)
         ),
         *(
-            Parameter(f'm{k}', 'N', -500.0, 500.0, 0.0, f'more half-way from knot {k} to the next')
+            Parameter(
+                f'm{k}', 'N', -5000.0, 5000.0, 0.0, f'more half-way from knot {k} to the next'
+            )
             for k in range(MIDDLES)
         ),
     ),
@@ -103,7 +105,7 @@ def _term(rows: ForceRows, number: int) -> Term:
         constant(rows.columns(*signals)),
         parameters,
         admissible=lambda theta, c: (
-            5.0 * float(np.ptp(c[:KNOTS])) > float(np.max(np.abs(c[:KNOTS]))) < 500.0
+            5.0 * float(np.ptp(c[:KNOTS])) > float(np.max(np.abs(c[:KNOTS])))
         ),
         richer=partial(_term, rows, KNOTS + MIDDLES) if number == KNOTS else None,
     )

@@ -82,5 +82,5 @@ def term(rows: ForceRows) -> Term:
         grid=tuple((g, w) for g in presliding_grid(rows) for w in STRIBECK_GRID),
         lower=(0.0, 1e-3),
         upper=(longest_presliding(rows), 0.2),
-        admissible=lambda theta, c: bool(0.0 < c[0] < 500.0 and 0.0 < c[1] < 500.0),
+        admissible=lambda theta, c: bool(min(c[0], c[1]) > 0.0),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.signal import lfilter
@@ -19,6 +19,19 @@ HIGHEST_MOUNT = 14.0
 #: A reflector on a load that rocks moves by more than the spring gives way. Two right resonances
 #: that the tracker alone shows had shares of 1.4 ± 0.4 and 1.7 ± 0.6, which a bound of 2 refuted.
 MOST_SHARE = 5.0
+
+#: What a base on mounts can be: its frequency [Hz], mass ratio and share that the tracker sees.
+BASE_FREQUENCY, BASE_RATIO, BASE_SHARE = 60.0, 0.8, 1.5
+
+
+def _like_a_base(values: Mapping[str, float]) -> tuple[str, ...]:
+    """The base on mounts, where one of table_share = floor_share * mass_ratio can be."""
+    ratio = values['mass_ratio'] or BASE_RATIO  # 0: only the tracker showed the swing
+    fits = values['frequency'] <= BASE_FREQUENCY and ratio <= BASE_RATIO
+    return (
+        ('base_resonance',) if fits and 0.0 <= values['table_share'] <= BASE_SHARE * ratio else ()
+    )
+
 
 EFFECT = Effect(
     name='structural_resonance',
@@ -51,6 +64,7 @@ EFFECT = Effect(
     order=5,  # of the mass that a play or a wrong inertia leaves the carriage
     excited_by='a frequency sweep to 150 Hz',
     excludes=('base_resonance',),
+    same=_like_a_base,
 )
 
 

@@ -65,7 +65,7 @@ def term(rows: ForceRows) -> Term:
         constant(signal),
         lambda theta, c: {'viscous': float(c[0])},
         # Less than none at all is no friction.
-        admissible=lambda theta, c: -rows.viscous <= c[0] < 2000.0,
+        admissible=lambda theta, c: bool(c[0] >= -rows.viscous),
         richer=curved,
     )
     return plain
