@@ -93,8 +93,9 @@ class Selector:
         base = grow(self, base, accepted)
         accepted, base = merge(self, accepted, base)
         accepted, base, evidence = self.prune(accepted, base)
-        if self.rules.prefer_plain:
-            accepted, base, evidence = self.prune(*plain(self, accepted, base))
+        simpler, plainer = plain(self, accepted, base)
+        if simpler != accepted:
+            accepted, base, evidence = self.prune(simpler, plainer)
         for name in accepted:
             rejected.pop(name, None)
         return Selection(accepted, base, evidence, rejected)

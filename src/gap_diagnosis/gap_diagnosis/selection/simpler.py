@@ -30,9 +30,16 @@ def merge(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str],
 
 
 def plain(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str], Fit]:
-    """Replace effects by special cases of theirs that lose nothing significant."""
+    """Replace effects by special cases of theirs that lose nothing significant.
+
+    Where the rules do not prefer what is plain, these are effects of which a pair of parameters
+    has to differ (`Effect.differ`), and the loss is nothing certain at all.
+    """
+    prefer = selector.rules.prefer_plain
     for name in list(accepted):
         effect, _, axis = name.partition('.')
+        if not prefer and not EFFECTS[effect].differ:
+            continue
         for held in EFFECTS[effect].holds:
             special = f'{held}.{axis}'
             if special not in selector.problem.terms or special in accepted:
@@ -43,7 +50,7 @@ def plain(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str],
             loss = block_gains(selector.problem, other, fit)
             gain = float(block_gains(selector.problem, less, fit).mean())
             low, _ = bootstrap_interval(loss, selector.seed, level=selector.rules.level)
-            close = low <= 0.0 or float(loss.mean()) < 0.05 * gain
+            close = low <= 0.0 or (prefer and float(loss.mean()) < 0.05 * gain)
             if close and selector.admissible(other, special):
                 accepted, fit = [special if a == name else a for a in accepted], other
                 break

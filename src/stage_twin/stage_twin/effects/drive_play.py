@@ -15,7 +15,7 @@ from stage_twin.effects.term import Array, Term
 REACH = 0.2
 #: Hz. From 900 Hz on the plant's steps feed the edge of a light carriage in a play of less than
 #: 0.4 µm, until the stage flies away.
-STIFFEST = 800.0
+SOFTEST, STIFFEST = 100.0, 800.0
 #: What a fit gets wrong of the width, as the drive's share of the mass hardly shows: on six
 #: development sessions it found 0.73 to 1.6 of the true width.
 DOUBT = 0.3
@@ -38,12 +38,12 @@ EFFECT = Effect(
         Parameter(
             'contact_frequency',
             'Hz',
-            100.0,
+            SOFTEST,
             STIFFEST,
             FREQUENCY,
             "natural frequency of the drive's side on the compliance of the edges",
-            fitted=False,
             neutral=None,
+            doubt=DOUBT,
         ),
         Parameter(
             'contact_damping',
@@ -124,11 +124,12 @@ def term(rows: ForceRows) -> Term:
             'width': theta[0] / theta[1],
             'mass_ratio': theta[1],
             'contact_damping': theta[2],
+            'contact_frequency': theta[3],
         },
         propose=crossing.propose,
-        lower=(0.0, 0.02, 0.02),
-        upper=(2e-4, 0.8, 2.0),
+        lower=(0.0, 0.02, 0.02, SOFTEST),
+        upper=(2e-4, 0.8, 2.0, STIFFEST),
         admissible=lambda theta, c: theta[0] > 0.0 and 0.03 < theta[1] < 0.7,
         fixed=True,
-        steps=(2e-8, 5e-3, 0.02),
+        steps=(2e-8, 5e-3, 0.02, 5.0),
     )

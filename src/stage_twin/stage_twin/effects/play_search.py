@@ -18,6 +18,8 @@ from stage_twin.effects.term import Array, Theta
 
 #: Contact where nothing is said of it: natural frequency [Hz] and damping ratio.
 FREQUENCY, DAMPING = 300.0, 0.2
+#: Frequencies [Hz] that a search tries of an edge.
+FREQUENCIES = (120.0, 200.0, 300.0, 500.0)
 #: Radians of the contact's oscillation that a substep of the search may cover.
 REACH = 0.3
 #: Starts of a search: share of the mass times width [m], damping ratios, and that share.
@@ -37,14 +39,20 @@ def push(apart: float, rate: float, width: float, stiffness: float, damping: flo
 
 @njit(cache=True)
 def crossed(
-    force: Array, path: Array, period: float, mass: float, width: float, contact: float
+    force: Array,
+    path: Array,
+    period: float,
+    mass: float,
+    width: float,
+    contact: float,
+    frequency: float,
 ) -> Array:
     """Where a drive of some mass [kg] is in its play, (n,) [m], from the middle on.
 
-    A force (n,) [N] at the ticks drives it beside a carriage on a path (n,) [m]; `contact` is
-    the damping ratio of the edges.
+    A force (n,) [N] at the ticks drives it beside a carriage on a path (n,) [m]; `contact` and
+    `frequency` [Hz] are the damping ratio of the edges and the frequency of the drive on them.
     """
-    natural = 2.0 * math.pi * FREQUENCY
+    natural = 2.0 * math.pi * frequency
     stiffness, damping = mass * natural * natural, 2.0 * contact * mass * natural
     count = int(period * natural / REACH) + 1
     short = period / count
@@ -63,7 +71,10 @@ def crossed(
 
 
 class Crossing:
-    """Columns of a play in the drive; θ is share of the mass · width [m], the share, damping."""
+    """Columns of a play in the drive.
+
+    θ is share of the mass · width [m], that share, and damping ratio and frequency of the edges.
+    """
 
     def __init__(self, rows: ForceRows) -> None:
         self.rows = rows
@@ -71,11 +82,11 @@ class Crossing:
 
     def columns(self, theta: Theta) -> Array:
         """Force [N] that the drive's mass needs beside the carriage's motion, (n, 1)."""
-        moment, share, contact = theta
+        moment, share, contact, frequency = theta
         own, signals = share * self.rows.mass, []
         runs = zip(self.rows.applied(), self.rows.position(), self.rows.periods, strict=True)
         for force, path, period in runs:
-            place = crossed(force, path, period, own, moment / share, contact)
+            place = crossed(force, path, period, own, moment / share, contact, frequency)
             needed = np.zeros_like(place)
             needed[1:-1] = own * np.diff(place, 2) / period**2
             signals.append(needed)
@@ -83,18 +94,20 @@ class Crossing:
 
     def propose(self, residual: Array) -> tuple[Theta, ...]:
         """The start that explains most of a residual (n,); no width where none explains any."""
-        starts = [(float(m), SHARE, d) for m in MOMENTS for d in DAMPINGS]
+        starts = [(float(m), SHARE, d, FREQUENCY) for m in MOMENTS for d in DAMPINGS]
         best = max(starts, key=lambda start: self._explains(start, residual))
         if self._explains(best, residual) < LEAST * float(residual @ residual):
-            return ((0.0, SHARE, DAMPING),)
-        moment, _, contact = best
+            return ((0.0, SHARE, DAMPING, FREQUENCY),)
+        moment, _, contact, _ = best
         near = [
-            (moment * m, s, contact * d)
+            (moment * m, s, contact * d, FREQUENCY)
             for m in (0.85, 1.0, 1.18)
             for s in (0.15, 0.25, 0.38)
             for d in (0.8, 1.0, 1.25)
         ]
-        return (max(near, key=lambda start: self._gain(self.columns(start)[:, 0], residual)),)
+        start = max(near, key=lambda start: self._gain(self.columns(start)[:, 0], residual))
+        edges = [(*start[:3], f) for f in FREQUENCIES]
+        return (max(edges, key=lambda start: self._gain(self.columns(start)[:, 0], residual)),)
 
     def _explains(self, start: Theta, residual: Array) -> float:
         if start not in self._kept:
