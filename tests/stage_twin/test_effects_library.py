@@ -116,7 +116,8 @@ def test_every_parameter_moves_the_output(effect, parameter):
 
 #: Values in range that make a machine unstable: a loop with other gains, a spring that pushes.
 UNSTABLE = {'controller_mismatch', 'position_force', 'learned_force', 'learned_error'}
-LEAST = {'hardening': 0.0}
+#: Stronger, a spring with its centre beside the travel throws the stage away.
+LEAST, MOST = {'hardening': 0.0}, {'hardening': 1e7}
 
 
 @st.composite
@@ -127,7 +128,10 @@ def any_effects(draw):
     ):
         effects[named(name)] = {
             parameter.name: draw(
-                st.floats(LEAST.get(parameter.name, parameter.minimum), parameter.maximum)
+                st.floats(
+                    LEAST.get(parameter.name, parameter.minimum),
+                    MOST.get(parameter.name, parameter.maximum),
+                )
             )
             for parameter in EFFECTS[name].parameters
         }
@@ -151,8 +155,8 @@ def test_any_values_in_range_keep_the_stage_within_bounds(effects):
     try:
         result = run(effects)
     except StageError:
-        # The one refusal of values in range: friction that drives.
-        assert drives
+        # Friction that drives, and a play and a spring that leave the carriage next to no mass.
+        assert drives or effects.keys() >= {'drive_play.x', 'structural_resonance.x'}
         return
     # The swing of a friction that drives grows until the twin refuses it.
     assert drives or np.abs(result.encoder).max() < 3.0 + pushed_away(effects)
@@ -160,9 +164,25 @@ def test_any_values_in_range_keep_the_stage_within_bounds(effects):
     assert np.isfinite(result.tracker_points).all()
 
 
+def test_effects_that_throw_the_stage_away_are_refused():
+    with pytest.raises(StageError, match='flies away with the effects cable_force.x'):
+        run({'cable_force.x': {'stiffness': 0.0, 'centre': 1.0, 'hardening': 1e9}})
+
+
 def pushed_away(effects: dict[str, dict[str, float]]) -> float:
-    """How far the constant force of `effects` pushes a drive whose own force is clipped, in m."""
-    force = abs(effects.get('force_offset.x', {}).get('offset', 0.0))
+    """How far forces of `effects` push a drive whose own force is clipped, in m.
+
+    These are a constant one, that of a long wave, and the pull of the other axis, which has at
+    most 0.05 m/s and 0.3 m/s².
+    """
+    force = sum(
+        abs(value)
+        for effect in ('force_offset', 'force_ripple')
+        for key, value in effects.get(f'{effect}.x', {}).items()
+        if EFFECTS[effect].parameter(key).unit == 'N'
+    )
+    other = effects.get('axis_crosstalk.x', {})
+    force += 0.05 * abs(other.get('viscous', 0.0)) + 0.3 * abs(other.get('mass', 0.0))
     return force / TwinFile.nominal_servo().axes['x'].mass * TIMES[-1] ** 2 / 2.0
 
 

@@ -108,7 +108,8 @@ def simulate(
     Raises
     ------
     StageError
-        If an array's shape does not fit, or the twin is not a servo twin or wrong.
+        If an array's shape does not fit, the twin is not a servo twin or wrong, or its effects
+        throw the stage away.
     """
     if twin.kind != 'servo':
         raise StageError(f'a session can be simulated with a servo twin, this one is {twin.kind}')
@@ -117,6 +118,9 @@ def simulate(
     count = len(reference)
     reference_velocity = columns('reference_velocity', reference_velocity, count, arrays)
     channels, force = _run(arrays, reference, reference_velocity, compensation)
+    if not np.isfinite(force).all():
+        named = ', '.join(twin.effects)
+        raise StageError(f'the twin flies away with the effects {named}: make them weaker')
     rise = channels[5]
     if temperatures is not None:
         rise = columns('temperatures', temperatures, count, arrays) - twin.temperature_reference

@@ -20,8 +20,8 @@ EFFECT = Effect(
         Parameter(
             'hardening',
             'N/m³',
-            -1e11,
-            1e11,
+            -1e9,
+            1e9,
             0.0,
             'growth of stiffness with displacement squared',
         ),
