@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.signal import lfilter
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.shared import filtered
 from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
@@ -49,7 +49,7 @@ def lagged(force: Array, period: float, time_constant: float) -> Array:
         return force
     # Mean over a tick of the lag of a held value: weight of this tick's value and of the state.
     share = (1.0 - left) * time_constant / period
-    state = lfilter([1.0 - left], [1.0, -left], force, zi=[left * force[0]])[0]
+    state = filtered([1.0 - left], [1.0, -left], force, [left * force[0]])
     before = np.concatenate([force[:1], state[:-1]])
     return np.asarray(force + (before - force) * share)
 

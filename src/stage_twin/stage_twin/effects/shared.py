@@ -1,12 +1,14 @@
-"""What several effects have alike: parameters, the angle of a screw."""
+"""What several effects have alike: parameters, the angle of a screw, a filter."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from stage_twin.effects.definition import Parameter
+from stage_twin.effects.term import Array
 
 PERIOD = Parameter(
     'period', 'm', 0.0, 20.0, 0.0, 'spatial period; 0 takes the lead', fitted=False, neutral=None
@@ -36,3 +38,14 @@ SHORTEST_LENGTH = 1e-9
 def screw_angle(position: float, period: float, lead: float) -> float:
     """Angle [rad] of what repeats over `period`, or over the lead where that is 0."""
     return 2.0 * math.pi * position / (period if period > SHORTEST_LENGTH else lead)
+
+
+def filtered(
+    b: list[float], a: list[float], signal: Array, initial: list[float] | None = None
+) -> Array:
+    """A signal behind the filter b / a, from rest or from an initial state."""
+    # Only here: scipy.signal takes half a second to import, and the emulated machine needs none.
+    from scipy.signal import lfilter
+
+    out = lfilter(b, a, signal, zi=initial)
+    return np.asarray(out if initial is None else out[0])

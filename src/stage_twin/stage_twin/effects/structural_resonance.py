@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from scipy.signal import lfilter
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows, TrackerRows
+from stage_twin.effects.shared import filtered
 from stage_twin.effects.term import Array, Term, Theta
 
 #: Frequency [Hz] up to which a resonance is rather that of the machine on its mounts
@@ -89,7 +89,7 @@ def carried_mass(acceleration: Array, period: float, frequency: float, damping: 
     a0 = k * k + 2.0 * damping * omega * k + omega**2
     a = [1.0, 2.0 * (omega**2 - k * k) / a0, (k * k - 2.0 * damping * omega * k + omega**2) / a0]
     b = [-k * k / a0, 2.0 * k * k / a0, -k * k / a0]
-    return np.asarray(lfilter(b, a, acceleration))
+    return filtered(b, a, acceleration)
 
 
 def swinging(rows: ForceRows) -> Callable[[Theta], Array]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.signal import lfilter
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.shared import filtered
 from stage_twin.effects.term import Array, Term, Theta
 
 #: Least share of the force constant that is left, however strong the force.
@@ -89,7 +89,7 @@ def command(
 def _warmed(heating: Array, step: float, heat_time: float) -> Array:
     """What a heating (n,) has warmed before each tick, from cold."""
     keep = math.exp(-step / heat_time)
-    return np.asarray(lfilter([0.0, 1.0 - keep], [1.0, -keep], heating))
+    return filtered([0.0, 1.0 - keep], [1.0, -keep], heating)
 
 
 #: Ways to sag: of those without a memory two neighbours may be mixed.
