@@ -12,7 +12,6 @@ from geometry_msgs.msg import PointStamped, TransformStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from gap_diagnosis.experiment_node import run_experiment
 from gap_diagnosis.live import LiveMonitor
@@ -32,6 +31,7 @@ from stage_core.ros.node import (
     run,
     stamp_of,
 )
+from stage_core.ros.services_node import create_trigger_service
 from stage_core.twin_file import TwinFile
 
 PARAMETERS = (
@@ -64,8 +64,8 @@ class GapDiagnosisNode(StageNode):
         # A diagnosis takes seconds to minutes: its service waits in a thread of its own, and
         # the computation in a process of its own, so that live mode misses nothing.
         self._worker = Node('_gap_diagnosis_worker', use_global_arguments=False)
-        self._worker.create_service(Trigger, '/gap_diagnosis/diagnose', self._on_diagnose)
-        self._worker.create_service(Trigger, '/gap_diagnosis/experiment', self._on_experiment)
+        create_trigger_service(self._worker, '/gap_diagnosis/diagnose', self._on_diagnose)
+        create_trigger_service(self._worker, '/gap_diagnosis/experiment', self._on_experiment)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._worker)
         self._thread = threading.Thread(target=self._serve, daemon=True)
@@ -162,38 +162,28 @@ class GapDiagnosisNode(StageNode):
         ready = all(b.ready for b in bands.values())
         return OK, 'within its band' if ready else 'learning the band', values
 
-    def _on_diagnose(
-        self, request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
-        """Run the diagnosis on the parameters; the message is the verdict line."""
+    def _on_diagnose(self) -> str:
+        """Run the diagnosis on the parameters; its verdict line."""
         if not self.value('bag') or not self.value('twin'):
-            response.success = False
-            response.message = 'set the parameters bag and twin first'
-            return response
-        response.success, response.message = self._diagnose([self.value('bag')])
-        return response
+            raise StageError('set the parameters bag and twin first')
+        return self._diagnose([self.value('bag')])
 
-    def _on_experiment(
-        self, request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
-        """Run the experiment of the last report; the message says what it decided."""
-
-        def diagnosed(bags: list[str]) -> str:
-            success, message = self._diagnose(bags)
-            if not success:
-                raise StageError(message)
-            return message
-
+    def _on_experiment(self) -> str:
+        """Run the experiment of the last report; what it decided."""
         lockstep = bool(self.get_parameter('use_sim_time').value)
         try:
-            response.message = run_experiment(self.value, lockstep, diagnosed)
-            response.success = True
-        except (StageError, OSError, ValueError) as error:
-            response.success, response.message = False, str(error)
-        return response
+            return run_experiment(self.value, lockstep, self._diagnose)
+        except (OSError, ValueError) as error:
+            raise StageError(str(error)) from error
 
-    def _diagnose(self, bags: list[str]) -> tuple[bool, str]:
-        """Whether a diagnosis of some bags in a process of its own succeeded; its last line."""
+    def _diagnose(self, bags: list[str]) -> str:
+        """The last line of a diagnosis of some bags in a process of its own.
+
+        Raises
+        ------
+        StageError
+            With that line, if the diagnosis failed.
+        """
         command = [sys.executable, '-m', 'gap_diagnosis', 'diagnose']
         for bag in bags:
             command += ['--bag', bag]
@@ -218,7 +208,9 @@ class GapDiagnosisNode(StageNode):
         success = self._process.wait() == 0
         lines = output.strip().splitlines() if success else said
         self.verdict = lines[-1].strip() if lines else 'the diagnosis ended without a word'
-        return success, self.verdict
+        if not success:
+            raise StageError(self.verdict)
+        return self.verdict
 
     def shutdown(self) -> None:
         """End a running diagnosis and the service's thread."""
