@@ -10,7 +10,7 @@ from stage_driver.zaber_units import ZaberUnits
 from stage_twin.emulators.zaber_faults import KINDS
 
 from ..patience import wait
-from .zaber_rig import STEP, move, position, rig
+from .zaber_rig import IMPATIENT, STEP, move, position, rig
 
 
 def test_native_units():
@@ -71,7 +71,7 @@ def test_dead_host_leaves_the_axis_at_its_bound(tmp_path):
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_moves_survive_one_broken_reply_without_moving_twice(tmp_path, kind):
-    with rig(tmp_path) as (server, backend, recorder):
+    with rig(tmp_path, **IMPATIENT) as (server, backend, recorder):
         backend.home().result()
         server.chain.faults.delay = 0.3
         sent = []
@@ -89,7 +89,7 @@ def test_moves_survive_one_broken_reply_without_moving_twice(tmp_path, kind):
 
 
 def test_move_command_that_never_reached_the_device_is_sent_once_more(tmp_path):
-    with rig(tmp_path) as (server, backend, recorder):
+    with rig(tmp_path, **IMPATIENT) as (server, backend, recorder):
         backend.home().result()
         device = server.chain.devices[0]
         answer, lost = device.answer, []
@@ -106,7 +106,7 @@ def test_move_command_that_never_reached_the_device_is_sent_once_more(tmp_path):
 
 
 def test_cable_pulled_and_put_back_reconnects_without_moving(tmp_path):
-    with rig(tmp_path) as (server, backend, recorder):
+    with rig(tmp_path, **IMPATIENT) as (server, backend, recorder):
         backend.home().result()
         move(backend, recorder, 0.002, 0.002)
         server.unplug()
@@ -164,8 +164,7 @@ def test_stop_brakes_at_its_deceleration_and_not_past_the_target(tmp_path):
 
 
 def test_stop_ends_homing(tmp_path):
-    patient = {'link_timeout': 5.0, 'reply_timeout': 1.0}
-    with rig(tmp_path, start=(900_000, 2000), **patient) as (server, backend, recorder):
+    with rig(tmp_path, start=(900_000, 2000)) as (server, backend, recorder):
         homing = backend.home()
         wait(lambda: server.chain.axes[0].busy)
         backend.stop()

@@ -50,8 +50,7 @@ def test_homing_waits_for_a_port_only_so_long(tmp_path):
 
 
 def test_a_port_has_one_driver(tmp_path):
-    # A busy machine is late with its answers.
-    with rig(tmp_path, reply_timeout=5.0, link_timeout=60.0) as (server, backend, recorder):
+    with rig(tmp_path) as (server, backend, recorder):
         for port in (backend.config.port, server.port):
             second = ZaberConfig(('x', 'y'), (LIMITS, LIMITS), port)
             with pytest.raises(

@@ -17,6 +17,8 @@ from .driver_rig import Recorder
 STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
 LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
 STEP = 0.047625e-6
+#: For a rig whose wire loses what was said.
+IMPATIENT = {'reply_timeout': 0.1, 'link_timeout': 0.5}
 
 
 def chain(*start):
@@ -30,8 +32,8 @@ def chain(*start):
 def rig(tmp_path, start=(3000, 2000), **options):
     recorder, link = Recorder(), tmp_path / 'zaber'
     with ZaberPty(chain(*start), link=link) as server:
-        options.setdefault('reply_timeout', 0.1)
-        options.setdefault('link_timeout', 0.5)
+        # A busy machine is late with its answers.
+        options = {'reply_timeout': 5.0, 'link_timeout': 60.0, **options}
         config = ZaberConfig(('x', 'y'), (LIMITS, LIMITS), str(link), **options)
         backend = ZaberBackend(config, recorder)
         backend.start()
