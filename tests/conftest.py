@@ -21,8 +21,8 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 ROOT = Path(__file__).resolve().parents[1]
 #: Folders and files that take minutes: they begin first, so that no process waits for another.
 SLOW = {
-    'reliability', 'gap_diagnosis', 'contour_ctrl', 'stage_bringup', 'test_workspace', 'test_zoo',
-    'test_new_effect', 'test_figures',
+    'reliability', 'gap_diagnosis', 'contour_ctrl', 'stage_bringup', 'stage_driver',
+    'stage_twin_node', 'test_workspace', 'test_zoo', 'test_new_effect', 'test_figures',
 }  # fmt: skip
 
 

@@ -164,7 +164,7 @@ def test_stop_brakes_at_its_deceleration_and_not_past_the_target(tmp_path):
 
 
 def test_stop_ends_homing(tmp_path):
-    with rig(tmp_path, start=(900_000, 2000)) as (server, backend, recorder):
+    with rig(tmp_path, start=(200_000, 2000)) as (server, backend, recorder):
         homing = backend.home()
         wait(lambda: server.chain.axes[0].busy)
         backend.stop()
