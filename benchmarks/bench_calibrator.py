@@ -3,9 +3,9 @@
 The swarm: PyIT2FLS (membership functions and type reduction, sample by sample) with pseudo-inverse
 consequents inside pyswarms, on a small problem, and the compiled fitness on the same one; then one
 iteration of the paper's setting (1000 particles, 2000 samples, 5 rules, both axes), from which 200
-are extrapolated (`--full` runs them), and the same swarm by a plain compiled loop. Inference per
-sample. Stepwise regression of paper 2's size
-beside a loop of ordinary regressions (one step of it is timed and multiplied).
+are extrapolated (`--full` runs them), and the same swarm by plain compiled loops. Inference per
+sample. Stepwise regression of paper 2's size beside a loop of ordinary regressions (one step of it
+is timed and multiplied).
 
     python benchmarks/bench_calibrator.py [--full]
 """
@@ -18,15 +18,15 @@ import time
 import numpy as np
 import pyswarms
 import statsmodels.api as sm
-from numba import njit
+from plain_swarm import PlainFitness
 from pyit2fls import EIASC_algorithm
 
 from calibrator import pso
 from calibrator.consequents import regressors, rule_outputs
-from calibrator.it2_sets import LOWEST_EXPONENT, AntecedentSets, vector_bounds
+from calibrator.it2_sets import AntecedentSets, vector_bounds
 from calibrator.models import make_model
 from calibrator.stepwise import stepwise
-from calibrator.swarm_fitness import RIDGE, SwarmFitness
+from calibrator.swarm_fitness import SwarmFitness
 from calibrator.type_reduction import effective_weights
 
 RULES = 5
@@ -56,54 +56,27 @@ def peer_error(vector: np.ndarray, inputs: np.ndarray, target: np.ndarray) -> fl
     return total / len(inputs)
 
 
-@njit(nogil=True, error_model='numpy')
-def plain_errors(particles: np.ndarray, inputs: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """What `SwarmFitness` does for `nie_tan`, written as it is read: sample by sample."""
-    samples, count = inputs.shape
-    errors = np.zeros(len(particles))
-    design = np.empty((samples, (count + 1) * RULES))
-    weights = np.empty((2, RULES))
-    for p in range(len(particles)):
-        sets = particles[p].reshape(3, RULES, count)
-        upper = np.exp(-2.0 * sets[1])
-        lower = upper * np.exp(-2.0 * sets[2])
-        for i in range(samples):
-            square = (inputs[i] - sets[0]) ** 2
-            for j in range(RULES):
-                weights[0, j] = -np.sum(square[j] * lower[j])
-                weights[1, j] = -np.sum(square[j] * upper[j])
-            weights = np.maximum(weights - weights[1].max(), LOWEST_EXPONENT)
-            firing = np.exp(weights).sum(axis=0)
-            firing /= firing.sum()
-            design[i, :RULES] = firing
-            for k in range(count):
-                design[i, (k + 1) * RULES : (k + 2) * RULES] = firing * inputs[i, k]
-        gram = design.T @ design
-        gram += RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram))
-        fitted = design @ np.linalg.solve(gram, design.T @ targets)
-        errors[p] = np.sum((targets - fitted) ** 2) / samples
-    return errors
-
-
 def bench_plain_loop() -> None:
     """The whole swarm with and without loops for vector registers, in turn, one thread."""
     inputs, targets = stage(2000)
     low, high = vector_bounds(RULES, 2)
     swarm = np.random.default_rng(0).uniform(low, high, (1000, len(low)))
-    hand = SwarmFitness(inputs, targets, 'nie_tan', 1)
-    np.testing.assert_allclose(hand(swarm[:3]), plain_errors(swarm[:3], inputs, targets), 1e-5)
-    seconds = np.empty((3, 2))
-    for row in seconds:
-        started = time.perf_counter()
-        hand(swarm)
-        between = time.perf_counter()
-        plain_errors(swarm, inputs, targets)
-        row[:] = between - started, time.perf_counter() - between
-    ours, plain = seconds.min(axis=0)
-    print(
-        f'1000 particles, 2000 samples, nie_tan, least of 3: a plain compiled loop {plain:.2f} s, '
-        f'here {ours:.3f} s, ratio {plain / ours:.0f}'
-    )
+    for reduction in ('nie_tan', 'maclaurin'):
+        hand = SwarmFitness(inputs, targets, reduction, 1)
+        plain = PlainFitness(inputs, targets, reduction, RULES)
+        np.testing.assert_allclose(hand(swarm[:50]), plain(swarm[:50]), 1e-5)
+        seconds = np.empty((5, 2))
+        for row in seconds:
+            started = time.process_time()
+            hand(swarm)
+            between = time.process_time()
+            plain(swarm)
+            row[:] = between - started, time.process_time() - between
+        ours, loop = seconds.min(axis=0)
+        print(
+            f'1000 particles, 2000 samples, {reduction}, least of 5: plain compiled loops '
+            f'{loop:.3f} s, here {ours:.3f} s, ratio {loop / ours:.2f}'
+        )
 
 
 def bench_swarm(full: bool) -> None:
