@@ -165,7 +165,7 @@ def test_any_values_in_range_keep_the_stage_within_bounds(effects):
 
 
 def test_effects_that_throw_the_stage_away_are_refused():
-    with pytest.raises(StageError, match='flies away with the effects cable_force.x'):
+    with pytest.raises(StageError, match='flies away: weaken its effects cable_force.x'):
         run({'cable_force.x': {'stiffness': 0.0, 'centre': 1.0, 'hardening': 1e9}})
 
 

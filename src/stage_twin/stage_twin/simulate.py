@@ -119,8 +119,7 @@ def simulate(
     reference_velocity = columns('reference_velocity', reference_velocity, count, arrays)
     channels, force = _run(arrays, reference, reference_velocity, compensation)
     if not np.isfinite(force).all():
-        named = ', '.join(twin.effects)
-        raise StageError(f'the twin flies away with the effects {named}: make them weaker')
+        raise StageError(f'the twin flies away: weaken its effects {", ".join(twin.effects)}')
     rise = channels[5]
     if temperatures is not None:
         rise = columns('temperatures', temperatures, count, arrays) - twin.temperature_reference
