@@ -50,7 +50,6 @@ def test_selected_model_equals_ordinary_regression_and_is_stable(seed):
     fit = stepwise(x, y)
     model = sm.OLS(y, sm.add_constant(x[:, fit.selected])).fit()
     np.testing.assert_allclose(fit.coefficients[fit.selected], model.params[1:], rtol=1e-7)
-    np.testing.assert_allclose(fit.p_values, model.pvalues[1:], rtol=1e-6, atol=1e-14)
     np.testing.assert_allclose(fit.sigma, np.sqrt(model.mse_resid), rtol=1e-9)
     np.testing.assert_allclose(fit.predict(x), model.fittedvalues, rtol=1e-9)
     assert (model.pvalues[1:] <= 0.10).all()

@@ -34,8 +34,6 @@ class StepwiseFit:
         Of all candidates, (n,), zero outside the model.
     intercept
         Constant.
-    p_values
-        Of the terms in the model, (p,).
     sigma
         Standard deviation of the residual.
     path
@@ -45,7 +43,6 @@ class StepwiseFit:
     selected: NDArray[np.int64]
     coefficients: Array
     intercept: float
-    p_values: Array
     sigma: float
     path: tuple[int, ...]
 
@@ -98,12 +95,10 @@ def stepwise(
     coefficients[chosen] = matrix[chosen, -1] * length[-1] / length[chosen]
     freedom = len(x) - len(chosen) - 1
     left = max(float(matrix[-1, -1]), 0.0)
-    values = _p_values(_f_inside(matrix, chosen, freedom), freedom)
     return StepwiseFit(
         chosen,
         coefficients,
         target_mean - float(mean @ coefficients),
-        values,
         float(length[-1] * np.sqrt(left / freedom)),
         tuple(path),
     )

@@ -37,10 +37,6 @@ class Bidiagonal:
         product = kernels.multiply(self.entries, np.ascontiguousarray(columns))
         return product.reshape((self.shape[0],) + values.shape[1:])
 
-    def assemble(self) -> Array:
-        """Return the matrix itself, F_l .. F_1 D G_1 .. G_n multiplied out."""
-        return self.multiply(np.eye(self.shape[1]))
-
 
 def check_nodes(basis: Basis, nodes: ArrayLike) -> Array:
     """Return the nodes as a float array if the factorisation exists for them.

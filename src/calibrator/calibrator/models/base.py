@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -42,6 +42,8 @@ class CalibrationModel(ABC):
     method: ClassVar[str]
     summary: ClassVar[str]
     defaults: ClassVar[dict[str, Any]] = {}
+    choices: ClassVar[dict[str, Sequence[int]]] = {}
+    """What the data choose among for an option that is `auto`, the simplest first."""
     continuous: ClassVar[bool] = True
     """False for a model with jumps, whose exact inverse need not exist."""
     thermal: ClassVar[bool] = False
@@ -79,7 +81,10 @@ class CalibrationModel(ABC):
         return self.chosen.get(name, self.options[name])
 
     def candidates(self) -> list[dict[str, Any]]:
-        """Settings of the options that are `auto`, the simplest first."""
+        """Settings of the option that is `auto`, the simplest first."""
+        for name, values in self.choices.items():
+            if self.options[name] == 'auto':
+                return [{name: value} for value in values]
         return [{}]
 
     def parameter_count(self, axes: int, sensors: int) -> int:

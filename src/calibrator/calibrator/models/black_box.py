@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
-from typing import Any
 
 import numpy as np
 
@@ -61,12 +60,7 @@ class Perceptron(BlackBox):
     method = 'perceptron'
     summary = 'one hidden layer of tanh neurons (scikit-learn)'
     defaults = {'neurons': 'auto', 'restarts': 3, 'iterations': 1500, 'seed': 0}
-
-    def candidates(self) -> list[dict[str, Any]]:
-        """Neurons of the hidden layer."""
-        if self.options['neurons'] != 'auto':
-            return [{}]
-        return [{'neurons': neurons} for neurons in (2, 5, 10)]
+    choices = {'neurons': (2, 5, 10)}
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Weights of the hidden layer and of one output."""
@@ -160,13 +154,8 @@ class GradientBoosting(BlackBox):
     method = 'gradient_boosting'
     summary = 'gradient boosted trees (scikit-learn)'
     defaults = {'trees': 'auto', 'depth': 4, 'rate': 0.1, 'subsample': 0.7, 'seed': 0}
+    choices = {'trees': (10, 40, 150)}
     continuous = False
-
-    def candidates(self) -> list[dict[str, Any]]:
-        """Trees."""
-        if self.options['trees'] != 'auto':
-            return [{}]
-        return [{'trees': trees} for trees in (10, 40, 150)]
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Leaves of one tree."""

@@ -41,6 +41,7 @@ class FuzzySystem(Adaptable):
         'threads': 0,
         'seed': 0,
     }
+    choices = {'rules': (1, 2, 5)}
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
@@ -49,12 +50,6 @@ class FuzzySystem(Adaptable):
                 f'there is no type reduction {self.options["reduction"]}: choose one of '
                 f'{", ".join(REDUCTIONS)}'
             )
-
-    def candidates(self) -> list[dict[str, Any]]:
-        """Rules."""
-        if self.options['rules'] != 'auto':
-            return [{}]
-        return [{'rules': rules} for rules in (1, 2, 5)]
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Consequents of one output; the antecedents are searched, not solved."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import comb
-from typing import Any
 
 import numpy as np
 
@@ -77,12 +76,7 @@ class Polynomial(CalibrationModel):
     method = 'polynomial'
     summary = 'polynomial in all axes by least squares'
     defaults = {'degree': 'auto'}
-
-    def candidates(self) -> list[dict[str, Any]]:
-        """Degrees one to seven."""
-        if self.options['degree'] != 'auto':
-            return [{}]
-        return [{'degree': degree} for degree in range(1, 8)]
+    choices = {'degree': range(1, 8)}
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Number of monomials up to the degree."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from calibrator.lolimot import LocalLinearTree, grow
@@ -17,12 +15,8 @@ class LocalLinear(CalibrationModel):
     method = 'lolimot'
     summary = 'local linear model tree (paper 5)'
     defaults = {'models': 'auto', 'overlap': 0.33, 'split_all': False}
-
-    def candidates(self) -> list[dict[str, Any]]:
-        """Most local models; Akaike's criterion may stop before."""
-        if self.options['models'] != 'auto':
-            return [{}]
-        return [{'models': count} for count in (1, 2, 4, 8, 16, 30)]
+    #: Most local models; Akaike's criterion may stop before.
+    choices = {'models': (1, 2, 4, 8, 16, 30)}
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """One local model."""
