@@ -18,7 +18,7 @@ STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()}
 LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
 STEP = 0.047625e-6
 #: For a rig whose wire loses what was said.
-IMPATIENT = {'reply_timeout': 0.1, 'link_timeout': 0.5}
+IMPATIENT = {'reply_timeout': 0.1, 'link_timeout': 1.5}
 
 
 def chain(*start):
