@@ -148,7 +148,8 @@ def polish(
     """Parameters of the servo effects of an axis, refined on the encoder of the fit windows.
 
     `fixed` are effects of the axis that the record itself tells: they stay as they are. Values
-    stay unchanged where the gap is at the encoder's step already or nothing is gained. A
+    stay unchanged where the gap is at the encoder's step already, nothing is gained, or the loop
+    stays far from the record: one that sticks goes another way from a moment on. A
     standard deviation holds that of the closed loop and the disagreement of the two estimates.
     """
     fitted = [r for r in records if not r.held_out_session]
@@ -213,7 +214,7 @@ def _refined(
     apart = z + np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -2.0, 2.0)
     left = float(np.sqrt(np.mean(residual**2)))
     if left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
-        # Its slopes say nothing of a loop that goes another way from a moment on.
+        # The slopes of such a loop say nothing.
         return found, first
     if left > WORTHWHILE * first:
         z, left = np.zeros(len(names)), first
