@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from .patience import PATIENCE
+
 
 def start(
     module: str, env: Mapping[str, str], *files: Path, **parameters: Any
@@ -28,7 +30,7 @@ def end(process: subprocess.Popen[str]) -> str:
     if process.poll() is None:
         process.terminate()
     try:
-        return process.communicate(timeout=20)[0]
+        return process.communicate(timeout=PATIENCE)[0]
     except subprocess.TimeoutExpired:
         process.kill()
         return process.communicate()[0]

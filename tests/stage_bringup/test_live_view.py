@@ -10,7 +10,6 @@ import socket
 import struct
 import subprocess
 import threading
-import time
 import urllib.request
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,10 +19,12 @@ import pytest
 
 from session_bags.definitions import definition
 from stage_bringup.graph import free_port
+from stage_bringup.live_state_node import LiveState
 from stage_bringup.live_view_node import Thinner, channel
 from stage_core import topics
 
 from ..node_process import end, start
+from ..patience import PATIENCE, wait
 
 
 def test_thinner_keeps_the_rate() -> None:
@@ -55,6 +56,24 @@ def test_channel_carries_the_message_definition() -> None:
     assert values['schema']['data'].decode() == definition('sensor_msgs/msg/JointState')[0]
 
 
+def test_while_a_contour_is_followed_the_error_is_the_controllers() -> None:
+    from geometry_msgs.msg import Vector3, Vector3Stamped
+    from rclpy.serialization import serialize_message
+
+    from stage_core.ros.node import joint_state
+
+    state = LiveState(SimpleNamespace(create_client=lambda *_: None))
+    # In real time the driver follows the reference of the tick before.
+    state.keep_reference(serialize_message(joint_state(1, 'xy', position=[30e-6, 0.0])))
+    encoder = joint_state(1, 'xy', position=[0.0, 0.0])
+    state.take(topics.JOINT_STATES, serialize_message(encoder))
+    assert state.now()['error'] == [30e-6, 0.0]
+    error = Vector3Stamped(vector=Vector3(x=1e-6, y=2e-6, z=3e-6))
+    state.take(topics.CONTOUR_ERROR, serialize_message(error))
+    shown = state.now()
+    assert (shown['error'], shown['contour']) == ([1e-6, 2e-6], 3e-6)
+
+
 LIVE_VIEW = 'stage_bringup.live_view_node'
 
 
@@ -65,7 +84,7 @@ def test_node_without_the_sdk_serves_its_page(ros_env: dict[str, str], tmp_path:
     node = start(LIVE_VIEW, {**ros_env, 'PYTHONPATH': path}, page_port=port)
     try:
         wait_for_server(port, node)
-        with urllib.request.urlopen(f'http://127.0.0.1:{port}/') as page:
+        with urllib.request.urlopen(f'http://127.0.0.1:{port}/', timeout=PATIENCE) as page:
             assert 'Stop the stage' in page.read().decode()
     finally:
         output = end(node)
@@ -101,19 +120,26 @@ async def first_messages(port: int, wanted: set[str]) -> dict[str, tuple[dict[st
 
 
 def newest_state(port: int) -> dict[str, Any]:
-    """State of the page's stream once it holds an error and a node; the stream ends with it."""
-    with urllib.request.urlopen(f'http://127.0.0.1:{port}/events') as stream:
-        for line in stream:
-            if line.startswith(b'data: '):
-                state = json.loads(line.removeprefix(b'data: '))
-                if state['error'] and state['states']:
-                    return state
-    pytest.fail('the stream ended before an error came')
+    """The first state of a stream of the page."""
+    with urllib.request.urlopen(f'http://127.0.0.1:{port}/events', timeout=PATIENCE) as stream:
+        return json.loads(stream.readline().removeprefix(b'data: '))
+
+
+def state_with_an_error(port: int) -> dict[str, Any]:
+    """State of the page once it holds an error and a node."""
+    state: dict[str, Any] = {}
+
+    def complete() -> bool:
+        state.update(newest_state(port))
+        return bool(state['error'] and state['states'])
+
+    wait(complete, lambda: f'an error and a node: {state}')
+    return state
 
 
 def post_stop(port: int) -> str:
     request = urllib.request.Request(f'http://127.0.0.1:{port}/stop', method='POST')
-    with urllib.request.urlopen(request) as answer:
+    with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
         return answer.read().decode()
 
 
@@ -159,12 +185,11 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
             try:
                 wait_for_server(port, node)
                 wanted = {topics.MODEL, topics.JOINT_STATES, topics.DIAGNOSTICS}
-                got = asyncio.run(first_messages(port, wanted))
-                shown = newest_state(page_port)
+                got = asyncio.run(asyncio.wait_for(first_messages(port, wanted), PATIENCE))
+                shown = state_with_an_error(page_port)
                 stop_without_driver = post_stop(page_port)
                 client.node.create_service(Trigger, '/stage_driver/stop', answer_stop)
-                while 'test is at rest' not in post_stop(page_port):
-                    time.sleep(0.2)
+                wait(lambda: 'test is at rest' in post_stop(page_port), 'the stop')
             finally:
                 ended.set()
                 thread.join()
@@ -194,8 +219,10 @@ def test_a_browser_gets_the_messages_of_the_graph(ros_env: dict[str, str]) -> No
 
 
 def wait_for_server(port: int, node: subprocess.Popen) -> None:
-    while node.poll() is None:
-        with contextlib.suppress(OSError), socket.create_connection(('127.0.0.1', port)):
-            return
-        time.sleep(0.1)
-    pytest.fail(f'the node ended with status {node.returncode}')
+    def listens() -> bool:
+        assert node.poll() is None, f'the node ended with status {node.returncode}'
+        with contextlib.suppress(OSError), socket.create_connection(('127.0.0.1', port), PATIENCE):
+            return True
+        return False
+
+    wait(listens, f'a server on port {port}')

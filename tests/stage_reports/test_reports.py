@@ -123,6 +123,7 @@ def test_a_contour_page_leaves_out_approach_and_pauses(tmp_path: Path) -> None:
     found = runs(session)
     assert [run.number for run in found] == [1, 2]
     assert [len(run.contour) for run in found] == [800, 1100]
+    assert [run.errors.shape for run in found] == [(800, 2), (1100, 2)]
     page = session_page(session)
     assert page.brief.startswith('1.000 µm (95 %: 1.000 to 1.000 µm)')
     told = words(page.render())

@@ -8,7 +8,7 @@ from collections import deque
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PointStamped, TransformStamped, Vector3Stamped
+from geometry_msgs.msg import PointStamped, TransformStamped, Vector3, Vector3Stamped
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
@@ -37,7 +37,7 @@ class LiveState:
         self._references: deque[bytes] = deque(maxlen=KEPT)
         self._reader = JointStateReader()
         self._tracker: list[float] | None = None
-        self._contour: tuple[float, float] | None = None
+        self._contour: tuple[Vector3, float] | None = None
         self._alignment = RigidTransform.identity()
         self._states: dict[str, tuple[int, str, float]] = {}
         self._stop = node.create_client(Trigger, '/stage_driver/stop')
@@ -53,8 +53,7 @@ class LiveState:
             p = deserialize_message(data, PointStamped).point
             self._tracker = self._alignment.apply((p.x, p.y, p.z)).tolist()
         elif topic == topics.CONTOUR_ERROR:
-            error = deserialize_message(data, Vector3Stamped).vector.z
-            self._contour = (error, time.monotonic())
+            self._contour = (deserialize_message(data, Vector3Stamped).vector, time.monotonic())
         elif topic == topics.ALIGNMENT:
             self._alignment = alignment_in(deserialize_message(data, TransformStamped))
         elif topic == topics.DIAGNOSTICS:
@@ -84,12 +83,17 @@ class LiveState:
                 return [r - q for r, q in zip(wanted, sample.position, strict=True)]
         return None
 
+    def _following(self) -> Vector3 | None:
+        """The newest contour error; None after a run, of which it says nothing any more."""
+        contour = self._contour
+        return contour[0] if contour and time.monotonic() - contour[1] < FOLLOWING else None
+
     def now(self) -> dict[str, Any]:
         """The state of this moment; SI units."""
         with self._lock:
             position = list(self._encoders[-1].position) if self._encoders else None
             states = dict(self._states)
-        latest, contour = time.monotonic(), self._contour
+        latest, contour = time.monotonic(), self._following()
         rows = [
             {
                 'name': name,
@@ -104,10 +108,10 @@ class LiveState:
         return {
             'axes': AXES,
             'position': position,
-            'error': self._error(),
+            # The controller's own: in real time the driver's reference is a tick late in a stream.
+            'error': [contour.x, contour.y] if contour else self._error(),
             'tracker': self._tracker,
-            # Only while a contour is followed: the last error of a run says nothing afterwards.
-            'contour': contour[0] if contour and latest - contour[1] < FOLLOWING else None,
+            'contour': contour.z if contour else None,
             'driver': driver,
             'states': rows,
         }

@@ -99,14 +99,15 @@ class Foxglove:
     """
 
     def __init__(self, sdk: Any, host: str, port: int) -> None:
+        # Before the server, which can refuse a browser that subscribes at once to a new channel.
+        self._channels = {topic: channel(sdk, topic) for topic in SHOWN}
+        self._latched: dict[str, bytes] = {}
         try:
             self._server = sdk.start_server(name='stage', host=host, port=port)
         except (OSError, RuntimeError) as error:
             raise StageError(
                 f'cannot serve on {host}:{port} ({error}): choose another parameter port'
             ) from error
-        self._channels = {topic: channel(sdk, topic) for topic in SHOWN}
-        self._latched: dict[str, bytes] = {}
 
     def take(self, topic: str, data: bytes) -> None:
         """Pass one message on."""

@@ -80,7 +80,7 @@ def contour_page(
     _learning(page, found, rms)
     _over_path(page, found, best, seen)
     _standard(page, found, other, table or (seen[0] if seen else None))
-    _table(page, found, encoder.get('encoder'))
+    _table(page, found, 'encoder' in encoder)
     hysteresis_section(page, session, found[best], seen)
     temperature_section(page, session)
     recorded_section(page, session)
@@ -168,7 +168,7 @@ def _learning(page: Page, found: list[Run], rms: list[float]) -> None:
     page.figure(
         figures.histogram({f'run {run.number}': run.contour for run in ends}, rare=True),
         'How often which contour error occurs',
-        'In a narrow heap with far tails, short events such as reversals make the largest errors.',
+        'Long tails beside a narrow heap are short events, such as the reversals of an axis.',
     )
 
 
@@ -233,21 +233,17 @@ def _circle(run: Run, tracking: Tracking) -> tuple[Array, float] | None:
     return None if paths is None else (paths.centre, paths.radius)
 
 
-def _table(page: Page, found: list[Run], encoder: Tracking | None) -> None:
+def _table(page: Page, found: list[Run], encoder: bool) -> None:
+    """Figures of each run; those of the axes where the encoder speaks in metres."""
     header = ['run', 'contour RMS (µm)', 'contour largest (µm)']
-    axes = 0 if encoder is None else encoder.errors.shape[1]
-    header += [f'encoder: RMS of {axis} (µm)' for axis in 'xy'[:axes]]
+    if encoder:
+        header += [f'encoder: RMS of {axis} (µm)' for axis in 'xy']
     rows: list[list[object]] = []
     for run in found:
         f = Metrics.of(run.contour)
         row: list[object] = [run.number, f'{f.rms * MICRO:.2f}', f'{f.max * MICRO:.1f}']
-        if encoder is not None:
-            part = encoder.errors[run.within(encoder.seconds)]
-            row += (
-                [f'{Metrics.of(column).rms * MICRO:.2f}' for column in part.T]
-                if len(part)
-                else [None] * axes
-            )
+        if encoder:
+            row += [f'{Metrics.of(column).rms * MICRO:.2f}' for column in run.errors.T]
         rows.append(row)
     page.heading('Each run')
     page.table(header, rows, 'reference minus encoder, while the contour is followed')
