@@ -122,7 +122,7 @@ def _session_page(
             for row in result.rows
             for when, f in (('before', row.before), ('after', row.after))
         ],
-        'by the tracker, with its noise in it (k = 1)',
+        'measured by the tracker, whose noise is part of every figure',
     )
     return page
 

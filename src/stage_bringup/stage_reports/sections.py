@@ -72,9 +72,10 @@ def positioning_section(page: Page, session: Session, tracking: Tracking) -> boo
         page.figure(
             figures.positioning_plot(result, uncertain, f'axis {axis}'),
             f'Deviations of axis {axis} at {len(test.targets)} targets',
-            'Bands that lie apart show play (B), wide bands poor repeatability (R). A slope is an '
-            'error of scale, a wave comes from the screw. The bracket spans A. The bar '
-            'beside its end is ± U, the expanded uncertainty of A (k = 2).',
+            'Bands that lie apart show play (B), wide bands poor repeatability (R). A servo that '
+            'overshoots takes play up before it rests, so that B is smaller than the play. A '
+            'slope is an error of scale, a wave comes from the screw. The bracket spans A. The '
+            'bar beside its end is ± U, the expanded uncertainty of A (k = 2).',
         )
         for name, said in values.items():
             said.append(with_std(getattr(result, name), uncertain[name]))

@@ -206,14 +206,14 @@ def _leftovers(page: Page, diagnosis: Diagnosis) -> None:
 def _where(page: Page, diagnosis: Diagnosis) -> None:
     page.heading('Where it lies')
     axes = ', '.join(f'{a} {100 * s:.0f} %' for a, s in diagnosis.axes_share.items())
-    page.text(f'Most of it lies in {link_words(diagnosis.link)}. Share of the axes: {axes}.')
+    page.text(f'Most of the gap lies in {link_words(diagnosis.link)}. Shares of the axes: {axes}.')
     page.figure(
         figures.shares(diagnosis),
         'Which conditions the gap depends on',
         'Side of approach points to friction or play, the turn of the screw to its pitch, '
         'position to guides, scale and squareness, speed to viscous friction or latency, time '
         'and temperature to drift. Conditions go together, so the shares do not add up to 100 %. '
-        'A grey bar may be chance (p ≥ 0.05).',
+        'A grey bar may be chance (significance level 5 %).',
     )
     page.figure(
         figures.heat_map(diagnosis),
