@@ -20,7 +20,7 @@ from stage_core.pages import css
 #: Seconds between two states of the stream.
 PERIOD = 0.1
 #: The page loads nothing from elsewhere.
-POLICY = "default-src 'self'; script-src 'unsafe-inline'; style-src 'unsafe-inline'"
+POLICY = "default-src 'self'; img-src data:; script-src 'unsafe-inline'; style-src 'unsafe-inline'"
 
 
 def page_text() -> str:

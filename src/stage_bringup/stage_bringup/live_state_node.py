@@ -22,7 +22,7 @@ from stage_core.ros.peers import SILENCE
 #: References that are kept: those of 0.4 s at 1 kHz, of the oldest encoder reading and younger.
 KEPT = 400
 #: A contour error is shown for so long (s).
-FOLLOWING = 1.0
+FOLLOWING = 0.3
 #: Wall time that the driver has to answer a stop (s).
 STOP_TIMEOUT = 5.0
 SILENT = 3
