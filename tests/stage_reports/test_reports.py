@@ -19,6 +19,7 @@ from stage_core.errors import StageError
 from stage_core.session import Series, Session
 from stage_reports import circular, positioning
 from stage_reports.command import main, session_page
+from stage_reports.contour_page import _more_runs
 from stage_reports.extract import circular_paths, positioning_runs
 from stage_reports.intervals import distance_rms, path_interval, rms_interval
 from stage_reports.tracking import places, runs, tracking_errors
@@ -130,6 +131,12 @@ def test_a_contour_page_leaves_out_approach_and_pauses(tmp_path: Path) -> None:
     assert 'In the first run it was 4.0 µm' in told
     assert 'The last run lowered the RMS by 75 %' in told
     assert 'The largest error is 1.0' in told
+
+
+def test_a_contour_page_says_whether_more_runs_help() -> None:
+    assert 'may lower it further' in _more_runs([4e-6, 2e-6])[0]
+    assert 'more runs hardly help' in _more_runs([2e-6, 1.98e-6])[0]
+    assert 'Run 2 was the best' in _more_runs([4e-6, 1e-6, 3e-6])[0]
 
 
 def two_ways() -> dict[str, Series]:

@@ -6,20 +6,18 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from calibrator import model_file
-from gap_diagnosis.report.causes import CLOSES, effect_sentence, parameter_words
+from gap_diagnosis.report.causes import CLOSES, closes_words, effect_sentence, parameter_words
 from session_bags.reader import read_session
 from stage_bringup.graph import Options, nominal_twin, reality_twin
 from stage_bringup.steps import SessionResult
 from stage_core.pages import Page, add_conditions, add_navigation
 from stage_core.quantities import MICROMETRE, split_effect
-from stage_core.session import Session
 from stage_core.wording import effect_words, measure, span, with_interval
 from stage_reports import figures
 from stage_reports.command import session_page
 from stage_reports.intervals import distance_rms, rms_interval
+from stage_reports.sections import heat_words
 from stage_twin.effects import EFFECTS
 
 Link = tuple[str, str, str]
@@ -48,7 +46,7 @@ def write_report(options: Options, result: SessionResult) -> Path:
     found = json.loads(diagnosis.read_text()) if diagnosis.exists() else None
     if found is not None:
         cards.append(('Diagnosis', 'diagnosis/report.html', _verdict(found)))
-    page = _session_page(options, result, [*entries, _heat(session)], cards)
+    page = _session_page(options, result, [*entries, ('Temperature', heat_words(session))], cards)
     page.navigation([('Session', ''), *links])
     if found is not None:
         _diagnosis(page, found)
@@ -69,12 +67,6 @@ def _conditions(options: Options, result: SessionResult) -> list[tuple[str, str]
         ('Date', result.data['recorded'].replace('T', ' ')[:16]),
         ('Clock', f'{options.clock}, seed {options.seed}'),
     ]
-
-
-def _heat(session: Session) -> tuple[str, str]:
-    readings = [s.values['temperature'] for s in session.temperatures().values()]
-    values = np.concatenate(readings or [np.empty(0)])
-    return 'Temperature', span(values.min(), values.max(), '°C', 1) if values.size else ''
 
 
 def _model(options: Options) -> model_file.StoredModel | None:
@@ -140,14 +132,13 @@ def _diagnosis(page: Page, report: dict[str, Any]) -> None:
             continue
         known = split_effect(cause['effect'])[0] in EFFECTS
         values = {n: (p['value'], p['std']) for n, p in cause['parameters'].items()}
-        low, high = cause['shrink_ci95']
         rows.append(
             [
                 effect_words(cause['effect']),
                 f'{cause["probability"]:.2f}',
                 effect_sentence(cause['effect'], values) if known else '',
                 parameter_words(cause['effect'], values),
-                f'{100 * cause["shrink"]:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)',
+                closes_words(cause['shrink'], cause['shrink_ci95']),
             ]
         )
     page.heading('Where the twin and the machine differ')

@@ -27,6 +27,8 @@ from stage_reports.sections import (
 from stage_reports.tracking import Array, Run, Tracking, tracking_errors
 
 MICRO = 1.0 / MICROMETRE
+#: A run that leaves more than this share of the RMS before it has hardly lowered it.
+WORTH = 0.95
 
 
 def contour_page(
@@ -43,8 +45,10 @@ def contour_page(
     model : that corrected the contour; its prediction of the reference is where the table should
         be. None takes the reference.
     """
-    encoder = {item.sensor: item for item in tracking_errors(session)}
-    seen = [encoder[s] for s in ('encoder', 'tracker') if s in encoder]
+    sensors = {item.sensor: item for item in tracking_errors(session)}
+    seen = [sensors[s] for s in ('encoder', 'tracker') if s in sensors]
+    # A stepper counts the steps of its motor.
+    motor = 'encoder' if 'encoder' in sensors else 'motor'
     found, other = _by_way(found, seen)
     rms = [Metrics.of(run.contour).rms for run in found]
     best = int(np.argmin(rms))
@@ -56,9 +60,9 @@ def contour_page(
     first = f' In the first run it was {measure(rms[0], digits=2)}.' if best else ''
     page.headline(
         with_interval(rms[best], *path_interval(found[best].contour)),
-        f'RMS contour error in run {best + 1} of {len(found)}: the distance of the encoder from '
+        f'RMS contour error in run {best + 1} of {len(found)}: the distance of the {motor} from '
         f'the wanted path, without approach and pauses.{first}',
-        f'from the contour at the encoder, RMS of the best run'
+        f'from the contour at the {motor}, RMS of the best run'
         f'{"" if deviation is None else f"; table: G {measure(deviation, digits=2)}"}',
     )
     page.conditions(
@@ -72,7 +76,7 @@ def contour_page(
         [
             *_largest(found[best], seen),
             *_more_runs(rms),
-            *([] if deviation is None else [_table_says(deviation)]),
+            *([] if deviation is None else [_table_says(motor, deviation)]),
             f'The interval says how much the RMS depends on single stretches of the path (block '
             f'bootstrap of {STRETCHES} stretches).',
         ]
@@ -80,7 +84,7 @@ def contour_page(
     _learning(page, found, rms)
     _over_path(page, found, best, seen)
     _standard(page, found, other, table or (seen[0] if seen else None))
-    _table(page, found, 'encoder' in encoder)
+    _table(page, found, motor == 'encoder')
     hysteresis_section(page, session, found[best], seen)
     temperature_section(page, session)
     recorded_section(page, session)
@@ -112,9 +116,9 @@ def _table_deviation(found: list[Run], table: Tracking | None) -> float | None:
     return None if test is None else test[0].G
 
 
-def _table_says(deviation: float) -> str:
+def _table_says(motor: str, deviation: float) -> str:
     return (
-        'The encoder does not see play, pitch and squareness. The tracker sees the table: by it '
+        f'The {motor} does not see play, pitch and squareness. The tracker sees the table: by it '
         f'the circular deviation G of the last run is {measure(deviation, digits=2)} (ISO 230-4).'
     )
 
@@ -134,11 +138,12 @@ def _more_runs(rms: list[float]) -> list[str]:
     """Whether the error still falls from run to run."""
     if len(rms) < 2:
         return []
+    if min(rms) < rms[-1]:
+        return [f'Run {int(np.argmin(rms)) + 1} was the best. The runs after it did not help.']
     before, last = rms[-2:]
     change = f'{100.0 * abs(1.0 - last / before):.0f} %' if before > 0.0 else '0 %'
-    if last < before:
-        return [f'The last run lowered the RMS by {change}: another one may lower it further.']
-    return [f'In the last run the RMS rose by {change}: more runs do not help.']
+    told = 'another one may lower it further' if last < WORTH * before else 'more runs hardly help'
+    return [f'The last run lowered the RMS by {change}: {told}.']
 
 
 def _place(run: Run, seen: list[Tracking]) -> str:
@@ -246,10 +251,11 @@ def _table(page: Page, found: list[Run], encoder: bool) -> None:
             row += [f'{Metrics.of(column).rms * MICRO:.2f}' for column in run.errors.T]
         rows.append(row)
     page.heading('Each run')
-    page.table(header, rows, 'reference minus encoder, while the contour is followed')
+    page.table(header, rows, 'while the contour is followed')
     page.text(
-        'The encoder sits on the motor side: it does not see play, screw pitch and axes that are '
-        'not square. Where a calibration corrects the contour, the reference holds the correction.'
+        f'{"The encoder sits on the motor side: it" if encoder else "The motor"} does not see '
+        'play, screw pitch and axes that are not square. Where a calibration corrects the '
+        'contour, the reference holds the correction.'
     )
 
 

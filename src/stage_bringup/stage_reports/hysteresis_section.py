@@ -23,10 +23,10 @@ def hysteresis_section(page: Page, session: Session, run: Run, seen: list[Tracki
         figures.hysteresis_loops(loops),
         f'What each axis does forwards and backwards, run {run.number}',
         'Table minus motor: branches that stay apart up to both ends show play, by its width. A '
-        'gap in the middle that closes at the ends comes from axes that are not square, and a '
-        'wave alike in both directions from the screw. Force: the branches lie apart by twice '
-        'the friction, and their tilt is the mass. A column of points outside the branches is '
-        'the start or the end of the run.',
+        'gap in the middle that closes at the ends comes from axes that are not square, or from '
+        'a clock of the tracker that is off. A wave alike in both directions comes from the '
+        'screw. Force: the branches lie apart by twice the friction, and their tilt is the mass. '
+        'A column of points outside the branches is the start or the end of the run.',
     )
 
 

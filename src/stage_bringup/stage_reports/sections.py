@@ -32,19 +32,27 @@ POSITIONING_FIGURES = (
 )
 
 
+def heat_words(session: Session) -> str:
+    """The temperatures of a session; the electronics' where the stage has no sensor."""
+    sensors = session.temperatures()
+    stage = {name: s for name, s in sensors.items() if not name.startswith('controller')}
+    values = [s.values['temperature'] for s in (stage or sensors).values()]
+    if not values:
+        return 'not recorded'
+    told = span(min(v.min() for v in values), max(v.max() for v in values), '°C', 1)
+    return told if stage else f'{told}, of the controller alone'
+
+
 def condition_entries(
     session: Session, known: list[tuple[str, str]] | None = None
 ) -> list[tuple[str, str]]:
     """What is `known` of a session's conditions, and what it tells itself."""
-    sensors = session.temperatures()
-    values = np.concatenate([s.values['temperature'] for s in sensors.values()] or [np.empty(0)])
-    heat = span(values.min(), values.max(), '°C', 1) if values.size else 'not recorded'
     twin = session.twin
     told = {
         'Recording': Path(session.path).name,
         'Date': date_words(session.recorded_ns),
         'Twin': f'{twin.get("kind")}, in the recording' if twin else 'none in the recording',
-        'Temperature': heat,
+        'Temperature': heat_words(session),
         'Alignment': 'tracker aligned with the stage' if session.alignment else '',
     }
     return list({**told, **dict(known or [])}.items())

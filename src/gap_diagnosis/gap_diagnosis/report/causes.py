@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from gap_diagnosis.evidence.describe import not_seen
 from gap_diagnosis.evidence.judgement import NONE, Cause
 from gap_diagnosis.report.words import status_words
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN, split_effect
-from stage_core.wording import effect_words, parameter_name, rounded, with_std
+from stage_core.wording import effect_words, parameter_name, rounded, span, with_std
 from stage_twin.effects import EFFECTS, effect_of
 
 #: The table of the evidence has a row for each candidate of this probability or more.
@@ -65,9 +67,10 @@ def effect_sentence(effect: str, parameters: Parameters) -> str:
     return '; '.join([definition.says(known), *said])
 
 
-def _interval(shrink: float, interval: tuple[float, float]) -> str:
-    low, high = interval
-    return f'{100 * shrink:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)'
+def closes_words(shrink: float, interval: Sequence[float]) -> str:
+    """What an effect closes of the gap, with its interval: *53 % (42 to 62 %)*."""
+    low, high = (100.0 * value for value in interval)
+    return f'{100 * shrink:.0f} % ({span(low, high, "%")})'
 
 
 def _accepted(cause: Cause) -> bool:
@@ -85,7 +88,7 @@ def found_section(page: Page, diagnosis: Diagnosis) -> None:
                 effect_words(cause.effect),
                 effect_sentence(cause.effect, cause.parameters),
                 parameter_words(cause.effect, cause.parameters),
-                _interval(cause.shrink, cause.interval),
+                closes_words(cause.shrink, cause.interval),
             ]
         )
     if rows:
@@ -112,7 +115,7 @@ def causes_section(page: Page, diagnosis: Diagnosis) -> None:
                     f'{cause.probability:.2f}',
                     status_words(cause.status),
                     parameter_words(cause.effect, cause.parameters),
-                    _interval(cause.shrink, cause.interval) if _accepted(cause) else '',
+                    closes_words(cause.shrink, cause.interval) if _accepted(cause) else '',
                     ', '.join(effect_words(name) for name in cause.alternatives),
                 ]
                 for cause in shown
@@ -144,7 +147,7 @@ def contained_section(page: Page, diagnosis: Diagnosis) -> None:
             [
                 [
                     effect_words(rung.effect),
-                    _interval(rung.shrink, rung.interval),
+                    closes_words(rung.shrink, rung.interval),
                     'yes' if rung.supported else 'no',
                     parameter_words(rung.effect, rung.parameters)
                     or parameter_words(cause.effect, rung.parameters),

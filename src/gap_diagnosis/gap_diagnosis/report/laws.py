@@ -9,7 +9,7 @@ from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array, canvas, styled
 from stage_core.pages import Page
 from stage_core.theme import BLUE, ORANGE
-from stage_core.wording import effect_words, measure, scaled, with_std
+from stage_core.wording import effect_words, measure, scaled, span, with_std
 from stage_twin.effects.law_terms import VARIABLES
 
 #: What the letters and words of an expression mean; a page explains those that it uses.
@@ -48,7 +48,7 @@ def _law(page: Page, law: Law) -> None:
     )
     page.text(
         f'{"A smooth curve, no equation" if law.kind == "map" else "An equation"} that closes '
-        f'{100 * law.shrink:.0f} % (95 %: {100 * low:.0f} to {100 * high:.0f} %) of what the '
+        f'{100 * law.shrink:.0f} % (95 %: {span(100 * low, 100 * high, "%")}) of what the '
         f'named effects leave of the {kind}: {measure(law.before, law.unit)} → '
         f'{measure(law.after, law.unit)} RMS, on data that no fit has seen. {letters}'
         f'{used} (`{law.effect}`): gap {measure(law.gap[0])} → {measure(law.gap[1])} RMS.'

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import numpy as np
+
 from gap_diagnosis.evidence.acceptance import shrink_interval
 from gap_diagnosis.report import experiment, figures, forces, hysteresis, model, response
 from gap_diagnosis.report.causes import causes_section, contained_section, found_section
@@ -15,6 +17,9 @@ from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN
 from stage_core.wording import date_words, effect_words, measure, span
+
+#: A channel of fewer values is not drawn as a spectrum.
+SPECTRUM = 64
 
 
 def make(diagnosis: Diagnosis) -> Page:
@@ -90,7 +95,7 @@ def _less(diagnosis: Diagnosis) -> str:
     sides = [c.sides(0.0) for c in diagnosis.channels.values() if c.unit == 'm']
     share = 1.0 - diagnosis.after / diagnosis.before
     low, high = (100.0 * value for value in shrink_interval(sides, 0))
-    return f'{100.0 * share:.0f} % less (95 %: {low:.0f} to {high:.0f} %)'
+    return f'{100.0 * share:.0f} % less (95 %: {span(low, high, "%")})'
 
 
 def _travel(diagnosis: Diagnosis) -> str:
@@ -153,12 +158,14 @@ def _gap(page: Page, diagnosis: Diagnosis) -> None:
     )
     _leftovers(page, diagnosis)
     _loop(page, diagnosis)
-    page.figure(
-        figures.spectra(diagnosis),
-        'Spectra of the gap',
-        'Blue should be flat. A line that stays in blue is a period that the twin still lacks.',
-        curves=True,
-    )
+    # A handful of rests has no spectrum.
+    if min(len(np.concatenate(c.before)) for c in diagnosis.channels.values()) >= SPECTRUM:
+        page.figure(
+            figures.spectra(diagnosis),
+            'Spectra of the gap',
+            'Blue should be flat. A line that stays in blue is a period that the twin lacks.',
+            curves=True,
+        )
 
 
 def _loop(page: Page, diagnosis: Diagnosis) -> None:
