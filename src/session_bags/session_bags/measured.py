@@ -19,8 +19,8 @@ from stage_core.session import Series, Session
 
 Array = NDArray[np.float64]
 
-#: The files give no date: sessions begin at this epoch [ns].
-EPOCH = 1_700_000_000_000_000_000
+#: The files give no date: sessions begin near zero [ns], and no report takes that for a date.
+EPOCH = 1_000_000_000
 DAY = 86_400 * 1_000_000_000
 MINUTE = 60 * 1_000_000_000
 
