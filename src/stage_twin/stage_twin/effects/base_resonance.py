@@ -15,6 +15,7 @@ from stage_twin.effects.structural_resonance import (
     HIGHEST_MOUNT,
     carried_mass,
     mode,
+    starts,
     swinging,
 )
 from stage_twin.effects.term import Array, Term, constant
@@ -109,7 +110,7 @@ def term(rows: ForceRows) -> Term:
     return Term(
         swinging(rows),
         mode,
-        grid=tuple((f, z) for f in (4.0, 6.0, 9.0, 13.0, 19.0, 27.0) for z in (0.02, 0.1)),
+        grid=starts(3.0, 36.0),
         lower=(2.0, 0.0),
         upper=(HIGHEST, 0.4),
         admissible=lambda theta, c: bool(

@@ -109,8 +109,18 @@ def mode(theta: Theta, coefficients: Array) -> dict[str, float]:
     return {'frequency': theta[0], 'damping': theta[1], 'mass_ratio': float(coefficients[0])}
 
 
-#: Frequencies [Hz] and damping ratios from which a search starts, and their bounds.
-_GRID = tuple((f, z) for f in (12.0, 18.0, 25.0, 35.0, 50.0, 70.0) for z in (0.02, 0.1))
+#: Step between frequencies from which a search starts: a mode of a damping ratio of 0.02 is seen
+#: from the next of them, which one of 20.9 Hz was not from 18 and 25 Hz.
+STEP = 1.12
+
+
+def starts(low: float, high: float) -> tuple[Theta, ...]:
+    """Frequencies [Hz] between two and damping ratios, from which a search for a mode starts."""
+    count = 1 + math.ceil(math.log(high / low) / math.log(STEP))
+    return tuple((float(f), z) for f in np.geomspace(low, high, count) for z in (0.02, 0.1))
+
+
+_GRID = starts(9.0, 85.0)
 _LOWER, _UPPER = (8.0, 0.0), (90.0, 0.3)
 
 
