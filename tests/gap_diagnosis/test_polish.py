@@ -28,3 +28,14 @@ def test_a_friction_that_holds_firmly_is_told_from_one_that_lets_the_loop_hunt(
     assert (refined['presliding'][0] == DRY) is dry
     value, deviation = refined['presliding']
     assert abs(value - presliding) < 3.0 * deviation
+
+
+def test_a_loop_far_from_the_record_refines_nothing(planted: Maker) -> None:
+    true = {'viscous_friction.x': {'viscous': 200.0}}
+    found = {'viscous_friction.x': {'viscous': (150.0, 10.0)}}
+    alone = polish([load_record(planted(true), nominal())], nominal(), 'x', found, {})
+    value, deviation = alone['viscous_friction.x']['viscous']
+    assert abs(value - 200.0) < 2.0 * deviation
+    play = {'drive_play.x': {'width': 60e-6, 'mass_ratio': 0.3}}
+    swinging = load_record(planted({**true, **play}), nominal())
+    assert polish([swinging], nominal(), 'x', found, {}) == found

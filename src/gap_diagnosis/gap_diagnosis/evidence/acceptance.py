@@ -69,7 +69,7 @@ class Shrink:
     `unit` is N for an effect whose force the controller takes up so that no position shows it,
     else m; `interval` is that of 95 %, of which the lower end has to be above `least`; `worse`
     names the channels that grow by the effect; `closes` is its share of the squared gap of its
-    axis.
+    axis, and `explained` tells that its encoder shows noise alone with all effects.
     """
 
     unit: str
@@ -80,6 +80,7 @@ class Shrink:
     least: float
     worse: tuple[str, ...] = ()
     closes: float = 1.0
+    explained: bool = False
     own: Shrink | None = None  # of the channels that it moves, where others hide it
 
     @property
@@ -95,14 +96,17 @@ class Shrink:
             # A gap that is left below the floor shows that the noise was taken for too large.
             noise = min(self.floor, self.after)
             return self.own.matters and (self.least > 0.0 or closed > LEAST_SEEN * noise**2)
-        if self.least > 0.0 and self.closes < LEAST_CLOSED:
+        if self.least > 0.0 and self.closes < LEAST_CLOSED and not self.explained:
             return False
         beyond_noise = self.unit == 'm' and closed > self.floor**2
         return self.interval[0] > (0.0 if beyond_noise else self.least)
 
 
-def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
+def shrink_of(name: str, sides: Mapping[str, Sides], seed: int, explained: bool = False) -> Shrink:
     """How far an effect shrinks the gap, from the channels without and with it.
+
+    `explained` tells that the encoder of its axis shows noise alone with all effects: then no
+    error of another model is left that it could have taken up.
 
     Positions count all together, as `gap.before` does; whether the effect matters is judged on
     those that it moves, as the noise of the others hides what it does. Where a servo effect moves
@@ -117,7 +121,7 @@ def shrink_of(name: str, sides: Mapping[str, Sides], seed: int) -> Shrink:
     servo = link_of(name) == 'servo'
     least = LEAST_SHRINK if servo else 0.0
     closes = _closes(positions, _gaps_of_axis(sides, name[-1]))
-    own = _shrink(moved, least, worse, seed, closes)
+    own = replace(_shrink(moved, least, worse, seed, closes), explained=explained)
     seen = replace(_shrink(positions, least, worse, seed, closes), own=own)
     if seen.matters or force is None or not servo:
         return seen

@@ -58,7 +58,9 @@ def cause_of(
             for n, floor in floors.items()
         }
         sides = {n: channel.sides(noise[n], lesser[n]) for n, channel in channels.items()}
-        shrink = shrink_of(name, sides, seed)
+        encoder = channels.get(f'encoder.{split_effect(name)[1]}')
+        noisy = encoder is None or shows(np.concatenate(encoder.after), floors[encoder.name])
+        shrink = shrink_of(name, sides, seed, explained=not noisy)
     found = part.selection.evidence[name] if part is not None else None
     stated = with_model_error(name, parameters[name])
     # Models of forces have errors, so that their effects are judged with them.
