@@ -7,7 +7,7 @@ if its parameters are away from those of a machine without it and from their bou
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,11 +102,14 @@ class Shrink:
         return self.interval[0] > (0.0 if beyond_noise else self.least)
 
 
-def shrink_of(name: str, sides: Mapping[str, Sides], seed: int, explained: bool = False) -> Shrink:
+def shrink_of(
+    name: str, sides: Mapping[str, Sides], seed: int, noise: Collection[str] = ()
+) -> Shrink:
     """How far an effect shrinks the gap, from the channels without and with it.
 
-    `explained` tells that the encoder of its axis shows noise alone with all effects: then no
-    error of another model is left that it could have taken up.
+    `noise` names encoders that show noise alone with all effects. None of them is worse by an
+    effect: the loop answers the steps of the encoder by chance. If that of its axis is one, no
+    error of another model is left that an effect could have taken up.
 
     Positions count all together, as `gap.before` does; whether the effect matters is judged on
     those that it moves, as the noise of the others hides what it does. Where a servo effect moves
@@ -115,8 +118,11 @@ def shrink_of(name: str, sides: Mapping[str, Sides], seed: int, explained: bool 
     positions = [s for s in sides.values() if s.unit == 'm']
     moved = [s for s in positions if not np.array_equal(s.without, s.with_it)] or positions
     worse = tuple(
-        n for n, s in sides.items() if s.unit == 'm' and shrink_interval([s], seed)[1] < 0.0
+        n
+        for n, s in sides.items()
+        if s.unit == 'm' and n not in noise and shrink_interval([s], seed)[1] < 0.0
     )
+    explained = f'encoder.{split_effect(name)[1]}' in noise
     force = sides.get(f'force.{split_effect(name)[1]}')
     servo = link_of(name) == 'servo'
     least = LEAST_SHRINK if servo else 0.0

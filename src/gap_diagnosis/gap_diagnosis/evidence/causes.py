@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel, without_cause
+from gap_diagnosis.closed_loop.swing import LEAST_SHARE
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import (
     LEAST_SHRINK,
@@ -47,20 +48,9 @@ def cause_of(
     """Gap without this one cause, gap with all of them, and the interval of the difference."""
     showing = [p for p in parts if name in p.selection.accepted]
     part = showing[0] if showing else None
-    if part is not None and name in part.swinging:
+    shrink = _in_loop(name, effects, scored, twin, parts, channels, floors, seed)
+    if part is not None and _told_by_balance(name, part, shrink):
         shrink = _in_balance(name, part, seed)
-    else:
-        told = {n: v for n, v in effects.items() if n not in (name, *swings(parts))}
-        lesser = without_cause(name, told, scored, twin, showing, channels)
-        swinging = {split_effect(n)[1] for n in swings(parts)}
-        noise = {
-            n: max(floor, CHANCE * channels[n].rms('after')) if n[-1] in swinging else floor
-            for n, floor in floors.items()
-        }
-        sides = {n: channel.sides(noise[n], lesser[n]) for n, channel in channels.items()}
-        encoder = channels.get(f'encoder.{split_effect(name)[1]}')
-        noisy = encoder is None or shows(np.concatenate(encoder.after), floors[encoder.name])
-        shrink = shrink_of(name, sides, seed, explained=not noisy)
     found = part.selection.evidence[name] if part is not None else None
     stated = with_model_error(name, parameters[name])
     # Models of forces have errors, so that their effects are judged with them.
@@ -105,6 +95,39 @@ def swing_notes(swinging: Sequence[str]) -> list[str]:
         'the positions, and is judged by the force balance and by how far the loop swings'
         for name in swinging
     ]
+
+
+def _in_loop(
+    name: str,
+    effects: dict[str, dict[str, float]],
+    scored: list[Record],
+    twin: TwinFile,
+    parts: list[Part],
+    channels: dict[str, Channel],
+    floors: dict[str, float],
+    seed: int,
+) -> Shrink:
+    """How far an effect shrinks the gap of the twin as it is run."""
+    showing = [p for p in parts if name in p.selection.accepted]
+    told = {n: v for n, v in effects.items() if n not in (name, *swings(parts))}
+    lesser = without_cause(name, told, scored, twin, showing, channels)
+    swinging = {split_effect(n)[1] for n in swings(parts)}
+    noise = {
+        n: max(floor, CHANCE * channels[n].rms('after')) if n[-1] in swinging else floor
+        for n, floor in floors.items()
+    }
+    sides = {n: channel.sides(noise[n], lesser[n]) for n, channel in channels.items()}
+    encoders = [c for n, c in channels.items() if n.startswith('encoder')]
+    calm = {c.name for c in encoders if not shows(np.concatenate(c.after), floors[c.name])}
+    return shrink_of(name, sides, seed, calm)
+
+
+def _told_by_balance(name: str, part: Part, shrink: Shrink) -> bool:
+    """Whether an effect swings, or is most of what a balance shows of a loop that swings."""
+    if name in part.swinging:
+        return True
+    clear = part.selection.evidence[name].share > LEAST_SHARE
+    return bool(part.swinging) and clear and not shrink.matters
 
 
 def _in_balance(name: str, part: Part, seed: int) -> Shrink:

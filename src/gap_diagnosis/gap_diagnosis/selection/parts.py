@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -235,10 +235,14 @@ def fit_servo(
             found = polish(records, twin, axis, found, own)
             contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
         swinging = tuple(n for n in accepted if effect_of(n).swings)
-        if contradicted and _confirmed(part, swinging, {**found, **direct}, records, twin):
-            # The moments of the impacts are blurred by the encoder's steps.
-            explained = replace(part.structure, structured=False)
-            return replace(part, structure=explained, unconfirmed=unconfirmed, swinging=swinging)
+        both = ((part, found), *_alone(part, swinging, seed, barred)) if contradicted else ()
+        for one, told in both:
+            if _confirmed(one, swinging, {**told, **direct}, records, twin):
+                # The moments of the impacts are blurred by the encoder's steps.
+                explained = replace(one.structure, structured=False)
+                return replace(
+                    one, structure=explained, unconfirmed=unconfirmed, swinging=swinging
+                )
         if not contradicted:
             selection = told_by_innovations(part.selector, part.selection, rows)
             residual = selection.fit.residual
@@ -250,6 +254,22 @@ def fit_servo(
         barred += contradicted
 
 
+def _alone(
+    part: Part, swinging: tuple[str, ...], seed: int, barred: Sequence[str]
+) -> Iterator[tuple[Part, Parameters]]:
+    """The balance with an effect that swings, and without those that were found beside it.
+
+    An effect that makes a force like that of the impacts may stand before it.
+    """
+    others = [n for n in part.selection.accepted if n not in swinging]
+    if not swinging or not others:
+        return
+    like = [f'{r}.{split_effect(n)[1]}' for n in others for r in effect_of(n).excludes]
+    problem = replace(part.problem, terms=dict(part.problem.terms))
+    alone = fit_part(part.name, problem, SERVO_RULES, seed, [*barred, *others, *like])
+    yield alone, describe(alone.selection, alone.selector.regression)
+
+
 def _confirmed(
     part: Part,
     swinging: Sequence[str],
@@ -259,7 +279,8 @@ def _confirmed(
 ) -> bool:
     """Whether effects that make the loop swing are most of the remainder, and swing as much."""
     return bool(swinging) and all(
-        part.selection.evidence[name].share > LEAST_SHARE
+        name in part.selection.accepted
+        and part.selection.evidence[name].share > LEAST_SHARE
         and swings_as_much(name, plain_values(found), records, twin)
         for name in swinging
     )
