@@ -88,6 +88,7 @@ def one_round(nodes: Nodes, watch: Watch, victim: str, motion: str) -> None:
     arrive(watch, 0.01, 0.01)
     if victim == 'stage_twin':
         # Its clock has begun anew: the bridge drops the points until somebody has seen to it.
+        watch.wait(watch.says('tracker_bridge: stream', 'clock has jumped'), 'the jump noticed')
         watch.client.trigger('/tracker_bridge/reset', PATIENCE)
         watch.tracker.clear()
         arrive(watch, 0.0, 0.0)
