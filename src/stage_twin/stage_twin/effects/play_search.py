@@ -18,7 +18,9 @@ from stage_twin.effects.term import Array, Theta
 
 #: Contact where nothing is said of it: natural frequency [Hz] and damping ratio.
 FREQUENCY, DAMPING = 300.0, 0.2
-#: Frequencies [Hz] that a search tries of an edge.
+#: Frequencies [Hz] that a search tries of an edge: of soft and of firm ones from the start, as the
+#: best width beside one is not that beside the other.
+STARTS = (120.0, FREQUENCY)
 FREQUENCIES = (120.0, 200.0, 300.0, 500.0)
 #: Radians of the contact's oscillation that a substep of the search may cover.
 REACH = 0.3
@@ -94,13 +96,13 @@ class Crossing:
 
     def propose(self, residual: Array) -> tuple[Theta, ...]:
         """The start that explains most of a residual (n,); no width where none explains any."""
-        starts = [(float(m), SHARE, d, FREQUENCY) for m in MOMENTS for d in DAMPINGS]
+        starts = [(float(m), SHARE, d, f) for f in STARTS for m in MOMENTS for d in DAMPINGS]
         best = max(starts, key=lambda start: self._explains(start, residual))
         if self._explains(best, residual) < LEAST * float(residual @ residual):
             return ((0.0, SHARE, DAMPING, FREQUENCY),)
-        moment, _, contact, _ = best
+        moment, _, contact, frequency = best
         near = [
-            (moment * m, s, contact * d, FREQUENCY)
+            (moment * m, s, contact * d, frequency)
             for m in (0.85, 1.0, 1.18)
             for s in (0.15, 0.25, 0.38)
             for d in (0.8, 1.0, 1.25)
