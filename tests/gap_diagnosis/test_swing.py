@@ -34,3 +34,12 @@ def test_a_swing_is_named_by_the_force_balance(planted: Maker) -> None:
     values = {name: value for name, (value, _) in found.parameters['drive_play.x'].items()}
     product = values['width'] * values['mass_ratio']
     assert abs(product / (PLAY['width'] * PLAY['mass_ratio']) - 1.0) < 0.2
+
+
+def test_a_soft_play_is_named_although_a_resonance_stands_before_it(planted: Maker) -> None:
+    soft = {'width': 9.3e-6, 'mass_ratio': 0.29, 'contact_frequency': 105.0}
+    found = diagnose([planted({'drive_play.x': soft})], [], nominal())
+    assert found.verdict == ['drive_play.x']
+    values = {name: value for name, (value, _) in found.parameters['drive_play.x'].items()}
+    product = values['width'] * values['mass_ratio']
+    assert abs(product / (soft['width'] * soft['mass_ratio']) - 1.0) < 0.2
