@@ -224,8 +224,8 @@ def test_karnik_mendel_training_evaluates_the_exact_reduction():
 
 def test_hybrid_keeps_the_fuzzy_part_only_where_it_helps():
     generator = np.random.default_rng(11)
-    command = generator.uniform(0, 0.05, (160, 2))
-    noise = generator.normal(0, 1e-6, (160, 2))
+    command = generator.uniform(0, 0.05, (200, 2))
+    noise = generator.normal(0, 1e-6, (200, 2))
     plain = make_model('hybrid', particles=10, iterations=10)
     plain.fit(command, command * 1.0002 + noise)
     assert not plain.state['fuzzy'] and 'nothing left' in plain.describe()

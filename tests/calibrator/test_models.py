@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calibrator.models import METHODS, make_model, model_from_dict
+from calibrator.models.selection import Conditions, _schemes
 from calibrator.models.structured import find_period
 from stage_core.errors import StageError
 
@@ -101,6 +102,29 @@ def test_too_few_and_duplicate_points_are_refused(method):
     duplicates = np.tile(few, (200, 1))
     with pytest.raises(StageError, match='2 distinct positions'):
         make_model(method).fit(duplicates, duplicates)
+
+
+@pytest.mark.parametrize('method', ['polynomial', 'structured', 'hybrid'])
+def test_a_shape_that_differs_from_day_to_day_is_not_learned(method):
+    generator = np.random.default_rng(4)
+    command = np.tile(generator.uniform(0.0, 0.05, (60, 2)), (3, 1))
+    day = np.repeat(np.arange(3), 60)
+    bow = (command / 0.025 - 1.0) ** 2 * np.array([4e-6, 1e-6, -2e-6])[day][:, None]
+    measured = command * (1.0 + 2e-4) + bow + generator.normal(0.0, 1e-7, command.shape)
+    degrees = []
+    for session in (None, day):
+        model = make_model(method).fit(command, measured, session=session)
+        state = getattr(model, 'structured', model).state
+        degrees.append(np.max(state.get('degrees', model.setting('degree'))))
+    # As one session the mean bow of the days is learned.
+    assert degrees == [2, 1]
+
+
+def test_many_sessions_are_left_out_in_few_groups(samples):
+    command, measured, direction = samples
+    rows = command, measured - command, direction, np.empty((400, 0)), np.arange(400) // 10
+    _, sessions = _schemes(Conditions(*rows), 5)
+    assert len(sessions) == 8 and (np.sum(sessions, axis=0) == 1).all()
 
 
 def test_a_sensor_that_drops_out_is_named(samples):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from calibrator.models.base import CalibrationModel
 from calibrator.models.inputs import Array, scaling_of
 from calibrator.models.selection import Conditions
 from calibrator.models.structured import Structured
-from calibrator.places import folds, judged_places
 from calibrator.pso import minimise
 from calibrator.type_reduction import REDUCTIONS, effective_weights
 from stage_core.errors import StageError
@@ -66,11 +66,7 @@ class FuzzySystem(Adaptable):
         mean, deviation = error.mean(axis=0), error.std(axis=0)
         deviation = np.where(deviation > 0.0, deviation, 1.0)
         inputs, targets = (command - centre) / half, (error - mean) / deviation
-        rules, reduction = self.setting('rules'), str(self.options['reduction'])
-        if rules == 'auto':
-            # A part of another method, which makes no choice of its own.
-            few = SAMPLES_PER_CONSEQUENT * (self.axes + 1)
-            rules = int(np.clip(len(command) // few, 1, 5))
+        rules, reduction = int(self.setting('rules')), str(self.options['reduction'])
         low, high = vector_bounds(rules, self.axes)
         fitness = SwarmFitness(inputs, targets, reduction, int(self.options['threads']))
         particles, iterations, seed = (
@@ -88,7 +84,7 @@ class FuzzySystem(Adaptable):
             half=half,
             mean=mean,
             deviation=deviation,
-            rules=int(rules),
+            rules=rules,
             antecedents=position,
             theta=np.array(theta),
         )
@@ -141,14 +137,14 @@ class FuzzySystem(Adaptable):
 class Hybrid(CalibrationModel):
     """The structured model first, an interval type-2 system on what it leaves.
 
-    The second part is kept only if, fitted on three quarters of the samples, it takes at least
-    3 % off the error of the rest: on noise alone it would add an error of its own.
+    With `rules` `auto` the data choose two, five, or none: the structured model alone.
     """
 
     method = 'hybrid'
     thermal = True
     summary = 'structured model, then interval type-2 system on the rest'
     defaults = {**FuzzySystem.defaults, **Structured.defaults}
+    choices = {'rules': (0, 2, 5)}
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
@@ -160,31 +156,22 @@ class Hybrid(CalibrationModel):
 
     def parameter_count(self, axes: int, sensors: int) -> int:
         """Those of the larger part; the parts are fitted one after the other."""
-        return max(
-            self.structured.parameter_count(axes, sensors), self.fuzzy.parameter_count(axes, 0)
-        )
+        alone = self.structured.parameter_count(axes, sensors)
+        self.fuzzy.chosen = self.chosen
+        none = self.setting('rules') in (0, 'auto')
+        return alone if none else max(alone, self.fuzzy.parameter_count(axes, 0))
 
     def _fit(self, command: Array, error: Array, direction: Array, temperatures: Array) -> None:
-        session = np.zeros(len(command), dtype=np.int64)
+        session = self.sessions[0] if self.sessions else np.zeros(len(command), dtype=np.int64)
         data = Conditions(command, error, direction, temperatures, session)
         self.structured.learn(data)
+        self.state = {'structured': self.structured.to_dict(), 'fuzzy': {}}
+        if self.setting('rules') == 0:
+            return
         rest = error - self.structured.error(command, direction, temperatures)
-        data = Conditions(command, rest, direction, temperatures[:, :0], session)
-        self.state['structured'] = self.structured.to_dict()
-        self.state['fuzzy'] = {}
-        self.fuzzy.progress = self.progress
-        if self._fuzzy_helps(data):
-            self.state['fuzzy'] = self.fuzzy.learn(data).to_dict()
-
-    def _fuzzy_helps(self, data: Conditions) -> bool:
-        held = folds(judged_places(data.command), 4, int(self.options['seed']))[0]
-        used, rest = data.take(~held), data.take(held)
-        try:
-            self.fuzzy.learn(used)
-        except StageError:
-            return False
-        left = rest.error - self.fuzzy.error(rest.command, rest.direction, rest.temperatures)
-        return bool(np.sum(left**2) < 0.97**2 * np.sum(rest.error**2))
+        self.fuzzy.chosen, self.fuzzy.progress = self.chosen, self.progress
+        self.fuzzy.learn(replace(data, error=rest, temperatures=temperatures[:, :0]))
+        self.state['fuzzy'] = self.fuzzy.to_dict()
 
     def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
         if not self.structured.fitted:

@@ -28,6 +28,8 @@ MANY = 300
 """From so many conditions on, three folds leave enough for a deviation."""
 BLOCKS = 4
 """Blocks of time."""
+MOST_SESSIONS = 8
+"""More sessions than this are left out in so many groups: each costs a fit of each candidate."""
 MOST_JUDGED = 1500
 """More samples than this are thinned to it for the choice."""
 EARNED = 0.97
@@ -140,9 +142,9 @@ def deviation(left_out: Array) -> Array:
 def _schemes(data: Conditions, count: int) -> list[list[Mask]]:
     """Ways to leave out, each a list of masks (n,)."""
     schemes = [folds(judged_places(data.command), count)]
-    sessions = np.unique(data.session)
-    if len(sessions) > 1:
-        schemes.append([data.session == s for s in sessions])
+    session = np.unique(data.session, return_inverse=True)[1].reshape(-1)
+    if session.max() > 0:
+        schemes.append(folds(session, MOST_SESSIONS))
     if data.temperatures.shape[1]:
         block = np.arange(len(data.command)) * BLOCKS // len(data.command)
         schemes.append([block == b for b in range(BLOCKS)])
