@@ -114,3 +114,14 @@ def test_restarts_on_the_command_line(
     captured = capsys.readouterr()
     assert 'training RMS from 2 starts' in captured.out
     assert captured.err.count('skipped') == 1 and 'bad' in captured.err
+
+
+def test_a_contour_among_the_bags_of_a_folder_is_skipped(tmp_path: Path, grid_session) -> None:
+    for name, rest in (('calibration', 0.2), ('circle', 0.0)):
+        write_session(tmp_path / name, grid_session(20, rest=rest))
+    gathered = gather([str(tmp_path)], 'reference', 'tracker')
+    assert [bag.name for bag in gathered.bags] == ['calibration']
+    [(skipped, reason)] = gathered.skipped.items()
+    assert skipped == str(tmp_path / 'circle') and 'this is no calibration' in reason
+    with pytest.raises(StageError, match='this is no calibration'):
+        gather([str(tmp_path / 'circle')], 'reference', 'tracker')

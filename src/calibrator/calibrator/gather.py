@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from calibrator.prepare import prepare
+from calibrator.prepare import prepare, require_rests
 from calibrator.samples import Gathered, Samples, concatenate
 from calibrator.training import twin_leads
 from session_bags.archive import ItemFunction, Where, find_bags, is_bag, map_bags
@@ -53,7 +53,7 @@ def gather(
             given.append((bags[0], work(str(bags[0]))))
             continue
         for bag, (result, error) in zip(
-            bags, _each(work, bags, f'samples/2 {source} {target}', results, where), strict=True
+            bags, _each(work, bags, f'samples/3 {source} {target}', results, where), strict=True
         ):
             if error:
                 skipped[str(bag)] = error
@@ -69,8 +69,9 @@ def gather(
 def bag_samples(bag: str, source: str, target: str) -> dict[str, Any]:
     """Samples of one bag as JSON can hold them (numbers keep every bit), and its screw leads."""
     session = read_training_session(bag, source, target)
-    samples = prepare(session, source, target).to_dict()
-    return {'samples': samples, 'leads': twin_leads(session)}
+    samples = prepare(session, source, target)
+    require_rests(samples, target)
+    return {'samples': samples.to_dict(), 'leads': twin_leads(session)}
 
 
 def read_training_session(bag: str | Path, source: str, target: str) -> Session:

@@ -102,6 +102,16 @@ def prepare(session: Session, source: str = 'reference', target: str = 'tracker'
     )
 
 
+def require_rests(samples: Samples, target: str) -> None:
+    """Raise a StageError where the points are those of a moving stage, and the tracker's."""
+    if target == 'tracker' and not samples.at_rest:
+        raise StageError(
+            f'this is no calibration: the stage rested at fewer than {ENOUGH_RESTS} places, and '
+            'the error of a moving stage is the lag of its servo; record a grid of rests '
+            '(examples/calibrate_stage.py), or learn the tracking error with target encoder'
+        )
+
+
 def rest_samples(session: Session) -> Samples:
     """Means over the finished rests of a session, without a search for a clock shift.
 

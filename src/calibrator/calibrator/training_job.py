@@ -21,7 +21,7 @@ from typing import Any
 
 from calibrator import model_file
 from calibrator.live_buffer import heard, load_session
-from calibrator.prepare import ENOUGH_RESTS, prepare
+from calibrator.prepare import prepare, require_rests
 from calibrator.samples import Gathered
 from calibrator.training import Training, default_options, stored, train, twin_leads
 from stage_core.errors import StageError
@@ -67,11 +67,13 @@ def read(job: Job) -> Gathered:
     Raises
     ------
     StageError
-        If a bag cannot be read or holds no pairs.
+        If a bag cannot be read, holds no pairs or is no calibration.
     """
     if not job.bags:
         session = load_session(job.live)
-        return Gathered(prepare(session, job.source, job.target), twin_leads(session))
+        samples = prepare(session, job.source, job.target)
+        require_rests(samples, job.target)
+        return Gathered(samples, twin_leads(session))
     # Only here: the reader is not needed to train from the live buffer.
     from calibrator.gather import gather
 
@@ -96,16 +98,10 @@ def run_job(
     Raises
     ------
     StageError
-        If the data are no calibration or do not suffice, or the model is not proven to be better
-        than none (unless the job is forced).
+        If the data do not suffice, or the model is not proven to be better than none (unless the
+        job is forced).
     """
     data = data or read(job)
-    if job.target == 'tracker' and not data.samples.at_rest:
-        raise StageError(
-            f'this is no calibration: the stage rested at fewer than {ENOUGH_RESTS} places, and '
-            'the error of a moving stage is the lag of its servo; record a grid of rests '
-            '(examples/calibrate_stage.py), or learn the tracking error with target encoder'
-        )
     settings = {**default_options(job.method, data.leads), **job.options}
     if training is None:
         result = train(data.samples, job.method, settings, job.seed, job.by, progress)
