@@ -44,6 +44,9 @@ def test_correction_is_the_inverse_with_the_direction_of_approach():
     command = correction.apply(np.array([0.03, 0.01]))
     reached = command + 4e-5 * np.sin(40 * command) + 0.5 * np.array([1, -1]) * 1e-5
     np.testing.assert_allclose(reached, [0.03, 0.01], atol=1e-7)
+    assert not correction.beyond
+    correction.apply(np.array([0.2, 0.01]))
+    assert '(200.000, 10.000) mm lies beyond the calibrated places' in correction.beyond
     correction.activate(False)
     np.testing.assert_array_equal(correction.apply(np.array([0.01, 0.02])), [0.01, 0.02])
 
