@@ -40,6 +40,7 @@ from gap_diagnosis.residuals.tracker_jitter import tracker_jitter, tracker_speed
 from gap_diagnosis.residuals.without_forces import widened
 from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.selection.parts import Part
+from gap_diagnosis.selection.shape import with_shape_of
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
@@ -174,7 +175,7 @@ def _diagnose(
         parts = [
             servo_part(before, p.name[-1], known, seed, without, memory, progress, fit)
             if f'{MISREADS}.{p.name[-1]}' in known
-            else p
+            else with_shape_of(p, measured)
             for p in parts
         ]
     parts += tracker
