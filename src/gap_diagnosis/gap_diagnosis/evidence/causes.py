@@ -67,7 +67,7 @@ def cause_of(
         gap_after=shrink.after,
         interval=shrink.interval,
         unit=shrink.unit,
-        refuted=_judged(name, showing) and refuted(name, shrink, own, twin.effects.get(name)),
+        refuted=_refuted(name, showing, shrink, own, twin),
         status='accepted',
         alternatives=_alternatives(name, stated, found),
         strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
@@ -159,6 +159,13 @@ def shown_by_encoder(
         left = encoder.rms('after') ** 2 - floor**2
         return left > judge.SERVO_STRUCTURE * encoder.rms('before') ** 2
     return shows(np.concatenate(encoder.after), floor)
+
+
+def _refuted(name: str, parts: list[Part], shrink: Shrink, values: Values, twin: TwinFile) -> bool:
+    """Whether an effect breaks an invariant; what was read from the record may make none worse."""
+    if _judged(name, parts):
+        return refuted(name, shrink, values, twin.effects.get(name))
+    return not parts and bool(shrink.worse)
 
 
 def _judged(name: str, parts: list[Part]) -> bool:
