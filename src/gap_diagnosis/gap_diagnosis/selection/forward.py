@@ -29,10 +29,9 @@ ABOUT_THE_SAME = 0.98
 #: Effects whose model is exact, however large they are: a constant, and forces that never acted.
 EXACT = ('force_offset', 'force_saturation')
 #: Share of what a set leaves above the noise that an effect explains where it is what was lacking,
-#: however small it is beside the gap: the errors of other models are not of its shape.
+#: however small it is beside the gap. On 70 development sessions a right one explained 0.70, the
+#: wrong ones, which take up the errors of other models, 0.44 at most.
 LACKING = 0.6
-#: Mean square, in that of the noise, from which on a set may be at a wrong minimum.
-STUCK = 2.0
 
 
 class Selector:
@@ -98,9 +97,6 @@ class Selector:
         base = grow(self, base, accepted)
         accepted, base = merge(self, accepted, base)
         accepted, base, evidence = self.prune(accepted, base)
-        again = self._searched_again(base)
-        if again is not base:
-            accepted, base, evidence = self.prune(accepted, again)
         simpler, plainer = plain(self, accepted, base)
         if simpler != accepted:
             accepted, base, evidence = self.prune(simpler, plainer)
@@ -320,23 +316,6 @@ class Selector:
         less = self.regression.refine(kept, list(kept), rounds=6)
         possible = all(self.admissible(less, n) for n in kept)
         return less if possible else self.regression.linear(kept)
-
-    def _searched_again(self, fit: Fit) -> Fit:
-        """The set with nonlinear parameters searched anew where it leaves more than the noise.
-
-        An effect that was found beside another one, which is gone, may be at a minimum of its own.
-        """
-        if fit.mean_square(self.problem) < STUCK * self.noise:
-            return fit
-        for name in [n for n in fit.thetas if self.problem.terms[n].lower]:
-            others = self.regression.linear({n: t for n, t in fit.thetas.items() if n != name})
-            found = self.with_effect(others, name)
-            other = self.regression.refine(found.thetas, list(found.thetas))
-            possible = all(self.admissible(other, n) for n in other.thetas)
-            gained = fit.mean_square(self.problem) - other.mean_square(self.problem)
-            if possible and gained > self.rules.of_rest * fit.mean_square(self.problem):
-                fit = other
-        return fit
 
     def prune(self, accepted: list[str], fit: Fit) -> tuple[list[str], Fit, dict[str, Evidence]]:
         """Leave one out, the weakest first, until each one counts."""
