@@ -14,7 +14,7 @@ from gap_diagnosis.experiment import design, motions, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
 from gap_diagnosis.law import judged, search
 from gap_diagnosis.residuals import kinematics, unrecorded
-from gap_diagnosis.selection import imitations, rivals
+from gap_diagnosis.selection import forward, imitations, rivals, shape
 from stage_core import clocks
 from stage_driver import servo_clocks
 from stage_twin import loops, machine
@@ -22,10 +22,11 @@ from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, checks, clocks, coarse, design, domain, drive, grid, held_out,
-                   imitations, judged, kinematics, loops, machine, misread, motions, online,
-                   outliers, passes, prepare, rivals, search, selection, separation,
-                   servo_clocks, swing, temperatures, thermal, training, unrecorded, windows)
+    for module in (acceptance, checks, clocks, coarse, design, domain, drive, forward, grid,
+                   held_out, imitations, judged, kinematics, loops, machine, misread, motions,
+                   online, outliers, passes, prepare, rivals, search, selection, separation,
+                   servo_clocks, shape, swing, temperatures, thermal, training, unrecorded,
+                   windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -77,6 +78,8 @@ the same: squared gap that the effects leave, from | {acceptance.SHARE_BESIDE:.0
 squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}
 force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}
 ratio of the swings of twin and record, at most | {swing.AS_MUCH:g}
+what is left above the noise and an effect that was lacking explains, from | {forward.LACKING:.0%}
+noise that a balance may lose by the tracker's shape, at most | {shape.LOST:.0%}
 what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}
 what it explains better than the tracker's clock, from | {imitations.UNEXHAUSTED[sensor]:.0%}
 difference of velocity gain over mass, at most | {passes.SAME_GAIN:.0%}
