@@ -1,6 +1,6 @@
 """Weights of the probabilities; `make calibrate-diagnosis` writes them."""
 
-CODE = 'bd8aa0fe6b0e'
+CODE = '7a834c1b7126'
 DATE = '2026-11-25'
 SESSIONS = {
     'own': 72,
@@ -10,10 +10,12 @@ SESSIONS = {
 SEEDS = '1 to 18'
 WEIGHTS: dict[str, dict[str, float]] = {
     'named': {
-        '1': 4.97673,
+        '1': 0.197658,
+        'strength': 0.79504,
+        'away': 0.392094,
     },
     'passed': {
-        '1': -6.06502,
+        '1': -6.23528,
     },
     'unknown': {
         '1': 1.36949,
@@ -23,7 +25,7 @@ WEIGHTS: dict[str, dict[str, float]] = {
     },
 }
 SPREAD: dict[str, tuple[float, float]] = {
-    'friction': (4.075, 0),
+    'friction': (4.582, 0),
     'servo': (2.982, 0),
     'kinematic': (1.264, 0.001477),
     'sensor': (1.477, 0),
