@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from gap_diagnosis.evidence.describe import not_seen
 from gap_diagnosis.evidence.judgement import NONE, Cause
-from gap_diagnosis.report.words import status_words
+from gap_diagnosis.report.words import probability_words, status_words
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN, split_effect
@@ -112,7 +112,7 @@ def causes_section(page: Page, diagnosis: Diagnosis) -> None:
             [
                 [
                     effect_words(cause.effect),
-                    f'{cause.probability:.2f}',
+                    probability_words(cause.probability),
                     status_words(cause.status),
                     parameter_words(cause.effect, cause.parameters),
                     closes_words(cause.shrink, cause.interval) if _accepted(cause) else '',

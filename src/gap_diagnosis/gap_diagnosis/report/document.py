@@ -11,6 +11,7 @@ from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.law.judged import Law
 from gap_diagnosis.report import forces
 from gap_diagnosis.report.experiment import as_dict as as_entry
+from gap_diagnosis.report.words import probability_words
 from gap_diagnosis.result import Diagnosis
 from stage_core.quantities import split_effect
 from stage_core.whole_file import write_whole
@@ -160,7 +161,7 @@ def sentence(diagnosis: Diagnosis) -> str:
         )
     sure = {cause.effect: cause.probability for cause in diagnosis.causes}
     names = ', '.join(
-        effect_words(name) + (f' (p {sure[name]:.2f})' if name in sure else '')
+        effect_words(name) + (f' (p {probability_words(sure[name])})' if name in sure else '')
         for name in diagnosis.verdict
     )
     return (

@@ -25,6 +25,13 @@ _STATUS = {
     'rejected': 'rejected',
     'below_noise': 'too small to tell',
 }
+#: Some hundred sessions cannot show more.
+_SUREST = 0.99
+
+
+def probability_words(probability: float) -> str:
+    """A probability to two digits, never 1."""
+    return f'{min(probability, _SUREST):.2f}'
 
 
 def condition_words(condition: Condition) -> str:
