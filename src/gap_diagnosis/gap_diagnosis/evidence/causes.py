@@ -112,11 +112,11 @@ def _in_loop(
     told = {n: v for n, v in effects.items() if n not in (name, *swings(parts))}
     lesser = without_cause(name, told, scored, twin, showing, channels)
     swinging = {split_effect(n)[1] for n in swings(parts)}
-    noise = {
+    chance = {
         n: max(floor, CHANCE * channels[n].rms('after')) if n[-1] in swinging else floor
         for n, floor in floors.items()
     }
-    sides = {n: channel.sides(noise[n], lesser[n]) for n, channel in channels.items()}
+    sides = {n: channel.sides(chance[n], lesser[n]) for n, channel in channels.items()}
     encoders = [c for n, c in channels.items() if n.startswith('encoder')]
     calm = {c.name for c in encoders if not shows(np.concatenate(c.after), floors[c.name])}
     return shrink_of(name, sides, seed, calm)

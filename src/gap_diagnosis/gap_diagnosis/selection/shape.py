@@ -20,7 +20,7 @@ def with_shape_of(part: Part, tracker: Part) -> Part:
     The coefficients beside them are fitted anew, so that no parameters of two different minima
     stand side by side.
     """
-    for name in set(part.selection.accepted) & set(tracker.selection.accepted):
+    for name in [n for n in part.selection.accepted if n in tracker.selection.accepted]:
         own, seen = part.selection.fit.thetas[name], tracker.selection.fit.thetas[name]
         if not own or len(own) != len(seen):
             continue
