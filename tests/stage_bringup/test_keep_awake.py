@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from stage_bringup import keep_awake
 from stage_bringup.keep_awake import KeepAwake, main
 
 from ..patience import wait
@@ -92,6 +93,12 @@ def test_another_system_is_told_and_not_stopped(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(signal, 'signal', lambda *_: None)
     assert main([]) == 2
     assert 'keep_awake needs Linux' in capsys.readouterr().err
+
+
+def test_nothing_starts_it_by_itself():
+    packages = Path(keep_awake.__file__).resolve().parents[2]
+    users = [p.name for p in packages.glob('*/*/*.py') if 'KeepAwake' in p.read_text()]
+    assert users == ['keep_awake.py']
 
 
 @pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])

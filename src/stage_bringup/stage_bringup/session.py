@@ -8,7 +8,6 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 
 from stage_bringup.graph import (
     CONTROL,
@@ -18,7 +17,6 @@ from stage_bringup.graph import (
     machine_parser,
     options_of,
 )
-from stage_bringup.keep_awake import KeepAwake
 from stage_bringup.processes import NodeCommand, Processes
 from stage_bringup.provenance import provenance
 from stage_core.errors import StageError, command_line
@@ -111,24 +109,21 @@ def run_graph(
     take_interrupts()
     processes = Processes(options.out / 'log')
     status = 0
-    with ExitStack() as awake:
-        try:
-            if compile_missing():
-                # Another graph may have started meanwhile.
-                refuse_second_graph(names)
-            if options.clock == 'realtime':
-                awake.enter_context(KeepAwake())
-            for node in nodes:
-                processes.start(node)
-            work(processes)
-        except StageError as error:
-            print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
-            status = 1
-        except KeyboardInterrupt:
-            print('interrupted: the stage is brought to rest', file=sys.stderr)
-            status = INTERRUPTED
-        finally:
-            killed = processes.end()
+    try:
+        if compile_missing():
+            # Another graph may have started meanwhile.
+            refuse_second_graph(names)
+        for node in nodes:
+            processes.start(node)
+        work(processes)
+    except StageError as error:
+        print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
+        status = 1
+    except KeyboardInterrupt:
+        print('interrupted: the stage is brought to rest', file=sys.stderr)
+        status = INTERRUPTED
+    finally:
+        killed = processes.end()
     if killed:
         print(f'error: {", ".join(killed)} did not end and was killed', file=sys.stderr)
     return status or int(bool(killed))
