@@ -14,7 +14,7 @@ from contour_ctrl import curves, reference, storage, timed
 from contour_ctrl.excitation import excitation
 from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.learning import Learner, LearningSettings
-from contour_ctrl.sequence import ContourRun, Phase, RunSettings, SetPoint
+from contour_ctrl.sequence import REST_TIME, ContourRun, Phase, RunSettings, SetPoint
 from contour_ctrl.tick import Controller, Gains
 from stage_core.errors import StageError
 
@@ -104,6 +104,20 @@ def test_lockstep_starts_at_the_last_tick_seen_when_the_world_is_quiet() -> None
     assert first is not None and first.velocity is not None
     assert first.stamp == stage.stamp - MS
     assert first.position == pytest.approx(tuple(REFERENCE.position[0]))
+
+
+def test_in_real_time_a_contour_starts_once_the_move_to_its_start_is_forgotten() -> None:
+    stage = Stage()
+    run = ContourRun(Controller(REFERENCE, GAINS), None, 1)
+    stage.take(run.begin(stage.stamp))
+    stage.step(run)
+    # A stage that still creeps by more than REST_MOTION does not rest.
+    stage.drive(run, 400)
+    stage.q = stage.q + 7e-6
+    creeps = stage.stamp
+    while run.phase is Phase.APPROACH:
+        stage.step(run)
+    assert stage.sent[-1].stamp == creeps + round(REST_TIME * 1000) * MS
 
 
 def test_abort_stays_on_the_contour_and_comes_to_rest() -> None:

@@ -22,8 +22,11 @@ from stage_core.errors import StageError
 
 FloatArray = NDArray[np.float64]
 
-#: At rest: moved less than this [m] for this long [s].
-REST_MOTION, REST_TIME = 5e-6, 0.1
+#: At rest: moved less than this [m] for this long [s]. The position loop takes 0.35 s to forget
+#: the lag of the move to the start; a contour that begins earlier begins with an error of its own.
+REST_MOTION, REST_TIME = 5e-6, 0.6
+#: Lockstep: least time since the move was sent; the driver's own dwell makes the rest [s].
+LOCKSTEP_REST = 0.1
 
 
 class ContourRun:
@@ -181,8 +184,8 @@ class ContourRun:
             self._anchor = anchor = (stamp, qx, qy)
         distance = max(abs(qx - self._target[0]), abs(qy - self._target[1]))
         # In lockstep a world that stands still is at rest, however its last ticks crept.
-        since = self._sent if settings.lockstep else anchor[0]
-        resting = stamp - since >= REST_TIME * NANOSECONDS
+        since, rest = (self._sent, LOCKSTEP_REST) if settings.lockstep else (anchor[0], REST_TIME)
+        resting = stamp - since >= rest * NANOSECONDS
         self._ready = resting and distance <= settings.start_tolerance
         if self._ready and not settings.lockstep:
             return self._start(stamp, qx, qy)
