@@ -5,10 +5,17 @@ nice -n 10 .venv/bin/python benchmarks/bench_driver.py
 
 from __future__ import annotations
 
+import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.paced_wire import PacedWire
 from stage_core.twin_file import StepperAxis, TwinFile
 from stage_driver.config import ServoConfig, ZaberConfig
 from stage_driver.limits import AxisLimits
@@ -20,6 +27,7 @@ from stage_twin.emulators.zaber_pty import ZaberPty
 from stage_twin.stepper import StepperPlant
 
 LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
+BAUD = 115200
 
 
 def control_ticks(count: int = 20000) -> np.ndarray:
@@ -61,6 +69,54 @@ def polls(count: int = 500) -> np.ndarray:
     return durations
 
 
+@contextmanager
+def on_a_wire() -> Iterator[tuple[ZaberStage, PacedWire]]:
+    """Two homed axes of the emulated chain, behind a line that takes the time of its bits."""
+    twin = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
+    with ZaberPty(ZaberChain(StepperPlant(twin))) as server:
+        wire = PacedWire(server.port, BAUD)
+        stage = ZaberStage(ZaberConfig(('x', 'y'), (LIMITS, LIMITS), wire.port))
+        stage.home()
+        while (poll := stage.poll()) is None or any(poll.busy):
+            time.sleep(0.02)
+        try:
+            yield stage, wire
+        finally:
+            stage.close()
+            wire.close()
+
+
+def exchanges(wire: PacedWire, exchange: Callable[[int], object], count: int) -> np.ndarray:
+    """Durations of an exchange and the wire's own time for it [s], a row for each."""
+    durations = np.empty((count, 2))
+    for k in range(count):
+        wire.lines.clear()
+        begin = time.perf_counter()
+        exchange(k)
+        durations[k, 0] = time.perf_counter() - begin
+        time.sleep(0.002)
+        durations[k, 1] = wire.own_time()
+    return durations
+
+
+def on_the_wire(count: int = 300) -> None:
+    """Print what a poll and a streamed move of two axes take at the rate of the wire."""
+    with on_a_wire() as (stage, wire):
+        ways = {
+            'poll': lambda _: stage.poll(),
+            'move': lambda k: stage.stream((0.001 + 1e-6 * k,) * 2, (k, k)),
+        }
+        for name, exchange in ways.items():
+            durations = exchanges(wire, exchange, count)
+            row(f'{name} of two axes at {BAUD} baud', durations[:, 0])
+            own = durations[:, 1]
+            over = durations[:, 0] / own - 1.0
+            print(
+                f'  the wire itself {1e3 * np.median(own):.2f} ms; beyond it '
+                f'median {np.median(over):.1%}, 99 % {np.percentile(over, 99):.1%}'
+            )
+
+
 def row(name: str, durations: np.ndarray) -> None:
     """Print median and percentiles in microseconds."""
     median, high, worst = np.percentile(durations * 1e6, (50, 99, 100))
@@ -74,6 +130,7 @@ def main() -> None:
     print(f'{"encode a Zaber command":34s} mean   {encoding * 1e6:8.1f} µs')
     print(f'{"decode a Zaber reply":34s} mean   {decoding * 1e6:8.1f} µs')
     row('poll of two Zaber axes (emulated)', polls())
+    on_the_wire()
 
 
 if __name__ == '__main__':

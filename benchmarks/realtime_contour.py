@@ -1,12 +1,13 @@
 """The contour controller against the servo twin in another process, over DDS.
 
-    python benchmarks/realtime_contour.py [--runs 10] [--composed] [--priority]
+    python benchmarks/realtime_contour.py [--runs 10] [--composed] [--awake] [--priority]
 
-1 kHz in real time, the processors kept awake; prints the figures, the timing that the node reports
-on /diagnostics, what the other two nodes count, and what the machine itself left out: gaps in
-which a processor ran nothing, and on a virtual machine the processor time that its host kept.
---priority: with real-time priority, where the system permits it. --asleep: the processors may
-sleep. Exit status 1 where a run failed.
+1 kHz in real time; prints the figures, the timing that the node reports on /diagnostics, what the
+other two nodes count, and what the machine itself left out: gaps in which a processor ran nothing,
+and on a virtual machine the processor time that its host kept.
+--awake: the processors are kept awake. --priority: with real-time priority, where the system
+permits it. --lockstep: the same contour in lockstep, to compare with. Exit status 1 where a run
+failed.
 --composed: driver and controller in one process (`ros2 run stage_bringup control`).
 """
 
@@ -43,7 +44,7 @@ COUNTED = {
 }
 
 
-def nodes(priority: bool, together: bool) -> list[NodeCommand]:
+def nodes(priority: bool, together: bool, lockstep: bool) -> list[NodeCommand]:
     """Twin, driver and controller; the last two in one process where they are `together`."""
     port = free_port(socket.SOCK_DGRAM)
     # Who is waited for goes first: the plant, then the driver, then the controller.
@@ -52,17 +53,18 @@ def nodes(priority: bool, together: bool) -> list[NodeCommand]:
     )
     plant |= {
         'twin': config_folder() / 'twin_reality.yaml',
-        'clock': 'realtime',
+        'clock': 'lockstep' if lockstep else 'realtime',
         'drive_port': port,
         'tracker_protocol': 'none',
     }
+    timed = {'use_sim_time': True} if lockstep else {}
     found = [
         NodeCommand('stage_twin', 'stage_twin.node', plant),
-        NodeCommand('stage_driver', 'stage_driver.node', {'drive_port': port, **driver}),
+        NodeCommand('stage_driver', 'stage_driver.node', {'drive_port': port, **driver, **timed}),
         NodeCommand(
             'contour_ctrl',
             'contour_ctrl.node',
-            {'iterations': 3, **controller},
+            {'iterations': 3, **controller, **timed},
             (config_folder() / 'contour_ctrl.yaml',),
         ),
     ]
@@ -93,7 +95,7 @@ class Told:
         print(gaps)
 
 
-def run(priority: bool, together: bool) -> str:
+def run(priority: bool, together: bool, lockstep: bool) -> str:
     """Start twin, driver and controller; run once; return the message."""
     reserve_domain()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -101,9 +103,9 @@ def run(priority: bool, together: bool) -> str:
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         processes = Processes(Path(folder))
         stack.callback(processes.end, 10.0)
-        for command in nodes(priority, together):
+        for command in nodes(priority, together, lockstep):
             processes.start(command)
-        client = stack.enter_context(GraphClient('realtime_contour'))
+        client = stack.enter_context(GraphClient('realtime_contour', use_sim_time=lockstep))
         client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=told.hear)
         for service in ('/stage_driver/home', '/contour_ctrl/run'):
             client.wait_for_service(service, PATIENCE, processes.check)
@@ -128,18 +130,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--runs', type=int, default=1, help='how often')
     parser.add_argument('--priority', action='store_true', help='with real-time priority')
-    parser.add_argument('--asleep', action='store_true', help='the processors may sleep')
+    parser.add_argument('--awake', action='store_true', help='the processors are kept awake')
+    parser.add_argument('--lockstep', action='store_true', help='in lockstep, to compare with')
     parser.add_argument(
         '--composed', action='store_true', help='driver and controller in one process'
     )
     given = parser.parse_args()
     failed = 0
     with ExitStack() as stack:
-        if not given.asleep:
+        if given.awake:
             print(f'the processors are kept awake: {stack.enter_context(KeepAwake()).how}')
         for _ in range(given.runs):
             try:
-                print(run(given.priority, given.composed), flush=True)
+                print(run(given.priority, given.composed, given.lockstep), flush=True)
             except StageError as error:
                 print(f'error: {error}', flush=True)
                 failed += 1
