@@ -40,8 +40,8 @@ from gap_diagnosis.selection.parts import (
     REST_RULES,
     Part,
     fit_part,
-    fit_servo,
 )
+from gap_diagnosis.selection.servo_part import fit_servo
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect

@@ -44,6 +44,8 @@ class Problem:
     before: dict[str, Array] = field(default_factory=dict)
     seams: NDArray[np.int64] | None = None  # rows before which no row of the same series comes
     stands: Stands | None = None  # rows that share an error; None where none do
+    speed: Array | None = None  # of the axis at each row (n,) [m/s]; None beyond force balances
+    weights: Array | None = None  # of each row (n,), in rows and columns; None: all alike
     #: What was searched for a set, by all that this depends on: each pass of a selection goes the
     #: way of the last one until a barred effect was taken.
     tried: Memory = field(default_factory=Memory)
@@ -57,6 +59,8 @@ class Problem:
             return rows
         if self.stands is not None:
             rows = self.stands.freed(rows)
+        if self.weights is not None:
+            rows = rows * self.weights.reshape(-1, *[1] * (rows.ndim - 1))
         if self.whitening == 0.0:
             return rows
         out = rows.copy()
@@ -64,6 +68,14 @@ class Problem:
         if self.seams is not None:
             out[self.seams] = 0.0
         return out
+
+    def weighted(self, weights: Array) -> Problem:
+        """The same problem with rows that count by their weights (n,)."""
+        kept = self.tried.once(('weights', weights.tobytes()), Memory)
+        floor = self.floor * float(np.sqrt(np.mean(weights[self.judged] ** 2)))
+        return replace(
+            self, weights=weights, target=self.target * weights, floor=floor, tried=kept
+        )
 
     def whitened(self, rho: float = 0.0) -> Problem:
         """The same problem for generalised least squares, with a first-order remainder."""

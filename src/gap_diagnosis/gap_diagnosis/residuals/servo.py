@@ -77,6 +77,7 @@ class Servo(ForceRows):
             not any_held_session,
             signatures=effects.signatures(candidates),
             signal=float(np.var(self.columns(self.applied()))),
+            speed=np.abs(self.used(self.smooth_velocity())),
         )
         if not all(r.effort_recorded for r in self.records):
             # The integral of the controller that made the force may have started anywhere.

@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.closed_loop.polish import Parameters, polish
-from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.closed_loop.swing import LEAST_SHARE, swings_as_much
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.evidence.judgement import Structure
-from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import scored_ticks
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
-from gap_diagnosis.residuals.measured_noise import with_noise
 from gap_diagnosis.residuals.problem import Problem
-from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.backward import select_backwards
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.imitations import imitations
-from gap_diagnosis.selection.innovated import told_by_innovations
 from gap_diagnosis.selection.model import Evidence, Rules, Selection
 from gap_diagnosis.selection.other_ways import select_best
+from gap_diagnosis.selection.slow_rows import speed_weights
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
-from stage_core.twin_file import TwinFile
-from stage_twin.effects import effect_of, link_of
+from stage_twin.effects import link_of
 
 Array = NDArray[np.float64]
 
@@ -127,15 +117,22 @@ def _fit_whole(
 ) -> Part:
     """Selection on rows freed of their stands' errors, and of a slow remainder if there is one."""
     rules = replace(KNOWN_REST_RULES if known_noise else rules, kept=kept)
-    calm = problem.whitened()
+    calm, plain_shapes = problem.whitened(), dict(problem.terms)
     selector = Selector(calm, rules, seed)
     selection = select_best(selector)
+    weights = speed_weights(problem, selection)
+    if weights is not None:
+        problem.terms.clear()
+        problem.terms.update(plain_shapes)
+        calm = calm.weighted(weights)
+        selector = Selector(calm, rules, seed)
+        selection = select_best(selector)
     if known_noise:
         selection = select_backwards(selector, selection)
     elif rules.given:  # rests too, whose scatter nobody stated
         unknown = replace(KNOWN_REST_RULES, kept=kept)
         selection = select_backwards(selector, selection, unknown)
-    residual = _residual(problem, selection)
+    residual = residual_of(problem, selection)
     found = _structure(calm, selection, residual, name)
     if known_noise and not found.structured:
         found = _beyond_noise(problem, selection, found)
@@ -147,7 +144,7 @@ def _fit_whole(
         selector = Selector(problem.whitened(rho), rules, seed, calm.target)
         selection = select_best(selector)
         selection = selector.with_given(selection, plain)
-        residual = _residual(problem, selection)
+        residual = residual_of(problem, selection)
         found = _structure(calm, selection, residual, name)
     return Part(name, problem, selector, selection, residual, np.zeros(0, np.int64), found)
 
@@ -189,7 +186,7 @@ def _modelled(problem: Problem, selection: Selection, residual: Array) -> Array:
     return out
 
 
-def _residual(problem: Problem, selection: Selection) -> Array:
+def residual_of(problem: Problem, selection: Selection) -> Array:
     """Residual of a selection in rows as they were measured.
 
     A held-out session has the nuisances that its own prefix gave.
@@ -204,120 +201,3 @@ def _residual(problem: Problem, selection: Selection) -> Array:
                 share[rows] = problem.terms[name].share(theta, refitted[name])[rows]
         residual -= share
     return residual
-
-
-def fit_servo(
-    rows: Servo,
-    problem: Problem,
-    records: list[Record],
-    twin: TwinFile,
-    direct: Parameters,
-    seed: int,
-    without: Sequence[str],
-) -> Part:
-    """Force balance of an axis; an effect that the closed loop contradicts is taken out.
-
-    A disturbance that nothing in the library explains is sometimes imitated in the force
-    balance; the twin with such an effect then follows the record worse than without it.
-    """
-    axis, barred = rows.axis, list(without)
-    unconfirmed: tuple[str, ...] = ()
-    while True:
-        part = fit_part(f'servo.{axis}', problem, SERVO_RULES, seed, barred)
-        accepted = part.selection.accepted
-        if not accepted or twin.kind != 'servo':
-            return replace(part, unconfirmed=unconfirmed)
-        found = describe(part.selection, part.selector.regression)
-        contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
-        if contradicted:
-            # Where few rows tell an effect, the loop judges it with the parameters that suit it.
-            own = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
-            found = polish(records, twin, axis, found, own)
-            contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
-        swinging = tuple(n for n in accepted if effect_of(n).swings)
-        both = ((part, found), *_alone(part, swinging, seed, barred)) if contradicted else ()
-        for one, told in both:
-            if _confirmed(one, swinging, {**told, **direct}, records, twin):
-                # The moments of the impacts are blurred by the encoder's steps.
-                explained = replace(one.structure, structured=False)
-                return replace(
-                    one, structure=explained, unconfirmed=unconfirmed, swinging=swinging
-                )
-        if not contradicted:
-            selection = told_by_innovations(part.selector, part.selection, rows)
-            residual = selection.fit.residual
-            return replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)
-        # Beside a loop that swings at another phase nothing else can be judged.
-        if len(contradicted) > 1 and swinging:
-            contradicted = list(swinging)
-        unconfirmed += tuple(n for n in contradicted if n in swinging)
-        barred += contradicted
-
-
-def _alone(
-    part: Part, swinging: tuple[str, ...], seed: int, barred: Sequence[str]
-) -> Iterator[tuple[Part, Parameters]]:
-    """The balance with an effect that swings, and without those that were found beside it.
-
-    An effect that makes a force like that of the impacts may stand before it.
-    """
-    others = [n for n in part.selection.accepted if n not in swinging]
-    if not swinging or not others:
-        return
-    like = [f'{r}.{split_effect(n)[1]}' for n in others for r in effect_of(n).excludes]
-    problem = replace(part.problem, terms=dict(part.problem.terms))
-    alone = fit_part(part.name, problem, SERVO_RULES, seed, [*barred, *others, *like])
-    yield alone, describe(alone.selection, alone.selector.regression)
-
-
-def _confirmed(
-    part: Part,
-    swinging: Sequence[str],
-    found: Parameters,
-    records: list[Record],
-    twin: TwinFile,
-) -> bool:
-    """Whether effects that make the loop swing are most of the remainder, and swing as much."""
-    return bool(swinging) and all(
-        name in part.selection.accepted
-        and part.selection.evidence[name].share > LEAST_SHARE
-        and swings_as_much(name, plain_values(found), records, twin)
-        for name in swinging
-    )
-
-
-def _contradicted(
-    axis: str,
-    accepted: list[str],
-    found: Parameters,
-    records: list[Record],
-    twin: TwinFile,
-) -> list[str]:
-    """Effects with which the closed loop follows the held-out record worse than without.
-
-    Where the encoder's gap is large and all of them together close almost nothing of it, the
-    force balance was imitated and all go. Below the encoder's step nothing is contradicted.
-    """
-    channel, effects = f'encoder.{axis}', plain_values(found)
-
-    def gap(some: dict[str, dict[str, float]]) -> float:
-        squares = []
-        for record in [r for r in records if r.held_out_session] or records:
-            mask = scored_ticks(record)
-            try:
-                squares.append(replay(record, twin, some)[channel][mask] ** 2)
-            except StageError:
-                # Together they are no machine that could run.
-                return math.inf
-        return float(np.mean(np.concatenate(squares)))
-
-    noisy = with_noise(twin, records).axes[axis]
-    step = float(getattr(noisy, 'encoder_resolution', 1e-6)) ** 2
-    everything = gap(effects)
-    rest = {n: gap({k: v for k, v in effects.items() if k != n}) for n in accepted}
-    best = min(accepted, key=lambda n: rest[n])
-    if math.isinf(everything) or (gap({}) > 4.0 * step and everything > 0.7 * gap({})):
-        # One that is no machine beside the others may hide that they are right.
-        return [best] if rest[best] < 0.7 * min(everything, gap({})) else list(accepted)
-    loss = everything - rest[best]
-    return [best] if loss > max(0.05 * everything, 0.05 * step) else []

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gap_diagnosis.selection.parts import Part
+from gap_diagnosis.selection.parts import Part, residual_of
 
 #: What a force balance may lose by the tracker's shape, in the mean square of its noise. A mode of
 #: the true frequency lost 0.04 of it: the noise of the encoder, which a heavier and slower load
@@ -40,4 +40,4 @@ def _shaped(part: Part, name: str, theta: tuple[float, ...]) -> Part:
     if lost > LOST * selector.noise or not selector.admissible(other, name):
         return part
     selection = replace(part.selection, fit=other)
-    return replace(part, selection=selection, residual=other.residual)
+    return replace(part, selection=selection, residual=residual_of(part.problem, selection))

@@ -16,9 +16,9 @@ REACH = 0.2
 #: Hz. From 900 Hz on the plant's steps feed the edge of a light carriage in a play of less than
 #: 0.4 µm, until the stage flies away.
 SOFTEST, STIFFEST = 100.0, 800.0
-#: What a fit gets wrong of the width, as the drive's share of the mass hardly shows: on six
-#: development sessions it found 0.73 to 1.6 of the true width.
-DOUBT = 0.3
+#: What a fit gets wrong of the width, as the drive's share of the mass hardly shows: on eight
+#: development sessions it found 0.58 to 1.3 of the true width.
+DOUBT = 0.4
 
 EFFECT = Effect(
     name='drive_play',

@@ -21,11 +21,13 @@ FREQUENCY, DAMPING = 300.0, 0.2
 #: Frequencies [Hz] that a search tries of an edge: of soft and of firm ones from the start, as the
 #: best width beside one is not that beside the other.
 STARTS = (120.0, FREQUENCY)
-FREQUENCIES = (120.0, 200.0, 300.0, 500.0)
 #: Radians of the contact's oscillation that a substep of the search may cover.
 REACH = 0.3
 #: Starts of a search: share of the mass times width [m], damping ratios, and that share.
 MOMENTS, DAMPINGS, SHARE = np.geomspace(3e-7, 4e-5, 14), (0.1, 0.2, 0.35, 1.5), 0.25
+#: Factors that a search tries of each parameter in turn, how often at most, and within what.
+FACTORS, ROUNDS = (0.5, 0.7, 0.85, 0.93, 1.07, 1.18, 1.4, 2.0), 4
+WITHIN = ((1e-8, 2e-4), (0.03, 0.7), (0.02, 2.0), (100.0, 800.0))
 #: Least share of the residual that the best of them explains where a play is searched further.
 LEAST = 0.03
 
@@ -96,20 +98,33 @@ class Crossing:
 
     def propose(self, residual: Array) -> tuple[Theta, ...]:
         """The start that explains most of a residual (n,); no width where none explains any."""
-        starts = [(float(m), SHARE, d, f) for f in STARTS for m in MOMENTS for d in DAMPINGS]
+        found = [start for f in STARTS if (start := self._near(residual, f))]
+        if not found:
+            return ((0.0, SHARE, DAMPING, FREQUENCY),)
+        return (max(found, key=lambda start: self._gain(self.columns(start)[:, 0], residual)),)
+
+    def _near(self, residual: Array, frequency: float) -> Theta:
+        """The best start with edges of one frequency [Hz]; none where it explains too little."""
+        starts = [(float(m), SHARE, d, frequency) for m in MOMENTS for d in DAMPINGS]
         best = max(starts, key=lambda start: self._explains(start, residual))
         if self._explains(best, residual) < LEAST * float(residual @ residual):
-            return ((0.0, SHARE, DAMPING, FREQUENCY),)
-        moment, _, contact, frequency = best
-        near = [
-            (moment * m, s, contact * d, frequency)
-            for m in (0.85, 1.0, 1.18)
-            for s in (0.15, 0.25, 0.38)
-            for d in (0.8, 1.0, 1.25)
-        ]
-        start = max(near, key=lambda start: self._gain(self.columns(start)[:, 0], residual))
-        edges = [(*start[:3], f) for f in FREQUENCIES]
-        return (max(edges, key=lambda start: self._gain(self.columns(start)[:, 0], residual)),)
+            return ()
+        return self._descended(best, residual)
+
+    def _descended(self, start: Theta, residual: Array) -> Theta:
+        """The best start in turn along each parameter; the moments of impacts make it rough."""
+        most = self._gain(self.columns(start)[:, 0], residual)
+        for _ in range(ROUNDS):
+            before = start
+            for i, (low, high) in enumerate(WITHIN):
+                tried = {min(max(start[i] * f, low), high) for f in FACTORS} - {start[i]}
+                others = [(*start[:i], value, *start[i + 1 :]) for value in sorted(tried)]
+                gains = [self._gain(self.columns(o)[:, 0], residual) for o in others]
+                if max(gains) > most:
+                    most, start = max(gains), others[int(np.argmax(gains))]
+            if start == before:
+                break
+        return start
 
     def _explains(self, start: Theta, residual: Array) -> float:
         if start not in self._kept:

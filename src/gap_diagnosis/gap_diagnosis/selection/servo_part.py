@@ -1,0 +1,114 @@
+"""The force balance of an axis beside the closed loop, which may contradict it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gap_diagnosis.closed_loop.polish import Parameters, polish
+from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.swing import swings_as_much
+from gap_diagnosis.evidence.describe import describe, plain_values
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import scored_ticks
+from gap_diagnosis.residuals.measured_noise import with_noise
+from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.selection.innovated import told_by_innovations
+from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_of
+from gap_diagnosis.selection.swinging import swinging_part
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+from stage_twin.effects import effect_of
+
+
+def fit_servo(
+    rows: Servo,
+    problem: Problem,
+    records: list[Record],
+    twin: TwinFile,
+    direct: Parameters,
+    seed: int,
+    without: Sequence[str],
+) -> Part:
+    """Force balance of an axis; an effect that the closed loop contradicts is taken out.
+
+    A disturbance that nothing in the library explains is sometimes imitated in the force
+    balance; the twin with such an effect then follows the record worse than without it.
+    """
+    axis, barred = rows.axis, list(without)
+    unconfirmed: tuple[str, ...] = ()
+    while True:
+        part = fit_part(f'servo.{axis}', problem, SERVO_RULES, seed, barred)
+        if twin.kind != 'servo':
+            return part
+        if not unconfirmed:
+            swung = swinging_part(part, rows, seed, barred)
+            if swung is not None and _swings(swung, direct, records, twin):
+                return swung
+        accepted = part.selection.accepted
+        if not accepted:
+            return replace(part, unconfirmed=unconfirmed)
+        found = describe(part.selection, part.selector.regression)
+        contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
+        if contradicted:
+            # Where few rows tell an effect, the loop judges it with the parameters that suit it.
+            own = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
+            found = polish(records, twin, axis, found, own)
+            contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
+        if not contradicted:
+            selection = told_by_innovations(part.selector, part.selection, rows)
+            residual = residual_of(problem, selection)
+            return replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)
+        # Beside a loop that swings at another phase nothing else can be judged.
+        swinging = [n for n in accepted if effect_of(n).swings]
+        if len(contradicted) > 1 and swinging:
+            contradicted = swinging
+        unconfirmed += tuple(n for n in contradicted if n in swinging)
+        barred += contradicted
+
+
+def _swings(part: Part, direct: Parameters, records: list[Record], twin: TwinFile) -> bool:
+    """Whether the twin with the effect that swings does so as much as the record."""
+    found = {**describe(part.selection, part.selector.regression), **direct}
+    return all(swings_as_much(n, plain_values(found), records, twin) for n in part.swinging)
+
+
+def _contradicted(
+    axis: str,
+    accepted: list[str],
+    found: Parameters,
+    records: list[Record],
+    twin: TwinFile,
+) -> list[str]:
+    """Effects with which the closed loop follows the held-out record worse than without.
+
+    Where the encoder's gap is large and all of them together close almost nothing of it, the
+    force balance was imitated and all go. Below the encoder's step nothing is contradicted.
+    """
+    channel, effects = f'encoder.{axis}', plain_values(found)
+
+    def gap(some: dict[str, dict[str, float]]) -> float:
+        squares = []
+        for record in [r for r in records if r.held_out_session] or records:
+            mask = scored_ticks(record)
+            try:
+                squares.append(replay(record, twin, some)[channel][mask] ** 2)
+            except StageError:
+                # Together they are no machine that could run.
+                return math.inf
+        return float(np.mean(np.concatenate(squares)))
+
+    noisy = with_noise(twin, records).axes[axis]
+    step = float(getattr(noisy, 'encoder_resolution', 1e-6)) ** 2
+    everything = gap(effects)
+    rest = {n: gap({k: v for k, v in effects.items() if k != n}) for n in accepted}
+    best = min(accepted, key=lambda n: rest[n])
+    if math.isinf(everything) or (gap({}) > 4.0 * step and everything > 0.7 * gap({})):
+        # One that is no machine beside the others may hide that they are right.
+        return [best] if rest[best] < 0.7 * min(everything, gap({})) else list(accepted)
+    loss = everything - rest[best]
+    return [best] if loss > max(0.05 * everything, 0.05 * step) else []

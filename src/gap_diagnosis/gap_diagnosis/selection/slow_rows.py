@@ -1,0 +1,50 @@
+"""Weights of the rows of a force balance: models of friction are crude near standstill.
+
+What a fit leaves of a machine with friction depends on the speed: while the bristles bend or
+creep, no two models agree. Rows count by what is left at their speed (feasible generalised least
+squares: Greene, Econometric analysis, 2018, chapter 9), so that the sliding rows say how large a
+friction is, and what acts beside it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.selection.model import Selection
+from stage_core.quantities import split_effect
+from stage_twin.effects import effect_of
+
+Array = NDArray[np.float64]
+
+#: Edges of the classes of speed [m/s].
+EDGES = (1e-3, 3e-3, 1e-2, 3e-2)
+#: Least rows of a class that has a variance of its own.
+FEWEST = 200
+#: Ratio of the variances of two classes from which on rows are weighted.
+UNEQUAL = 4.0
+
+
+def speed_weights(problem: Problem, selection: Selection) -> Array | None:
+    """Weights (n,), 1 at the most, beside a friction; None where all rows count alike."""
+    frictions = [n for n in selection.accepted if reverses(n)]
+    if problem.speed is None or not frictions:
+        return None
+    labels = np.digitize(problem.speed, EDGES)
+    squares = selection.fit.residual**2
+    variance = np.full(len(EDGES) + 1, np.nan)
+    for label in range(len(variance)):
+        rows = problem.fit & (labels == label)
+        if np.count_nonzero(rows) >= FEWEST:
+            variance[label] = max(float(np.mean(squares[rows])), problem.floor**2)
+    least = float(np.nanmin(variance))
+    if not np.nanmax(variance) > UNEQUAL * least:
+        return None
+    weights = np.sqrt(least / np.where(np.isnan(variance), np.nanmax(variance), variance))
+    return np.asarray(weights[labels])
+
+
+def reverses(name: str) -> bool:
+    """Whether an effect is a friction, whose bristles bend."""
+    return any(p.name == 'presliding' for p in effect_of(split_effect(name)[0]).parameters)
