@@ -19,8 +19,8 @@ from stage_core.twin_file import TwinFile
 
 Effects = Mapping[str, Mapping[str, float]]
 
-#: Factor by which the two swings may differ. With a right play the twin swings 0.50 to 1.02 times as
-#: much as the record.
+#: Factor by which the two swings may differ. With a right play the twin swings 0.50 to 1.02 times
+#: as much as the record.
 AS_MUCH = 2.5
 #: Least share of the force balance's remainder that the effect explains: eight right plays explain
 #: 0.90 to 1.00, wrong ones 0.80 of what a pump shakes and 0.34 of the rest of a friction.

@@ -149,9 +149,12 @@ READ = 1e3
 
 
 def strength(part: Part, name: str) -> float:
-    """Gain of an accepted effect over the least gain that counts."""
+    """Gain of an accepted effect over the least gain that counts, 1 at the least.
+
+    One that was accepted with less is what was lacking in the balance or in the loop.
+    """
     evidence = part.selection.evidence[name]
-    return evidence.gain / part.selector.least(name)
+    return max(evidence.gain / part.selector.least(name), 1.0)
 
 
 def rejected_causes(

@@ -66,7 +66,7 @@ class Selector:
             accepted, base = self._grown(accepted, fit, name)
         rejected: dict[str, Evidence] = {}
         while len(accepted) < self.rules.largest:
-            trials = self._trials(base, accepted)
+            trials = self.trials(base, accepted)
             if not rejected:
                 rejected = {name: trial.evidence for name, trial in trials.items()}
             good = [
@@ -165,7 +165,8 @@ class Selector:
         """The same rows without the whitening of a slow remainder, which weighs fast motion."""
         return Regression(replace(self.problem, whitening=0.0, target=self.raw))
 
-    def _trials(self, base: Fit, accepted: list[str]) -> dict[str, Trial]:
+    def trials(self, base: Fit, accepted: list[str]) -> dict[str, Trial]:
+        """Each other effect beside a set."""
         return {
             name: self._trial(base, name, accepted)
             for name in self.problem.terms

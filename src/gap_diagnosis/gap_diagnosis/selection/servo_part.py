@@ -18,6 +18,7 @@ from gap_diagnosis.residuals.measured_noise import with_noise
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.innovated import told_by_innovations
+from gap_diagnosis.selection.lacking import with_lacking
 from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_of
 from gap_diagnosis.selection.swinging import swinging_part
 from stage_core.errors import StageError
@@ -60,6 +61,7 @@ def fit_servo(
             found = polish(records, twin, axis, found, own)
             contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
         if not contradicted:
+            part = with_lacking(part, axis, direct, records, twin)
             selection = told_by_innovations(part.selector, part.selection, rows)
             residual = residual_of(problem, selection)
             return replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)

@@ -1,0 +1,92 @@
+"""An effect that a force balance shows too little of, and the closed loop shows well.
+
+Beside a friction the errors of its model are the largest part of what a balance leaves, so that a
+delay or a lag explains a small share of it. The loop follows the record far better with it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from gap_diagnosis.closed_loop.polish import Parameters, polish
+from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.evidence.describe import describe, plain_values
+from gap_diagnosis.evidence.judgement import channel_floor
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import scored_ticks
+from gap_diagnosis.residuals.measured_noise import with_noise
+from gap_diagnosis.selection.model import Selection, Trial
+from gap_diagnosis.selection.parts import Part
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+from stage_twin.effects import effect_of
+
+#: Floors of the encoder up to which the loop follows the record.
+FOLLOWS = 2.0
+#: Share of the loop's held-out gap that is left with an effect that was lacking. A right lag
+#: beside a friction left 0.36, what takes up errors of a friction's model 0.83 or more.
+LEFT = 0.5
+#: Number of effects that are tried: each costs a refinement in the loop.
+MOST = 4
+
+
+def with_lacking(
+    part: Part, axis: str, direct: Parameters, records: list[Record], twin: TwinFile
+) -> Part:
+    """The part with the effect beside which the loop follows the held-out record far better."""
+    fixed = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
+
+    def gap(found: Parameters) -> float:
+        refined = polish(records, twin, axis, found, fixed)
+        return _gap(axis, {**refined, **direct}, records, twin)
+
+    before = gap(describe(part.selection, part.selector.regression))
+    floor = channel_floor(with_noise(twin, records), f'encoder.{axis}')
+    if before < FOLLOWS * floor or math.isinf(before):
+        return part
+    best, least = part, LEFT * before
+    for trial in _candidates(part):
+        other = _with_trial(part, trial)
+        left = gap(describe(other.selection, other.selector.regression))
+        if left < least:
+            best, least = other, left
+    return best
+
+
+def _gap(axis: str, found: Parameters, records: list[Record], twin: TwinFile) -> float:
+    """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""
+    squares = []
+    for record in [r for r in records if r.held_out_session] or records:
+        try:
+            gap = replay(record, twin, plain_values(found))[f'encoder.{axis}']
+        except StageError:
+            return math.inf
+        squares.append(gap[scored_ticks(record)] ** 2)
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def _candidates(part: Part) -> list[Trial]:
+    """Effects that explain something of the remainder for certain, the largest first."""
+    selector, selection = part.selector, part.selection
+    trials = selector.trials(selection.fit, selection.accepted).values()
+    good = [
+        t
+        for t in trials
+        if t.evidence.admissible and t.evidence.interval[0] > 0.0
+        if not t.odd and not effect_of(t.evidence.name).swings
+    ]
+    return sorted(good, key=lambda t: (-t.evidence.gain, t.evidence.name))[:MOST]
+
+
+def _with_trial(part: Part, trial: Trial) -> Part:
+    """The part with one more effect."""
+    selector, old, name = part.selector, part.selection, trial.evidence.name
+    fit = selector.regression.refine(trial.thetas, list(trial.thetas))
+    rejected = {n: e for n, e in old.rejected.items() if n != name}
+    selection = Selection(
+        [*old.accepted, name], fit, {**old.evidence, name: trial.evidence}, rejected
+    )
+    return replace(part, selection=selection)
