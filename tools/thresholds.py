@@ -14,7 +14,15 @@ from gap_diagnosis.experiment import design, motions, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
 from gap_diagnosis.law import judged, search
 from gap_diagnosis.residuals import kinematics, unrecorded
-from gap_diagnosis.selection import forward, imitations, rivals, shape
+from gap_diagnosis.selection import (
+    forward,
+    imitations,
+    lacking,
+    rivals,
+    shape,
+    slow_rows,
+    swinging,
+)
 from stage_core import clocks
 from stage_driver import servo_clocks
 from stage_twin import loops, machine
@@ -23,10 +31,10 @@ from stage_twin.emulators import drive
 MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, design, domain, drive, forward, grid,
-                   held_out, imitations, judged, kinematics, loops, machine, misread, motions,
-                   online, outliers, passes, prepare, rivals, search, selection, separation,
-                   servo_clocks, shape, swing, temperatures, thermal, training, unrecorded,
-                   windows)
+                   held_out, imitations, judged, kinematics, lacking, loops, machine, misread,
+                   motions, online, outliers, passes, prepare, rivals, search, selection,
+                   separation, servo_clocks, shape, slow_rows, swing, swinging, temperatures,
+                   thermal, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -78,6 +86,10 @@ the same: squared gap that the effects leave, from | {acceptance.SHARE_BESIDE:.0
 squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}
 force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}
 ratio of the swings of twin and record, at most | {swing.AS_MUCH:g}
+remainder over the noise from which a swing is looked for, squares | {swinging.FAST:g}
+variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
+gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
+the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}
 what is left above the noise and an effect that was lacking explains, from | {forward.LACKING:.0%}
 noise that a balance may lose by the tracker's shape, at most | {shape.LOST:.0%}
 what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
+
+from benchmarks.experiment.machine import session
 from gap_diagnosis.closed_loop.swing import swings_as_much
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
+from gap_diagnosis.residuals.servo import Servo
 from stage_core.session import Session
-from tests.gap_diagnosis.conftest import nominal
+from tests.gap_diagnosis.conftest import nominal, reference
 
 Maker = Callable[..., Session]
 PLAY = {'width': 40e-6, 'mass_ratio': 0.3, 'contact_damping': 0.35}
@@ -43,3 +49,16 @@ def test_a_soft_play_is_named_although_a_resonance_stands_before_it(planted: Mak
     values = {name: value for name, (value, _) in found.parameters['drive_play.x'].items()}
     product = values['width'] * values['mass_ratio']
     assert abs(product / (soft['width'] * soft['mass_ratio']) - 1.0) < 0.2
+
+
+def test_a_swing_faster_than_the_rows_of_the_balance_is_named() -> None:
+    whole = nominal()
+    coarse = replace(whole.axes['x'], encoder_resolution=5e-6)
+    twin = replace(whole, axes={'x': coarse})
+    fast = {'width': 90e-6, 'mass_ratio': 0.11, 'contact_frequency': 200.0}
+    path = reference(12.0, twin.control_period, 1)
+    machine = twin.with_effects({'drive_play.x': fast})
+    record = session(machine, twin, path, np.full(len(path), 20.0), 0)
+    rows = Servo([load_record(record, twin)], twin, 'x')
+    assert math.isfinite(rows.cut)
+    assert diagnose([record], [], twin).verdict == ['drive_play.x']

@@ -77,6 +77,8 @@ def _candidates(part: Part) -> list[Trial]:
         for t in trials
         if t.evidence.admissible and t.evidence.interval[0] > 0.0
         if not t.odd and not effect_of(t.evidence.name).swings
+        # A richer friction than the accepted one is the balance's to choose.
+        if not selector.replaced(t.evidence.name, selection.accepted)
     ]
     return sorted(good, key=lambda t: (-t.evidence.gain, t.evidence.name))[:MOST]
 
