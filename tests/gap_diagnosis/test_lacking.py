@@ -22,18 +22,12 @@ FRICTION, LAG = 'coulomb_friction.x', 'current_loop_lag.x'
 def without_lag(planted: Callable[..., Session], lag: float) -> tuple[Part, Prepared]:
     """The balance of a friction and a lag [s], of which the selection overlooked the lag."""
     effects = {FRICTION: {'coulomb': 3.0}, LAG: {'time_constant': lag}}
-    before = prepare(
-        [planted(effects if lag else {FRICTION: effects[FRICTION]})], [], nominal(), ()
-    )
+    before = prepare([planted(effects)], [], nominal(), ())
     part = servo_part(before, 'x', before.direct, 0, [], Memory(), silent)
     fit = part.selector.without_effect(part.selection.fit, LAG)
     evidence = {FRICTION: part.selection.evidence[FRICTION]}
-    return replace(
-        part,
-        selection=replace(
-            part.selection, accepted=[FRICTION], fit=fit, evidence=evidence, told={}
-        ),
-    ), before
+    selection = replace(part.selection, accepted=[FRICTION], fit=fit, evidence=evidence, told={})
+    return replace(part, selection=selection), before
 
 
 def test_a_lag_that_the_balance_overlooked_is_taken_by_the_loop(
@@ -44,8 +38,5 @@ def test_a_lag_that_the_balance_overlooked_is_taken_by_the_loop(
     assert found.selection.accepted == [FRICTION, LAG]
     assert found.selection.fit.thetas[LAG][0] == pytest.approx(3e-3, rel=0.1)
     assert strength(found, LAG) >= 1.0
-
-
-def test_a_loop_that_follows_the_record_lacks_nothing(planted: Callable[..., Session]) -> None:
-    part, before = without_lag(planted, 0.0)
-    assert with_lacking(part, 'x', before.direct, before.records, before.twin) is part
+    # A loop that follows the record lacks nothing.
+    assert with_lacking(found, 'x', before.direct, before.records, before.twin) is found
