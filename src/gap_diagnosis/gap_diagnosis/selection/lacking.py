@@ -50,6 +50,10 @@ def with_lacking(
     best, least = part, LEFT * before
     for trial in _candidates(part):
         other = _with_trial(part, trial)
+        if not all(
+            part.selector.admissible(other.selection.fit, n) for n in other.selection.accepted
+        ):
+            continue
         left = gap(describe(other.selection, other.selector.regression))
         if left < least:
             best, least = other, left
