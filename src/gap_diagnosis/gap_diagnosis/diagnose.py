@@ -20,7 +20,7 @@ from gap_diagnosis.closed_loop.misread import misread
 from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import far_from_explained, shrink_of
-from gap_diagnosis.evidence.causes import cause_of, shown_by_encoder, swing_notes, swings
+from gap_diagnosis.evidence.causes import Run, cause_of, shown_by_encoder, swing_notes, swings
 from gap_diagnosis.evidence.describe import (
     describe,
     plain_values,
@@ -265,10 +265,8 @@ def _conclude(
     before, after = position_rms(channels, 'before'), position_rms(channels, 'after')
     progress('leaving out one cause at a time')
     floors = {n: judge.channel_floor(seen, n) for n in channels}
-    causes = [
-        cause_of(name, effects, scored, twin, parts, channels, parameters, floors, seed)
-        for name in effects
-    ]
+    run = Run(scored, twin, parts, channels, parameters, floors, seed)
+    causes = [cause_of(name, run) for name in effects]
     # The largest contribution to the gap first.
     causes.sort(key=lambda c: -(c.gap_before - c.gap_after))
     accepted = [c.effect for c in causes]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from gap_diagnosis.evidence.acceptance import (
     shrink_in_balance,
     shrink_of,
 )
-from gap_diagnosis.evidence.describe import given_shape, with_model_error
+from gap_diagnosis.evidence.describe import given_shape, plain_values, with_model_error
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.selection.contained import contained
@@ -34,29 +35,43 @@ from stage_twin.effects import EFFECTS, link_of, misreads
 CHANCE = math.sqrt((1.0 - LEAST_SHRINK) ** -2 - 1.0)
 
 
-def cause_of(
-    name: str,
-    effects: dict[str, dict[str, float]],
-    scored: list[Record],
-    twin: TwinFile,
-    parts: list[Part],
-    channels: dict[str, Channel],
-    parameters: dict[str, dict[str, tuple[float, float]]],
-    floors: dict[str, float],
-    seed: int,
-) -> judge.Cause:
+@dataclass(frozen=True)
+class Run:
+    """The corrected twin beside the held-out records: what its effects are judged by.
+
+    Attributes
+    ----------
+    scored : records on which the gap counts
+    channels : the gap of the nominal and of the corrected twin
+    parameters : of all effects, with standard deviations
+    floors : noise floor of each channel
+    """
+
+    scored: list[Record]
+    twin: TwinFile
+    parts: list[Part]
+    channels: dict[str, Channel]
+    parameters: dict[str, Values]
+    floors: dict[str, float]
+    seed: int
+
+
+def cause_of(name: str, run: Run) -> judge.Cause:
     """Gap without this one cause, gap with all of them, and the interval of the difference."""
-    showing = [p for p in parts if name in p.selection.accepted]
+    showing = [p for p in run.parts if name in p.selection.accepted]
     part = showing[0] if showing else None
-    shrink = _in_loop(name, effects, scored, twin, parts, channels, floors, seed)
-    if part is not None and _told_by_balance(name, part, shrink):
-        shrink = _in_balance(name, part, seed)
+    if part is not None and name in part.swinging:
+        shrink = _in_balance(name, part, run.seed)
+    else:
+        shrink = _in_loop(name, run, showing)
+        if part is not None and _told_by_balance(name, part, shrink):
+            shrink = _in_balance(name, part, run.seed)
     found = part.selection.evidence[name] if part is not None else None
-    stated = with_model_error(name, parameters[name])
+    stated = with_model_error(name, run.parameters[name])
     # Models of forces have errors, so that their effects are judged with them.
     own = stated
     if link_of(name) != 'servo':
-        own = parameters[name]
+        own = run.parameters[name]
         if part is not None:
             own = given_shape(name, own, part.selection, part.selector.regression)
     return judge.Cause(
@@ -67,11 +82,11 @@ def cause_of(
         gap_after=shrink.after,
         interval=shrink.interval,
         unit=shrink.unit,
-        refuted=_refuted(name, showing, shrink, own, twin),
+        refuted=_refuted(name, showing, shrink, own, run.twin),
         status='accepted',
         alternatives=_alternatives(name, stated, found),
         strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
-        contains=contained(part, name, seed),
+        contains=contained(part, name, run.seed),
     )
 
 
@@ -97,35 +112,24 @@ def swing_notes(swinging: Sequence[str]) -> list[str]:
     ]
 
 
-def _in_loop(
-    name: str,
-    effects: dict[str, dict[str, float]],
-    scored: list[Record],
-    twin: TwinFile,
-    parts: list[Part],
-    channels: dict[str, Channel],
-    floors: dict[str, float],
-    seed: int,
-) -> Shrink:
+def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
     """How far an effect shrinks the gap of the twin as it is run."""
-    showing = [p for p in parts if name in p.selection.accepted]
-    told = {n: v for n, v in effects.items() if n not in (name, *swings(parts))}
-    lesser = without_cause(name, told, scored, twin, showing, channels)
-    swinging = {split_effect(n)[1] for n in swings(parts)}
+    apart = swings(run.parts)
+    told = {n: v for n, v in plain_values(run.parameters).items() if n != name and n not in apart}
+    lesser = without_cause(name, told, run.scored, run.twin, showing, run.channels)
+    swinging = {split_effect(n)[1] for n in apart}
     chance = {
-        n: max(floor, CHANCE * channels[n].rms('after')) if n[-1] in swinging else floor
-        for n, floor in floors.items()
+        n: max(floor, CHANCE * run.channels[n].rms('after')) if n[-1] in swinging else floor
+        for n, floor in run.floors.items()
     }
-    sides = {n: channel.sides(chance[n], lesser[n]) for n, channel in channels.items()}
-    encoders = [c for n, c in channels.items() if n.startswith('encoder')]
-    calm = {c.name for c in encoders if not shows(np.concatenate(c.after), floors[c.name])}
-    return shrink_of(name, sides, seed, calm)
+    sides = {n: channel.sides(chance[n], lesser[n]) for n, channel in run.channels.items()}
+    encoders = [c for n, c in run.channels.items() if n.startswith('encoder')]
+    calm = {c.name for c in encoders if not shows(np.concatenate(c.after), run.floors[c.name])}
+    return shrink_of(name, sides, run.seed, calm)
 
 
 def _told_by_balance(name: str, part: Part, shrink: Shrink) -> bool:
-    """Whether an effect swings, or is most of what a balance shows of a loop that swings."""
-    if name in part.swinging:
-        return True
+    """Whether an effect beside a swing is most of what the balance shows, and no loop tells it."""
     clear = part.selection.evidence[name].share > LEAST_SHARE
     return bool(part.swinging) and clear and not shrink.matters
 
