@@ -27,16 +27,16 @@ ROUNDS = 2  # of noise model and fit, from parameters that are nearly right
 def innovations(rows: Servo, fit: Fit) -> tuple[Problem, Fit]:
     """A set of effects fitted to the innovations of the rows, and the problem of these rows."""
     free = rows.unlimited()
-    plain = _with_shapes(free.problem(), fit)
+    plain = with_shapes(free.problem(), fit)
     problem, found = plain, fit
     for _ in range(ROUNDS):
         residual = Regression(plain).linear(found.thetas).residual
-        problem = _with_shapes(free.whitened(_prediction_error(free, residual)).problem(), fit)
+        problem = with_shapes(free.whitened(_prediction_error(free, residual)).problem(), fit)
         found = Regression(problem).refine(found.thetas, list(found.thetas))
     return problem, found
 
 
-def _with_shapes(problem: Problem, fit: Fit) -> Problem:
+def with_shapes(problem: Problem, fit: Fit) -> Problem:
     """The problem with its terms as rich as they are in a fit."""
     for name, theta in fit.thetas.items():
         term = problem.terms[name]

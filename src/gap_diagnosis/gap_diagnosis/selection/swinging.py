@@ -12,7 +12,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gap_diagnosis.closed_loop.swing import LEAST_SHARE
-from gap_diagnosis.residuals.regression import Fit
+from gap_diagnosis.residuals.innovations import with_shapes
+from gap_diagnosis.residuals.problem import Problem
+from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import block_rms_gains, bootstrap_interval
@@ -36,10 +38,10 @@ FAST = 2.0
 
 def swinging_part(part: Part, rows: Servo, seed: int, barred: Sequence[str]) -> Part | None:
     """The balance by an effect that swings; None where none explains nearly all that is fast."""
-    problem = rows.unlimited().problem().whitened()
+    problem = with_shapes(rows.unlimited().problem().whitened(), part.selection.fit)
     everything = dict(problem.terms)
     names = [n for n in everything if effect_of(n).swings and _free(n, barred)]
-    if problem.mean_square(problem.judged) < FAST * problem.floor**2 or not names:
+    if not names or not (set(names) & set(part.selection.accepted) or _fast(problem, part)):
         return None
     beside = [n for n in everything if split_effect(n)[0] in BESIDE and _free(n, barred)]
     for name in names:
@@ -58,6 +60,12 @@ def swinging_part(part: Part, rows: Servo, seed: int, barred: Sequence[str]) -> 
             find_rivals(selector, selection.accepted, selection.fit, selection.evidence)
             return _part(part, selector, selection, name)
     return None
+
+
+def _fast(problem: Problem, part: Part) -> bool:
+    """Whether the rows without the cut hold more than noise and what a balance found with it."""
+    left = Regression(problem).linear(part.selection.fit.thetas).mean_square(problem)
+    return left > FAST * problem.floor**2
 
 
 def _free(name: str, barred: Sequence[str]) -> bool:
