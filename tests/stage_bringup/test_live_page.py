@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import subprocess
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -16,8 +15,7 @@ import pytest
 from stage_bringup.live_page import LivePage
 from stage_core.errors import StageError
 
-from ..browser import command, needs_chromium
-from ..patience import wait
+from ..browser import Tab, needs_chromium, visit
 
 STATE: dict[str, Any] = {
     'axes': ['x', 'y'],
@@ -85,61 +83,28 @@ def test_a_port_that_is_taken_is_one_line(stage: Stage) -> None:
         LivePage('127.0.0.1', stage.page.port, dict, str)
 
 
-async def in_the_browser(port: int) -> dict[str, Any]:
+async def in_the_browser(tab: Tab) -> dict[str, Any]:
     """Text of the page after some states, then after a click on stop."""
-    from tornado.httpclient import AsyncHTTPClient
-    from tornado.websocket import websocket_connect
-
-    listed = await AsyncHTTPClient().fetch(f'http://127.0.0.1:{port}/json')
-    target = next(t for t in json.loads(listed.body) if t['type'] == 'page')
-    browser = await websocket_connect(target['webSocketDebuggerUrl'])
-
-    async def evaluate(expression: str) -> Any:
-        parameters = {'expression': expression, 'awaitPromise': True, 'returnByValue': True}
-        await browser.write_message(
-            json.dumps({'id': 1, 'method': 'Runtime.evaluate', 'params': parameters})
-        )
-        while True:
-            message = json.loads(await browser.read_message())
-            if message.get('id') == 1:
-                return message['result']['result'].get('value')
-
-    while not await evaluate('document.querySelectorAll("#numbers dd").length'):
+    while not await tab.evaluate('document.querySelectorAll("#numbers dd").length'):
         await asyncio.sleep(0.1)
     found = {
-        'text': await evaluate('document.body.innerText'),
-        'markup': await evaluate('document.querySelectorAll("#states b").length'),
-        'inked': await evaluate(
+        'text': await tab.evaluate('document.body.innerText'),
+        'markup': await tab.evaluate('document.querySelectorAll("#states b").length'),
+        'inked': await tab.evaluate(
             'new Uint32Array(el("map").getContext("2d").getImageData(0, 0, 200, 200).data.buffer)'
             '.some(v => v)'
         ),
     }
-    await evaluate('el("stop").click()')
-    while 'at rest' not in (answer := await evaluate('el("answer").textContent')):
+    await tab.evaluate('el("stop").click()')
+    while 'at rest' not in (answer := await tab.evaluate('el("answer").textContent')):
         await asyncio.sleep(0.1)
     found['answer'] = answer
-    browser.close()
     return found
 
 
 @needs_chromium
 def test_a_browser_shows_the_state_and_stops_the_stage(stage: Stage, tmp_path: Path) -> None:
-    pytest.importorskip('tornado', reason='comes with Dask, an optional extra')
-    profile = tmp_path / 'profile'
-    browser = subprocess.Popen(
-        command(profile, '--remote-debugging-port=0', stage.address),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        # The browser writes the port that it took into its profile.
-        place = profile / 'DevToolsActivePort'
-        wait(lambda: place.exists() and '\n' in place.read_text(), 'the port of the browser')
-        port = int(place.read_text().split()[0])
-        found = asyncio.run(asyncio.wait_for(in_the_browser(port), 60.0))
-    finally:
-        browser.terminate()
-        browser.wait(timeout=30.0)
+    found = visit(tmp_path / 'profile', stage.address, in_the_browser)
     for part in ('12.3456 mm', '−2.0000 mm', '1.5 µm', 'moving', 'fault', 'beam <b>lost</b>'):
         assert part in found['text']
     # What a node says is text and never markup.

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
-import matplotlib.image
 import numpy as np
 import pytest
 
@@ -26,29 +24,8 @@ from stage_reports.tracking import places, runs, tracking_errors
 from stage_reports.trials_page import trials_page
 from stage_reports.uncertainty import positioning_uncertainty
 
-from ..browser import browse, needs_chromium
+from .reading import words
 from .sessions import START, circle_session, joint, rest_session, staircase
-
-
-class Page(HTMLParser):
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.sources: list[str] = []
-        self.alternatives: list[str] = []
-        self.scripts = 0
-        self.words: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        values = dict(attrs)
-        self.scripts += tag == 'script'
-        if tag == 'img':
-            self.sources.append(values['src'] or '')
-            self.alternatives.append(values['alt'] or '')
-        assert tag != 'link'
-
-    def handle_data(self, data: str) -> None:
-        self.words.append(data)
 
 
 def test_rests_and_positioning_runs_are_found() -> None:
@@ -88,10 +65,6 @@ def test_circles_are_found_and_other_paths_are_not() -> None:
     line = np.column_stack([np.linspace(0, 1, 50), np.linspace(0, 1, 50)])
     assert circular_paths(line, line) is None
     assert circular_paths(line * 0.0, line) is None
-
-
-def words(html: str) -> str:
-    return ' '.join(' '.join(Page(html).words).split())
 
 
 def test_a_calibration_page_counts_rests_and_not_the_way_between_them() -> None:
@@ -248,25 +221,7 @@ def test_friction_and_play_are_the_branches_of_a_contour() -> None:
         np.testing.assert_allclose(medians, [forwards, -forwards], atol=1e-6)
 
 
-def test_a_report_of_a_recorded_session(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    bag = write_session(tmp_path / 'circle', circle_session())
-    assert main(['--bag', str(bag), '--out', str(tmp_path / 'out')]) == 0
-    assert 'pictures' in capsys.readouterr().out
-    html = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
-    page = Page(html)
-    assert 'Circular test (ISO 230-4), encoder' in words(html)
-    # The curves of the error over the path, and what reads them; nothing is loaded.
-    assert page.scripts == 2 and '<script src' not in html
-    assert all(source.startswith('data:image/svg+xml;base64,') for source in page.sources)
-    assert all(page.alternatives)
-    assert len(list((tmp_path / 'out').glob('figure_*.png'))) == len(page.sources)
-    # A page may be sent to somebody else: it says nothing of the disk it was made on.
-    assert str(tmp_path) not in html
-
-
-def test_trials_are_compared(tmp_path: Path) -> None:
+def test_trials_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sessions = [circle_session(error) for error in (4e-6, 2e-6, 1e-6)]
     page = trials_page(sessions)
     lines = page.figures[0][1].axes[0].lines
@@ -278,6 +233,7 @@ def test_trials_are_compared(tmp_path: Path) -> None:
     bags = [write_session(tmp_path / f'trial_{k}', s) for k, s in enumerate(sessions[:2])]
     arguments = [part for bag in bags for part in ('--bag', str(bag))]
     assert main([*arguments, '--out', str(tmp_path / 'out')]) == 0
+    assert 'pictures' in capsys.readouterr().out
     with pytest.raises(StageError, match='share no error'):
         trials_page([Session('empty', {})])
 
@@ -310,23 +266,3 @@ def test_one_axis_and_motor_steps() -> None:
 def test_a_missing_bag_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['--bag', str(tmp_path / 'none'), '--out', str(tmp_path)]) == 2
     assert capsys.readouterr().err.count('\n') == 1
-
-
-@needs_chromium
-def test_a_browser_without_a_network_draws_the_whole_page(tmp_path: Path) -> None:
-    bag = write_session(tmp_path / 'bag', rest_session())
-    assert main(['--bag', str(bag), '--out', str(tmp_path)]) == 0
-    shot = tmp_path / 'page.png'
-    run = browse(
-        tmp_path / 'report.html',
-        '--host-resolver-rules=MAP * ~NOTFOUND',
-        '--enable-logging=stderr',
-        '--window-size=1200,1600',
-        f'--screenshot={shot}',
-    )
-    assert ':CONSOLE' not in run.stderr, run.stderr
-    pixels = matplotlib.image.imread(shot)[:, :, :3]
-    assert pixels.shape[:2] == (1600, 1200)
-    # Coloured curves are in pictures only: they were decoded and drawn, down the whole page.
-    coloured = pixels.max(axis=2) - pixels.min(axis=2) > 0.2
-    assert min(part.mean() for part in np.split(coloured, 2)) > 1e-3
