@@ -1,6 +1,6 @@
 """Tables 2 and 3 of paper 3 on the servo twin, with the peers that a user would pick instead.
 
-python benchmarks/paper3_tables.py [--seeds 5] [--readings | --peers]
+python benchmarks/paper3_tables.py [--seeds 5] [--settings | --readings | --peers]
 """
 
 from __future__ import annotations
@@ -186,13 +186,33 @@ def readings(tuned: rig.Tuned, seeds: int) -> None:
         )
 
 
+def settings() -> None:
+    """Print the settings that follow from the nominal twin alone."""
+    base = Gains(position=(rig.position_gain('x'), rig.position_gain('y')))
+    tuned = rig.Tuned(base, base, base)
+    print('| axis | K_p, 1/s | max \\|S\\| | max \\|S\\| with K_p + 1 |')
+    print('|---|---|---|---|')
+    for axis, gain in zip('xy', base.position, strict=True):
+        largest = ' | '.join(f'{rig.sensitivity(axis, k):.4f}' for k in (gain, gain + 1.0))
+        print(f'| {axis} | {gain:g} | {largest} |')
+    ours, printed = rig.designed(tuned), rig.printed(tuned)
+    print('\n| scheme 3 | cutoff of Q, Hz | lead, ticks | L_initial, 1/s |')
+    print('|---|---|---|---|')
+    for name, learning in (('by `ilc.design`', ours), ('as printed', printed)):
+        print(f'| {name} | {learning.cutoff:g} | {learning.lead} | {learning.gain[0]:g} |')
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seeds', type=int, default=5, help='machines per row')
+    parser.add_argument('--settings', action='store_true', help='only what needs no machine')
     parser.add_argument('--readings', action='store_true', help='only the table of readings')
     parser.add_argument('--peers', action='store_true', help='only scheme 3 against its peer')
     given = parser.parse_args()
+    if given.settings:
+        settings()
+        return
     begin = time.perf_counter()
     tuned = rig.tune()
     ours, printed = rig.designed(tuned), rig.printed(tuned)

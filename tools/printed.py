@@ -51,7 +51,13 @@ def _python(words: list[str]) -> None:
     module = words[0] == '-m'
     run, words = (runpy.run_module, words[1:]) if module else (runpy.run_path, words)
     name = words[0] if module else str(ROOT / words[0])
-    with mock.patch.object(sys, 'argv', words), contextlib.suppress(SystemExit):
+    # A file may import its neighbours.
+    path = [str(Path(name).parent), *sys.path]
+    with (
+        mock.patch.object(sys, 'argv', words),
+        mock.patch.object(sys, 'path', path),
+        contextlib.suppress(SystemExit),
+    ):
         run(name, run_name='__main__')
 
 
