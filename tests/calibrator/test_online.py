@@ -97,11 +97,33 @@ def test_grossly_bad_measurements_are_rolled_back_at_once():
     for k in range(1, 16):
         command = generator.uniform(0, 0.05, (1, 2))
         bad = k % 5 != 0
+        proven = adapter.proven
         adapter.update(command, model.predict(command) + (3e-4 if bad else 0.0))
         if adapter.rollbacks:
             break
     assert k == 10
     np.testing.assert_array_equal(adapter.model.predict(points), model.predict(points))
+    # Those points agreed with one another, and proved a gain that is not there.
+    assert proven and not adapter.proven
+
+
+def test_what_was_proven_is_in_use_again_after_a_rollback():
+    model = base('affine')
+    adapter = OnlineAdapter(model, deviation=1e-4, noise=1e-6, forgetting=0.97)
+    generator = np.random.default_rng(7)
+    points = generator.uniform(0, 0.05, (50, 2))
+    for k in range(1, 81):
+        command = generator.uniform(0, 0.05, (1, 2))
+        # The stage is off by 20 µm; from the 41st rest on, what can be learned is off by more.
+        bad = generator.normal(0, 2e-4, (1, 2)) if k > 40 and k % 5 else 0.0
+        adapter.update(command, model.predict(command) + 2e-5 + bad)
+        if adapter.rollbacks:
+            break
+    assert 40 < k < 80
+    assert adapter.in_use is adapter.model
+    np.testing.assert_allclose(
+        adapter.in_use.predict(points), model.predict(points) + 2e-5, atol=1e-7
+    )
 
 
 def test_wild_points_are_refused_and_a_jump_of_the_stage_is_followed():

@@ -133,6 +133,7 @@ class OnlineAdapter:
         self._judged: deque[tuple[float, float]] = deque(maxlen=WINDOW)
         self._errors: deque[float] = deque(maxlen=WINDOW)
         self._proof: deque[tuple[Array, Array, Array]] = deque(maxlen=PROOF)
+        self._kept_proof = self._proof.copy(), self.proven
 
     @property
     def in_use(self) -> CalibrationModel:
@@ -208,8 +209,10 @@ class OnlineAdapter:
         self._judged.clear()
         if adapted > WORSE * kept:
             self.model = copy.deepcopy(self.kept)
+            # With its own evidence: what was learned since says nothing about it.
+            self._proof, self.proven = self._kept_proof[0].copy(), self._kept_proof[1]
             self._estimators = []
-            self._proof.clear()
             self.rollbacks += 1
         elif adapted <= kept:
             self.kept = copy.deepcopy(self.model)
+            self._kept_proof = self._proof.copy(), self.proven
