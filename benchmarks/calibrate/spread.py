@@ -14,6 +14,7 @@ from benchmarks.calibrate.truth import belongs_to_machine
 from gap_diagnosis.evidence.acceptance import SIGMAS
 from gap_diagnosis.evidence.describe import is_magnitude, model_of
 from stage_core.quantities import LINKS
+from stage_twin.effects import effect_of
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -38,26 +39,35 @@ def spread_of(rows: Sequence[Row]) -> Spread:
 
 
 def _of_model(rows: Sequence[Row], model: str) -> Array:
-    """Relative error, relative deviation, whether a share of the value counts: (n, 3)."""
+    """Relative error, relative deviation, whether a share of the value counts, doubt: (n, 4)."""
     found = [
-        (sigmas * width / (2.0 * SIGMAS), width / (2.0 * SIGMAS), is_magnitude(name, parameter))
+        (
+            *(sigmas * width / (2.0 * SIGMAS), width / (2.0 * SIGMAS)),
+            *(is_magnitude(name, parameter), _doubt(name, parameter)),
+        )
         for row in rows
         if row['exact']
         for name, parameter, sigmas, width in row.get('intervals', [])
         if model_of(name) == model and belongs_to_machine(name, parameter) and width < NO_SHARE
     ]
-    return np.array(found, dtype=float).reshape(-1, 3)
+    return np.array(found, dtype=float).reshape(-1, 4)
+
+
+def _doubt(name: str, parameter: str) -> float:
+    """Share of the value that a report adds for what every fit gets wrong of the parameter."""
+    return effect_of(name).parameter(parameter).doubt
 
 
 def _narrowest(found: Array) -> tuple[float, float]:
     if not len(found):
         return 1.0, 0.0
-    error, own, counts = found.T
+    error, own, counts, doubt = found.T
     wanted = min(HOLDS * (len(found) + 1) / len(found), 1.0)
     best, least = (float(FACTORS[-1]), float(SHARES[-1])), math.inf
     for share in SHARES:
         for factor in FACTORS:
-            deviation = np.maximum(np.hypot(factor * own, share * counts), ROUNDING)
+            model = np.hypot(share * counts, doubt)
+            deviation = np.maximum(np.hypot(factor * own, model), ROUNDING)
             if np.mean(np.abs(error) <= SIGMAS * deviation) >= wanted:
                 width = float(np.mean(np.log(deviation)))
                 if width < least:
@@ -76,6 +86,7 @@ def widened(rows: Sequence[Row], spread: Spread) -> list[Row]:
 def _wider(interval: Sequence[Any], spread: Spread) -> tuple[str, str, float, float]:
     name, parameter, sigmas, width = interval
     factor, share = spread[model_of(name)]
-    share = 2.0 * SIGMAS * share if is_magnitude(name, parameter) else 0.0
-    wider = max(math.hypot(factor * width, share), 2.0 * SIGMAS * ROUNDING)
+    share = share if is_magnitude(name, parameter) else 0.0
+    model = 2.0 * SIGMAS * math.hypot(share, _doubt(name, parameter))
+    wider = max(math.hypot(factor * width, model), 2.0 * SIGMAS * ROUNDING)
     return name, parameter, sigmas * width / wider, wider
