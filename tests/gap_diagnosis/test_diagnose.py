@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -150,3 +151,15 @@ def test_an_axis_that_stands_in_the_windows_that_judge_it_is_not_judged() -> Non
     assert not any(name.endswith('.y') for part in found.parts for name in part.problem.terms)
     (note,) = (w for w in found.warnings if 'axis y' in w)
     assert 'does not move in the windows that judge it' in note
+
+
+def test_an_encoder_without_any_noise_is_diagnosed() -> None:
+    """One axis rests at a force of zero, and the encoders differ from the twin's by nothing."""
+    whole = nominal(('x', 'y'))
+    fine = {a: replace(axis, encoder_resolution=1e-12) for a, axis in whole.axes.items()}
+    twin = replace(whole, axes=fine)
+    path = reference(12.0, twin.control_period, 2)
+    path[:, 1] = 0.0
+    found = diagnose([session(twin, twin, path, np.full(len(path), 20.0), 0)], [], twin)
+    assert found.verdict == []
+    assert replace(found, before=0.0, after=0.0).shrink == 0.0

@@ -55,6 +55,11 @@ class Diagnosis:
     experiment: Experiment | None = None
 
     @property
+    def shrink(self) -> float:
+        """1 - after / before; 0 where there is no gap, as without any noise."""
+        return 1.0 - self.after / self.before if self.before > 0.0 else 0.0
+
+    @property
     def simulators(self) -> list[str]:
         """The bags of a simulator that stand in place of the twin's prediction."""
         return [r.simulated.name for r in self.records if r.simulated is not None]

@@ -152,7 +152,6 @@ def _parameters(
 def sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence, with the probability p of each effect, as commands print it."""
     micro = 1e6
-    shrink = 1.0 - diagnosis.after / diagnosis.before if diagnosis.before > 0.0 else 0.0
     if not diagnosis.verdict:
         return (
             'no cause named: the twin explains the session to its noise floor ('
@@ -166,7 +165,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     )
     return (
         f'{names}: the held-out gap shrinks from {diagnosis.before * micro:.2f} to '
-        f'{diagnosis.after * micro:.2f} µm RMS ({100.0 * shrink:.0f} %, floor '
+        f'{diagnosis.after * micro:.2f} µm RMS ({100.0 * diagnosis.shrink:.0f} %, floor '
         f'{diagnosis.noise_floor * micro:.2f} µm)'
     )
 

@@ -93,9 +93,8 @@ def _lacks(diagnosis: Diagnosis) -> str:
 def _less(diagnosis: Diagnosis) -> str:
     """By how much the gap shrinks, with the interval."""
     sides = [c.sides(0.0) for c in diagnosis.channels.values() if c.unit == 'm']
-    share = 1.0 - diagnosis.after / diagnosis.before
     low, high = (100.0 * value for value in shrink_interval(sides, 0))
-    return f'{100.0 * share:.0f} % less (95 %: {span(low, high, "%")})'
+    return f'{100.0 * diagnosis.shrink:.0f} % less (95 %: {span(low, high, "%")})'
 
 
 def _travel(diagnosis: Diagnosis) -> str:

@@ -154,6 +154,8 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Paramete
         efforts = [e * s for e, s in zip(efforts, signs, strict=True)] if unsigned else efforts
     pairs = [_increments(r, i, axis, e) for r, e in zip(judged, efforts, strict=True)]
     written, law = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    if not law.any():  # an axis at rest whose encoder shows no noise
+        return {}, False
     factor = float(written @ law / (law @ law))
     left = float(np.mean((written - factor * law) ** 2))
     if left > (1.0 - FOLLOWED) * float(np.mean(written**2)):
