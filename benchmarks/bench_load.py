@@ -103,7 +103,7 @@ def report(watch: Watch, cpu: dict[str, Cpu], stops: np.ndarray, seconds: float)
     """Print the table."""
     steps = intervals(list(watch.encoder))
     missed = int(np.sum(np.rint(steps / PERIOD) - 1))
-    print(f'\n{seconds:.0f} s; the last {len(steps)} ticks on /stage/joint_states')
+    print(f'\n{seconds:.0f} s; {len(steps)} ticks on /stage/joint_states')
     share = missed / max(len(steps), 1)
     print(f'missed ticks           {missed} ({100 * share:.2f} %; limit {100 * MISSED_LIMIT:g} %)')
     jitter = 1e6 * np.percentile(np.abs(steps - PERIOD), (50, 99, 100))

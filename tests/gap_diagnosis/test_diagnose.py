@@ -156,7 +156,7 @@ def test_an_axis_that_stands_in_the_windows_that_judge_it_is_not_judged() -> Non
 def test_an_encoder_without_any_noise_is_diagnosed() -> None:
     """One axis rests at a force of zero, and the encoders differ from the twin's by nothing."""
     whole = nominal(('x', 'y'))
-    fine = {a: replace(axis, encoder_resolution=1e-12) for a, axis in whole.axes.items()}
+    fine = {a: replace(axis, encoder_resolution=1e-9) for a, axis in whole.axes.items()}
     twin = replace(whole, axes=fine)
     path = reference(12.0, twin.control_period, 2)
     path[:, 1] = 0.0

@@ -74,7 +74,7 @@ class Watch:
         self.client = GraphClient('reliability', use_sim_time=lockstep)
         self.states: dict[str, tuple[bytes, str, dict[str, str], float]] = {}
         #: Rows (stamp [ns], x, y): encoder [m], tracker [m], velocity command [m/s], set-points.
-        self.encoder: deque[tuple[int, float, float]] = deque(maxlen=200_000)
+        self.encoder: deque[tuple[int, float, float]] = deque(maxlen=700_000)
         self.tracker: deque[tuple[int, float, float]] = deque(maxlen=50_000)
         self.command: deque[tuple[int, float, float]] = deque(maxlen=200_000)
         self.reference: deque[tuple[int, float, float]] = deque(maxlen=200_000)

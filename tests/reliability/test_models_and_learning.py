@@ -21,7 +21,7 @@ from calibrator.online import OnlineAdapter
 from contour_ctrl.curves import circle
 from contour_ctrl.learning import Learner, LearningSettings
 from contour_ctrl.reference import plan
-from contour_ctrl.sequence import ContourRun
+from contour_ctrl.sequence import REST_TIME, ContourRun
 from contour_ctrl.tick import Controller, Gains
 from session_bags.writer import write_session
 from stage_core import topics
@@ -192,9 +192,10 @@ def test_absurd_learning_stays_within_the_drivers_limits(seed: int, amplitude: f
     motion.hold(encoder)
     run.begin(0)
     fastest = 0.0
-    for tick in range(5 * len(reference) // 2):
+    begins = round(1e3 * REST_TIME) + 100
+    for tick in range(begins + 5 * len(reference) // 2):
         # At rest where it should be until the contour begins, then nonsense.
-        shown = encoder + (tick > 200) * generator.uniform(-amplitude, amplitude, 2)
+        shown = encoder + (tick > begins) * generator.uniform(-amplitude, amplitude, 2)
         point = run.on_state(tick * MS, *shown)
         if point is not None and point.position is not None:
             try:

@@ -18,8 +18,8 @@ from stage_twin.effects import effect_of
 
 Array = NDArray[np.float64]
 
-#: Edges of the classes of speed [m/s].
-EDGES = (1e-3, 3e-3, 1e-2, 3e-2)
+#: Edges of the classes of speed, over the root mean square of the speeds.
+EDGES = (0.03, 0.1, 0.3, 1.0)
 #: Least rows of a class that has a variance of its own.
 FEWEST = 200
 #: Ratio of the variances of two classes from which on rows are weighted.
@@ -31,7 +31,8 @@ def speed_weights(problem: Problem, selection: Selection) -> Array | None:
     frictions = [n for n in selection.accepted if reverses(n)]
     if problem.speed is None or not frictions:
         return None
-    labels = np.digitize(problem.speed, EDGES)
+    usual = float(np.sqrt(np.mean(problem.speed**2)))
+    labels = np.digitize(problem.speed, [edge * usual for edge in EDGES])
     squares = selection.fit.residual**2
     variance = np.full(len(EDGES) + 1, np.nan)
     for label in range(len(variance)):
