@@ -51,7 +51,7 @@ class Run:
     twin: TwinFile
     parts: list[Part]
     channels: dict[str, Channel]
-    parameters: dict[str, Values]
+    parameters: dict[str, dict[str, tuple[float, float]]]
     floors: dict[str, float]
     seed: int
 
