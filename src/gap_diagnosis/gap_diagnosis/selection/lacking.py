@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gap_diagnosis.closed_loop.polish import Parameters, polish
+from gap_diagnosis.closed_loop.polish import Effects, Parameters, polish
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.evidence.judgement import channel_floor
@@ -41,7 +41,7 @@ def with_lacking(
 
     def gap(found: Parameters) -> float:
         refined = polish(records, twin, axis, found, fixed)
-        return _gap(axis, {**refined, **direct}, records, twin)
+        return loop_gap(axis, plain_values({**refined, **direct}), records, twin)
 
     before = gap(describe(part.selection, part.selector.regression))
     floor = channel_floor(with_noise(twin, records), f'encoder.{axis}')
@@ -60,12 +60,12 @@ def with_lacking(
     return best
 
 
-def _gap(axis: str, found: Parameters, records: list[Record], twin: TwinFile) -> float:
+def loop_gap(axis: str, effects: Effects, records: list[Record], twin: TwinFile) -> float:
     """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""
     squares = []
     for record in [r for r in records if r.held_out_session] or records:
         try:
-            gap = replay(record, twin, plain_values(found))[f'encoder.{axis}']
+            gap = replay(record, twin, effects)[f'encoder.{axis}']
         except StageError:
             return math.inf
         squares.append(gap[scored_ticks(record)] ** 2)

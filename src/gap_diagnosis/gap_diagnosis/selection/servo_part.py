@@ -6,22 +6,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from gap_diagnosis.closed_loop.polish import Parameters, polish
-from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.closed_loop.swing import swings_as_much
 from gap_diagnosis.evidence.describe import describe, plain_values
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import scored_ticks
 from gap_diagnosis.residuals.measured_noise import with_noise
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.innovated import told_by_innovations
-from gap_diagnosis.selection.lacking import with_lacking
+from gap_diagnosis.selection.lacking import loop_gap, with_lacking
 from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_of
 from gap_diagnosis.selection.swinging import swinging_part
-from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of
 
@@ -91,18 +86,10 @@ def _contradicted(
     Where the encoder's gap is large and all of them together close almost nothing of it, the
     force balance was imitated and all go. Below the encoder's step nothing is contradicted.
     """
-    channel, effects = f'encoder.{axis}', plain_values(found)
+    effects = plain_values(found)
 
     def gap(some: dict[str, dict[str, float]]) -> float:
-        squares = []
-        for record in [r for r in records if r.held_out_session] or records:
-            mask = scored_ticks(record)
-            try:
-                squares.append(replay(record, twin, some)[channel][mask] ** 2)
-            except StageError:
-                # Together they are no machine that could run.
-                return math.inf
-        return float(np.mean(np.concatenate(squares)))
+        return loop_gap(axis, some, records, twin) ** 2
 
     noisy = with_noise(twin, records).axes[axis]
     step = float(getattr(noisy, 'encoder_resolution', 1e-6)) ** 2

@@ -11,10 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.model import Selection
-from stage_core.quantities import split_effect
-from stage_twin.effects import effect_of
 
 Array = NDArray[np.float64]
 
@@ -28,7 +27,7 @@ UNEQUAL = 4.0
 
 def speed_weights(problem: Problem, selection: Selection) -> Array | None:
     """Weights (n,), 1 at the most, beside a friction; None where all rows count alike."""
-    frictions = [n for n in selection.accepted if reverses(n)]
+    frictions = [n for n in selection.accepted if model_of(n) == 'friction']
     if problem.speed is None or not frictions:
         return None
     usual = float(np.sqrt(np.mean(problem.speed**2)))
@@ -44,8 +43,3 @@ def speed_weights(problem: Problem, selection: Selection) -> Array | None:
         return None
     weights = np.sqrt(least / np.where(np.isnan(variance), np.nanmax(variance), variance))
     return np.asarray(weights[labels])
-
-
-def reverses(name: str) -> bool:
-    """Whether an effect is a friction, whose bristles bend."""
-    return any(p.name == 'presliding' for p in effect_of(split_effect(name)[0]).parameters)

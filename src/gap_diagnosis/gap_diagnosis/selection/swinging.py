@@ -50,13 +50,11 @@ def swinging_part(part: Part, rows: Servo, seed: int, barred: Sequence[str]) -> 
         selector = Selector(problem, SERVO_RULES, seed)
         selection = selector.select((name,))
         found = selection.evidence.get(name)
-        shapes = {**everything, **problem.terms}
-        problem.terms.update(shapes)
+        problem.terms.update({**everything, **problem.terms})
         if found is None or found.share < LEAST_SHARE:
             continue
         rivals = [n for n in everything if split_effect(n)[0] in RIVALS and _free(n, barred)]
         if all(_better(selector, selection.fit, name, rival) for rival in rivals):
-            problem.terms.update(shapes)
             find_rivals(selector, selection.accepted, selection.fit, selection.evidence)
             return _part(part, selector, selection, name)
     return None
