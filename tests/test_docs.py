@@ -110,6 +110,21 @@ def test_the_readme_is_short() -> None:
     assert len(lines) <= 120
 
 
+#: Words that the guide uses as if everybody knew them.
+TERMS = ('gap', 'floor', 'held-out', 'rest', 'lead', 'lockstep')
+
+
+def test_the_glossary_has_what_the_readme_shows() -> None:
+    glossary = (ROOT / 'docs' / 'reference' / 'glossary.md').read_text(encoding='utf-8')
+    rows = re.findall(r'^\| (.+?) \|', glossary, re.MULTILINE)
+    explained = {term.strip() for row in rows for term in row.split(',')}
+    assert rows[1:] == sorted(rows[1:], key=str.lower)
+    assert set(TERMS) <= explained
+    named = (ROOT / 'README.md').read_text(encoding='utf-8').partition('diagnosis: ')[2]
+    effects = re.findall(r'([\w ]+?)(?: of [xy])? \(p', ' '.join(named.split()))
+    assert effects and {effect.strip() for effect in effects} <= explained
+
+
 def prose(page: Path) -> list[str]:
     """Lines without what cannot be wrapped: blocks of code and rows of tables become empty."""
     text = re.sub(r'^```.*?^```', '', page.read_text(encoding='utf-8'), flags=re.DOTALL | re.M)

@@ -7,6 +7,7 @@ import re
 import textwrap
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stage_core import drive_link, topics
@@ -17,7 +18,8 @@ from stage_driver.zaber_words import FLAGS, REJECTIONS
 from stage_twin.effects import EFFECTS, link_of
 from stage_twin.emulators.zaber_axis import CLEARABLE, UNTIL_NEXT_MOVE
 from stage_twin.emulators.zaber_lines import FLAG_ORDER, PACKET_SIZE
-from tracker_bridge.tpi_packets import POINT, POINT_2
+from tracker_bridge import tpi
+from tracker_bridge.tpi_packets import POINT, POINT_2, MultiMeasurement, SingleMeasurement
 from tracker_bridge.tpi_words import (
     Command,
     Event,
@@ -146,5 +148,25 @@ def test_numbers_of_the_tracker_protocol() -> None:
         ('event', Event),
     ):
         assert {int(n) for n in re.findall(r'\b\d+\b', values[name])} == set(words)
-    text = section('emScon TPI', TRACKER)
-    assert f'48 + {POINT.itemsize} n' in text and f'48 + {POINT_2.itemsize} n' in text
+
+
+def test_sizes_of_the_tracker_packets() -> None:
+    three, none = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    single = tpi.encode_single(SingleMeasurement(0, 0, 0, three, none, 0.0, 0.0, 0.0, 0.0))
+    multi = tpi.encode_multi(MultiMeasurement(0, 0, 0, 0.0, 0.0, 0.0, np.zeros(0, POINT)))
+    told = {row[1]: row[2] for row in rows('emScon TPI', TRACKER) if len(row) == 4}
+    assert told['command'] == f'{len(tpi.encode_command(0))} + 4 n'
+    assert told['answer'] == f'{len(tpi.encode_answer(0))} + payload'
+    assert told['error'] == str(len(tpi.encode_error(0, 0)))
+    assert told['status change'] == str(len(tpi.encode_status_change(0)))
+    assert told['single measurement'] == str(len(single))
+    assert told['multi measurement'] == f'{len(multi)} + {POINT.itemsize} n'
+    assert told['multi measurement 2'] == f'{len(multi)} + {POINT_2.itemsize} n'
+    assert told['its record'] == str(POINT.itemsize)
+
+
+def test_places_in_the_records_of_points() -> None:
+    told = {row[1]: row[3] for row in rows('emScon TPI', TRACKER) if len(row) == 4}
+    layout = f'{told["its record"]}; {told["multi measurement 2"].partition("record: ")[2]}'
+    places = [int(place) for place in re.findall(r'(\d+): [if]\d+', layout)]
+    assert places == [offset for _, offset in POINT_2.fields.values()]

@@ -18,7 +18,12 @@ from session_bags.reader import read_session
 from stage_core import topics
 
 from ..domains import own_domain
+from ..stage_reports.reading import seen
 
+#: Words of files and of programs, and numbers with an exponent.
+UNREADABLE = (
+    r'\b(?:um|below_noise|screw_phase|coulomb_friction|cyclic_pitch_error)\b|\d[eE][-+]?\d'
+)
 #: The fewest places with which the correction reaches every held-out point.
 SMALL = ['--grid', '4', '--heldout', '3', '--iterations', '1']
 
@@ -62,8 +67,11 @@ def test_a_session_refuses_to_start_beside_a_graph(
 
 
 def check_page(page: Path, folder: Path) -> None:
-    """The page shows pictures, its links lead to pages, and it does not tell where it was made."""
+    """The page shows pictures, its links lead to pages, it does not tell where it was made, and
+    it writes names and numbers as a person does.
+    """
     text = page.read_text()
+    assert re.findall(UNREADABLE, seen(text)) == []
     assert 'data:image/svg+xml' in text
     links = re.findall(r'href="([^"]+)"', text)
     assert len(links) >= 3
