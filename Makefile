@@ -51,10 +51,11 @@ SESSIONS ?= 300
 calibrate-diagnosis: kernels
 	$(PYTHON_ENV) -m benchmarks.calibrate --sessions $(SESSIONS)
 
-# What takes hours; the results go into docs/results/soak.md.
+# All tutorials beside their pages, then what takes hours: its results go into
+# docs/results/soak.md.
 MINUTES ?= 60
 soak: kernels
-	nice -n 15 $(PYTHON_ENV) tools/notebooks.py --docs .cache/tutorials
+	TUTORIALS=all nice -n 15 $(PYTHON_ENV) -m pytest -q tests/test_tutorials.py
 	nice -n 15 $(PYTHON_ENV) benchmarks/soak.py --minutes $(MINUTES)
 
 reference: venv

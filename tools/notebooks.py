@@ -16,6 +16,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from stage_bringup.provenance import provenance
+
 ROOT = Path(__file__).resolve().parents[1]
 TUTORIALS = ROOT / 'docs' / 'guide' / 'tutorials'
 MARK = '# %%'
@@ -62,17 +64,25 @@ def page(tutorial: Path, images: Path, folder: Path) -> str:
             value.savefig(picture, dpi=90, facecolor='white', pil_kwargs={'quality': 70})
             place = Path(*['..'] * len(folder.relative_to(images.parent).parts), images.name)
             parts.append(f'![{tutorial.stem}, picture {number}]({place / picture.name})')
-    parts.append(f'*Written by `make tutorials` from [{tutorial.name}]({tutorial.name}).*')
     return '\n\n'.join(parts) + '\n'
 
 
-def write(tutorial: Path, docs: Path) -> Path:
-    """Run a tutorial and write its page and pictures below `docs`; the page."""
+def source(tutorial: Path) -> str:
+    """The sentence that says which state of the code a page is of."""
+    state = provenance(Path(__file__).resolve())
+    changes = ' with changes' if state.get('changed') else ''
+    commit = f', commit {state["commit"]}{changes}' if 'commit' in state else ''
+    made = f'{state["recorded"][:10]}{commit}'
+    return f'*Written by `make tutorials` from [{tutorial.name}]({tutorial.name}), {made}.*'
+
+
+def write(tutorial: Path, docs: Path, said: str = '') -> Path:
+    """Run a tutorial and write its page, with `said` at its end, and pictures below `docs`."""
     folder, images = docs / 'guide' / 'tutorials', docs / 'images'
     for place in (folder, images):
         place.mkdir(parents=True, exist_ok=True)
     written = folder / f'{tutorial.stem}.md'
-    written.write_text(page(tutorial, images, folder), encoding='utf-8')
+    written.write_text(page(tutorial, images, folder) + said, encoding='utf-8')
     return written
 
 
@@ -82,9 +92,10 @@ def main() -> None:
     parser.add_argument('names', nargs='*', help='tutorials without their ending; default all')
     parser.add_argument('--docs', type=Path, default=ROOT / 'docs', help='where the pages go')
     given = parser.parse_args()
-    for tutorial in sorted(TUTORIALS.glob('*.py')):
-        if not given.names or tutorial.stem in given.names:
-            print(write(tutorial, given.docs.resolve()), flush=True)
+    chosen = [t for t in sorted(TUTORIALS.glob('*.py')) if t.stem in (given.names or [t.stem])]
+    # The first page that is written changes the state.
+    for tutorial, said in [(tutorial, f'\n{source(tutorial)}\n') for tutorial in chosen]:
+        print(write(tutorial, given.docs.resolve(), said), flush=True)
 
 
 if __name__ == '__main__':

@@ -29,6 +29,7 @@ from stage_core.ros.node import (
 )
 from stage_core.ros.services_node import create_trigger_service
 from tracker_bridge.bridge import CLOCK_LOST, Bridge, Limits
+from tracker_bridge.complaints import Complaints
 from tracker_bridge.parameters import PARAMETERS
 from tracker_bridge.registration import register
 from tracker_bridge.rest import RestPairs, RestRules
@@ -38,9 +39,6 @@ from tracker_bridge.sources.base import Source
 from tracker_bridge.sources.emscon import EmsconSource
 from tracker_bridge.sources.sa_text import SaTextSource
 
-# A tracker that starts together with this node is no trouble yet [s].
-FIRST_COMPLAINT = 2.0
-COMPLAINT_PERIOD = 5.0
 ALIGN_POLL = 0.05
 # In lockstep a world that waits sends nothing: then everything has arrived.
 QUIET_TIME = 0.4
@@ -76,7 +74,7 @@ class TrackerBridge(StageNode):
         create_trigger_service(self, '~/align', self._align)
         create_trigger_service(self, '~/reset', self._reset)
         steady = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
-        self._silent_until, self._complained = time.monotonic() + FIRST_COMPLAINT, False
+        self._complaints = Complaints(time.monotonic())
         self.create_timer(1.0, self._complain, clock=steady)
         self.diagnostics.hardware_id = f'{value("source")} {value("host")}:{value("port")}'
         self.diagnostics.task('connection', self._connection_status)
@@ -174,17 +172,12 @@ class TrackerBridge(StageNode):
         return 'pairs and counters cleared'
 
     def _complain(self) -> None:
-        trouble, now = self._source.trouble, time.monotonic()
-        if not trouble and self._bridge.clock_lost:
-            trouble = CLOCK_LOST
-        if not trouble:
-            if self._complained and self._source.connected:
-                self.get_logger().info('the tracker is connected now')
-                self._complained = False
-            self._silent_until = now + FIRST_COMPLAINT
-        elif now >= self._silent_until:
-            self._silent_until, self._complained = now + COMPLAINT_PERIOD, True
-            self.get_logger().warning(trouble)
+        trouble = self._source.trouble or (CLOCK_LOST if self._bridge.clock_lost else '')
+        said = self._complaints.due(trouble, self._source.connected, time.monotonic())
+        if said and trouble:
+            self.get_logger().warning(said)
+        elif said:
+            self.get_logger().info(said)
 
     def _connection_status(self) -> tuple[bytes, str, dict[str, Any]]:
         source = self._source
