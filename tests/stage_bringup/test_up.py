@@ -22,6 +22,12 @@ def test_every_part_compiles() -> None:
         compile_part()
 
 
+def test_the_sentence_does_not_wait_for_what_it_announces() -> None:
+    code = 'import sys, stage_bringup.kernels; print(*sys.modules)'
+    run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert not {'numba', 'scipy', 'stage_twin'} & set(run.stdout.split())
+
+
 def test_what_is_compiled_is_not_compiled_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -13,33 +13,45 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
+from importlib.metadata import version
 from pathlib import Path
-
-import numba
-import numpy as np
-
-from contour_ctrl.sequence import compile_kernels
-from stage_core.twin_file import TwinFile
-from stage_driver.config import ServoConfig
-from stage_driver.limits import AxisLimits
-from stage_driver.servo_axes import ServoAxes
-from stage_twin.plant import ServoPlant
-from stage_twin.simulate import simulate
 
 SENTENCE = 'compiling the kernels (about 40 s, once)'
 _SOURCES = Path(__file__).resolve().parents[2]
 
 
+# What compiles is imported by the process that compiles: this one speaks at once.
+
+
 def _machine() -> None:
+    from stage_core.twin_file import TwinFile
+    from stage_twin.plant import ServoPlant
+
     ServoPlant(TwinFile.nominal_servo()).warm_up()
 
 
 def _driver() -> None:
+    from stage_core.twin_file import TwinFile
+    from stage_driver.config import ServoConfig
+    from stage_driver.limits import AxisLimits
+    from stage_driver.servo_axes import ServoAxes
+
     limits = tuple(AxisLimits(-0.1, 0.1, 0.1, 1.0, 1.0) for _ in 'xy')
     ServoAxes(ServoConfig(twin=TwinFile.nominal_servo(), axes=('x', 'y'), limits=limits))
 
 
+def _contour() -> None:
+    from contour_ctrl.sequence import compile_kernels
+
+    compile_kernels()
+
+
 def _simulation() -> None:
+    import numpy as np
+
+    from stage_core.twin_file import TwinFile
+    from stage_twin.simulate import simulate
+
     still = np.zeros((4, 2))
     simulate(TwinFile.nominal_servo(), still, still)
 
@@ -48,14 +60,14 @@ def _simulation() -> None:
 PARTS: dict[str, Callable[[], None]] = {
     'the emulated machine': _machine,
     'the servo driver': _driver,
-    'the contour controller': compile_kernels,
+    'the contour controller': _contour,
     'the simulation of the diagnosis': _simulation,
 }
 
 
 def marker() -> Path:
     """File that says that these sources were compiled by this Numba."""
-    state = hashlib.sha256(numba.__version__.encode())
+    state = hashlib.sha256(version('numba').encode())
     for source in sorted(_SOURCES.glob('*/*/**/*.py')):
         text = source.read_bytes()
         if b'njit' in text:
