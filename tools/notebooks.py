@@ -73,7 +73,7 @@ def source(tutorial: Path) -> str:
     changes = ' with changes' if state.get('changed') else ''
     commit = f', commit {state["commit"]}{changes}' if 'commit' in state else ''
     made = f'{state["recorded"][:10]}{commit}'
-    return f'*Written by `make tutorials` from [{tutorial.name}]({tutorial.name}), {made}.*'
+    return f'*Written by `make tutorials` from [{tutorial.name}]({tutorial.name}),\n{made}.*'
 
 
 def write(tutorial: Path, docs: Path, said: str = '') -> Path:
