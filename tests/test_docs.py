@@ -110,6 +110,31 @@ def test_the_readme_is_short() -> None:
     assert len(lines) <= 120
 
 
+#: What draws a picture of the docs, and how it names it.
+DRAWN = {
+    'tools/screenshots.py': r"draw\('(\w+)'",
+    'tools/docs_figures.py': r"images / '(\w+)\.png'",
+    'benchmarks/paper3_figures.py': r"out / '(\w+)\.png'",
+    'benchmarks/paper4_figure.py': r"out / '(\w+)\.webp'",
+}
+
+
+def test_every_picture_is_shown_and_a_command_draws_it() -> None:
+    shown = '\n'.join(page.read_text(encoding='utf-8') for page in PAGES)
+    drawn = {
+        name
+        for place, names in DRAWN.items()
+        for name in re.findall(names, (ROOT / place).read_text(encoding='utf-8'))
+    }
+    tutorials = {file.stem for file in (ROOT / 'docs' / 'guide' / 'tutorials').glob('*.py')}
+    pictures = sorted((ROOT / 'docs' / 'images').iterdir())
+    assert pictures
+    for picture in pictures:
+        assert f'images/{picture.name})' in shown, picture.name
+        tutorial = re.fullmatch(r'tutorial_(\w+)_\d+', picture.stem)
+        assert tutorial[1] in tutorials if tutorial else picture.stem in drawn, picture.name
+
+
 #: Words that the guide uses as if everybody knew them.
 TERMS = ('gap', 'floor', 'held-out', 'rest', 'lead', 'lockstep')
 

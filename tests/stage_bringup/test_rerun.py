@@ -128,13 +128,14 @@ def test_a_bag_becomes_a_recording_on_two_timelines(bag: Path) -> None:
         '/stage/table': 'Points3D:positions',
         '/stage/tracker': 'Transform3D:quaternion',
         '/position_mm/encoder/x': 'Scalars:scalars',
-        '/error_um/x': 'Scalars:scalars',
+        '/tracking_error/x': 'Scalars:scalars',
         '/diagnostics/stage_driver_state': 'TextLog:text',
         '/model': 'TextDocument:text',
     }
     for entity, column in archetypes.items():
         assert any(column in batch.schema.names for batch in tables[entity]), entity
-    errors = [v for b in tables['/error_um/x'] for v in b.column('Scalars:scalars').to_pylist()]
+    batches = tables['/tracking_error/x']
+    errors = [v for b in batches for v in b.column('Scalars:scalars').to_pylist()]
     assert len(errors) == TICKS
     np.testing.assert_allclose(np.ravel(errors), 2.0, atol=1e-9)
     states = [

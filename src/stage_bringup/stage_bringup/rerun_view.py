@@ -114,7 +114,7 @@ class RerunWriter:
         self._servo_error()
         if session.has(topics.CONTOUR_ERROR):
             series = session.series[topics.CONTOUR_ERROR]
-            self._curve('contour_error_um', series.stamps, 1e6 * series.values['z'])
+            self._curve('contour_error', series.stamps, 1e6 * series.values['z'])
         for sensor, series in session.temperatures().items():
             self._curve(f'temperature_degC/{sensor}', series.stamps, series.values['temperature'])
 
@@ -131,7 +131,7 @@ class RerunWriter:
             name = f'position.{axis}'
             if name in reference.values and name in encoder.values:
                 error = reference.values[name][wanted] - encoder.values[name][found]
-                self._curve(f'error_um/{axis}', stamps, 1e6 * error)
+                self._curve(f'tracking_error/{axis}', stamps, 1e6 * error)
 
     def _curve(self, entity: str, stamps: Stamps, values: NDArray[np.float64]) -> None:
         known = np.isfinite(values)
@@ -169,14 +169,14 @@ def layout(sdk: Any, recorded: Recorded) -> Any:
     """The viewer's panels for what the session holds."""
     views = importlib.import_module('rerun.blueprint')
     legend = views.PlotLegend(views.Corner2D.RightTop)
-    limits = {'error_um': _error_limits(views, recorded.session)}
+    limits = {'tracking_error': _error_limits(views, recorded.session)}
     curves = [
         views.TimeSeriesView(
             origin=origin, name=name, plot_legend=legend, axis_y=limits.get(origin)
         )
         for origin, name, topic in (
-            ('contour_error_um', 'Contour error (µm)', topics.CONTOUR_ERROR),
-            ('error_um', 'Error: reference minus encoder (µm)', topics.REFERENCE),
+            ('contour_error', 'Contour error (µm)', topics.CONTOUR_ERROR),
+            ('tracking_error', 'Error: reference minus encoder (µm)', topics.REFERENCE),
             ('position_mm', 'Position (mm)', topics.JOINT_STATES),
             ('force_N', 'Force (N)', topics.COMMAND),
         )
