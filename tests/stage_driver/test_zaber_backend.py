@@ -112,7 +112,7 @@ def test_cable_pulled_and_put_back_reconnects_without_moving(tmp_path):
         server.unplug()
         recorder.wait(lambda: recorder.said('fault'))
         assert backend.status().state is State.FAULT and not backend.status().connected
-        with pytest.raises(StageError, match='put the cable back'):
+        with pytest.raises(StageError, match='check power and cable'):
             backend.reset_fault().result()
         before = position(server)
         server.plug()
@@ -148,6 +148,28 @@ def test_cable_pulled_in_a_move_and_put_back_leaves_the_axis_at_rest(tmp_path):
         assert position(server) == rest
         move(backend, recorder, 0.003, 0.0)
         assert position(server)[0] == pytest.approx(0.003, abs=STEP)
+
+
+def test_answers_that_come_late_end_the_stream_and_latch_nothing(tmp_path):
+    """What a busy computer does to both ends of the wire: every answer comes, all of them late."""
+    slow = {'reply_timeout': 0.1, 'link_timeout': 0.5, 'setpoint_timeout': 60.0}
+    with rig(tmp_path, **slow) as (server, backend, recorder):
+        backend.home().result()
+        move(backend, recorder, 0.02, 0.02)
+        backend.submit(0, ['x', 'y'], [], [0.005, 0.0])
+        wait(lambda: position(server)[0] > 0.0201)
+        server.chain.faults.delay = 0.3
+        with server._lock:
+            server.chain.faults.inject('delay', 30)
+        recorder.wait(lambda: recorder.said('answers later than 0.1 s: lower the load'))
+        wait(lambda: server.chain.faults.applied == 30)
+        wait(lambda: backend.status().state is State.READY)
+        status = backend.status()
+        assert status.connected and status.details['watchdog_stops'] == '1'
+        assert int(status.details['line_late']) > 0 and status.details['reconnections'] == '0'
+        assert not recorder.said('fault')
+        move(backend, recorder, 0.003, 0.002)
+        assert position(server) == pytest.approx([0.003, 0.002], abs=STEP)
 
 
 def test_stop_brakes_at_its_deceleration_and_not_past_the_target(tmp_path):

@@ -21,7 +21,7 @@ from stage_driver.limits import Setpoint
 from stage_driver.states import Event, State
 from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_contact import ZaberContact
-from stage_driver.zaber_link import LinkLost, NoAnswer
+from stage_driver.zaber_link import AnswersLate, LinkLost, NoAnswer
 from stage_driver.zaber_motion import ZaberMotion
 from stage_driver.zaber_stage import Poll, ZaberStage, first_fault
 
@@ -104,8 +104,10 @@ class ZaberBackend(InboxBackend):
                     self._reconnect()
                 else:
                     self._step(self._stage)
+            except AnswersLate as error:
+                self._behind(str(error))
             except (LinkLost, NoAnswer) as error:
-                self._lose(f'{error}: put the cable back, then call ~/reset_fault')
+                self._lose(f'{error}: check power and cable, then call ~/reset_fault')
             except StageError as error:
                 self._fail(str(error))
             except Exception as error:
@@ -113,6 +115,13 @@ class ZaberBackend(InboxBackend):
                 self._fail(f'internal error: {error!r}')
             due = max(due + period, time.monotonic())
             self._pause(due - time.monotonic())
+
+    def _behind(self, reason: str) -> None:
+        """End a stream whose positions come late; a move ends at its target without us."""
+        if self._streaming:
+            self.watchdog(reason)
+        else:
+            self._listener.on_event(WARNING, reason)
 
     def _pause(self, seconds: float) -> None:
         """Wait for the next cycle."""
@@ -239,7 +248,7 @@ class ZaberBackend(InboxBackend):
 
     def _contact_refusal(self) -> str | None:
         wire = self.config.port
-        return None if self._stage is not None else f'no contact with {wire}: put the cable back'
+        return None if self._stage is not None else f'no contact with {wire}: check power and cable'
 
     def _halt(self) -> None:
         self._motion.end()

@@ -57,6 +57,10 @@ class NoAnswer(Exception):
     """A request was not answered in time."""
 
 
+class AnswersLate(NoAnswer):
+    """The devices are there, but this computer is too busy to hear them in time."""
+
+
 @dataclass(frozen=True)
 class Query:
     """A command for one device and axis; `words` as in the manual."""
@@ -142,12 +146,21 @@ class ZaberLink:
         ------
         NoAnswer, LinkLost
         """
+        late = self.counts['late']
         for attempt in range(retries + 1):
             reply = self.ask_all([Query(words, device, axis)])[0]
             if reply is not None:
                 return reply
             self.counts['retries'] += attempt < retries
+        self.refuse_late(late)
         raise NoAnswer(f'device {device} at {self.url} does not answer to {words or "status"!r}')
+
+    def refuse_late(self, before: int) -> None:
+        """AnswersLate where late answers came since their count was `before`."""
+        if self.counts['late'] > before:
+            raise AnswersLate(
+                f'{self.url} answers later than {self.timeout} s: lower the load of this computer'
+            )
 
     def ask_all(self, queries: Sequence[Query]) -> list[Reply | None]:
         """Send all at once, then collect; None where no answer came in time.
@@ -232,12 +245,13 @@ class ZaberLink:
                     self.counts['alerts'] += 1
 
     def _resolve(self, reply: Reply) -> None:
-        """Hand a reply to the request of its id, device and axis; others are strays."""
+        """Hand a reply to the request of its id, device and axis; others are late or strays."""
         with self._lock:
             found = self._pending.get(-1 if reply.message_id is None else reply.message_id)
             if found is None or found[0].device != reply.device or found[0].axis != reply.axis:
                 # Replies without an id are those to broadcasts sent with `send_unanswered`.
-                self.counts['strays'] += reply.message_id is not None
+                late = reply.message_id in self._quarantined
+                self.counts['late' if late else 'strays'] += reply.message_id is not None
                 return
             del self._pending[reply.message_id if reply.message_id is not None else -1]
         found[1].set_result(reply)

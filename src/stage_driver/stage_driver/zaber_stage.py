@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +11,7 @@ from stage_driver.config import ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.protocol import ProtocolError, Reply, warning_list
 from stage_driver.zaber_clock import WallClock
-from stage_driver.zaber_link import LinkLost, NoAnswer, Query, ZaberLink
+from stage_driver.zaber_link import AnswersLate, LinkLost, NoAnswer, Query, ZaberLink
 from stage_driver.zaber_setup import ZaberAxisHandle, connect, integer
 from stage_driver.zaber_words import FLAGS, describe_flag, describe_rejection
 
@@ -44,7 +43,7 @@ class ZaberStage:
             handle.narrowed(limits)
             for handle, limits in zip(self.handles, config.limits, strict=True)
         ]
-        self._answered_at = time.monotonic()
+        self._silent, self._late = 0.0, 0
 
     def close(self) -> None:
         """Stop the axes, give knobs and settings back, close the port."""
@@ -80,25 +79,32 @@ class ZaberStage:
         ------
         LinkLost
             If it has not for `link_timeout`.
+        AnswersLate
+            If it has by then, but always after `reply_timeout`.
         """
         sent = self._clock.now()
         replies = self.link.ask_all([Query('get pos', h.device, h.axis) for h in self.handles])
         # The devices answer at once: half the round trip is the best guess of "when".
         stamp = (sent + self._clock.now()) // 2
-        now = time.monotonic()
-        silent = now - self._answered_at
         answered = [reply for reply in replies if reply is not None]
         if len(answered) < len(replies):
-            if silent > self.config.link_timeout:
-                raise LinkLost(f'no answer at {self.config.port} for {silent:.1f} s')
+            self._count_silence()
             return None
-        self._answered_at = now
+        self._silent, self._late = 0.0, self.link.counts['late']
         return Poll(
             stamp,
             [integer(reply, h.name) for reply, h in zip(answered, self.handles, strict=True)],
             [reply.busy for reply in answered],
             tuple(reply.flag for reply in answered),
         )
+
+    def _count_silence(self) -> None:
+        """Add a poll's wait; time in which nobody was asked is no silence of the devices."""
+        self._silent += self.config.reply_timeout
+        if self._silent > self.config.link_timeout:
+            silent, self._silent = self._silent, 0.0
+            self.link.refuse_late(self._late)
+            raise LinkLost(f'no answer at {self.config.port} for {silent:.1f} s')
 
     def warnings(self, clear: bool = False) -> tuple[str, ...]:
         """Flags of all axes, each once; with `clear` those that stay after clearing."""
@@ -179,6 +185,8 @@ class ZaberStage:
         """Look whether an unanswered motion was taken; only one that was not is sent again."""
         try:
             state = self.link.ask('get pos', query.device, query.axis)
+        except AnswersLate:
+            raise
         except NoAnswer:
             return None
         if state.busy or (target is not None and state.data == str(target)):
