@@ -168,18 +168,19 @@ def _diagnose(
         for axis in before.moving_axes
     ]
     records, tracker = tracker_part(before, parts, seed, without, memory, progress)
+    known = direct
     for measured in tracker:
         fit = measured.selection.fit
         found = describe(measured.selection, measured.selector.regression)
         known = {**direct, **{n: v for n, v in found.items() if n in misreadings(fit)}}
         parts = [
             servo_part(before, p.name[-1], known, seed, without, memory, progress, fit)
-            if f'{MISREADS}.{p.name[-1]}' in known
+            if f'{MISREADS}.{p.name[-1]}' in found
             else with_shape_of(p, measured)
             for p in parts
         ]
     parts += tracker
-    parameters: dict[str, dict[str, tuple[float, float]]] = dict(direct)
+    parameters: dict[str, dict[str, tuple[float, float]]] = dict(known)
     for part in parts:
         found = describe(part.selection, part.selector.regression)
         if twin.kind == 'servo' and part.name.startswith('servo') and found:

@@ -27,7 +27,7 @@ from gap_diagnosis.residuals.measured_noise import (
     with_steps,
 )
 from gap_diagnosis.residuals.nominal import sensor_frame, with_counted_steps
-from gap_diagnosis.residuals.reading import motion_behind
+from gap_diagnosis.residuals.reading import MISREADS, motion_behind, motion_beside, waves_read
 from gap_diagnosis.residuals.recording import in_newtons
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.residuals.servo import Servo
@@ -184,6 +184,7 @@ def prepare(
     stepped = with_steps(counted_twin, quantisation)
     seen = with_simulated(with_mean_points(with_noise(stepped, records), records), records)
     direct = {**quantisation, **conventions, **controller_findings(records, twin)}
+    direct.update(waves_read(records, twin))
     return Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart))
 
 
@@ -242,11 +243,17 @@ def servo_part(
 ) -> Part:
     """The force balance of one axis; `reading` is a fit that found its encoder to misread."""
 
+    wave = {} if reading else plain_values(direct).get(f'{MISREADS}.{axis}', {})
+
     def motion() -> Servo:
-        read = before.records if reading is None else motion_behind(before.records, axis, reading)
+        read = before.records
+        if reading is not None:
+            read = motion_behind(read, axis, reading)
+        elif wave:
+            read = motion_beside(read, axis, wave)
         return Servo(read, before.stepped, axis)
 
-    key = (axis, '' if reading is None else repr((reading.thetas, reading.coefficients)))
+    key = (axis, repr(wave) if reading is None else repr((reading.thetas, reading.coefficients)))
     rows = memory.once(('rows', *key), motion)
     problem = memory.once(('servo', *key), rows.problem)
     barred = tuple(sorted(n for n in without if _concerns(n, list(problem.terms))))

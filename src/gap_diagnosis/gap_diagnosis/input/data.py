@@ -20,9 +20,12 @@ from gap_diagnosis.input.checks import (
     finite,
 )
 from gap_diagnosis.input.grid import Grid, control_period
+from gap_diagnosis.input.reading_wave import Parameters as ReadingWave
+from gap_diagnosis.input.reading_wave import reading_wave, without_wave
 from gap_diagnosis.input.noise import (
     Noise,
     axis_noise,
+    encoder_step,
     sampling_jitter,
     tracker_noise,
     white_part,
@@ -78,6 +81,8 @@ class Record:
     #: Ticks (n,) whose set-point carried a velocity: what it asks for is a known input.
     setpoint_velocity: Mask | None = None
     gaps: tuple[tuple[float, float], ...] = ()  # stretches of `time` [s] without any ticks
+    #: What the encoder of each axis itself shows of `encoder_interpolation`; empty where nothing.
+    waves: tuple[ReadingWave, ...] = ()
     noise: Noise | None = None  # measured; None where the ticks are no samples of a motion
     #: A simulator's run of the same command on these ticks; by channel, twin minus that run.
     simulated: Record | None = None
@@ -208,6 +213,7 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         gaps=grid.gaps,
         setpoint_velocity=_declared(session, axes, grid),
     )
+    record = replace(record, waves=_waves(record, resolution))
     record = replace(record, noise=_noise(record, resolution, grid.offset))
     check_excitation(record)
     if recorded:
@@ -236,11 +242,22 @@ def _commands(session: Session, axes: tuple[str, ...], effort: bool) -> Series |
     return finite(replace(series, values={n: series.values[n] for n in names}), session.path)
 
 
+def _waves(record: Record, resolution: Array) -> tuple[ReadingWave, ...]:
+    """What each encoder reads over its own position; the steps of a coarse one are none."""
+    whole = record.whole(record.time)
+    return tuple(
+        reading_wave(q, record.period, whole, max(step, encoder_step(q)))
+        for q, step in zip(record.encoder.T, resolution.tolist(), strict=True)
+    )
+
+
 def _noise(record: Record, resolution: Array, offset: Array) -> Noise:
     whole = record.whole(record.time)
     own, sampling = [], []
     for i, step in enumerate(resolution.tolist()):
         q, force = record.encoder[:, i], record.force[:, i]
+        if wave := {name: value for name, (value, _) in record.waves[i].items()}:
+            q = without_wave(q, record.period, wave)
         own.append(axis_noise(q, record.period, step, whole, white_part(force, whole)))
         sampling.append(sampling_jitter(q, offset, record.period, step, whole))
     return Noise(tuple(own), sampling=tuple(sampling))

@@ -192,6 +192,12 @@ class Kinematics:
         """Step of an ideal encoder of the axis with its noise [m]."""
         return motion_step(self.twin, self.axis)
 
+    @property
+    def calm_step(self) -> float:
+        """Step of an ideal encoder with the noise of the axis where it is calmest [m]."""
+        known = [r.noise.axes[self._column].calm for r in self.records if r.noise is not None]
+        return max(known) * math.sqrt(12.0) if known else self.step
+
     def found(self, effect: str) -> Mapping[str, float]:
         """Parameters that the servo link gave to an effect of the axis; empty without it."""
         return self.servo.get(f'{effect}.{self.axis}', {})

@@ -6,12 +6,15 @@ force balance of the readings would hold an acceleration that no force has made.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.reading_wave import Parameters as ReadingWave
+from gap_diagnosis.input.reading_wave import without_wave
 from gap_diagnosis.residuals.regression import Fit
 from stage_core.quantities import split_effect
+from stage_core.twin_file import TwinFile
 from stage_twin.effects import encoder_interpolation
 
 MISREADS = encoder_interpolation.EFFECT.name
@@ -20,6 +23,28 @@ MISREADS = encoder_interpolation.EFFECT.name
 def misreadings(fit: Fit) -> list[str]:
     """Effects of a fit of the tracker's residual that make an encoder misread."""
     return [name for name in fit.thetas if split_effect(name)[0] == MISREADS]
+
+
+def waves_read(records: Sequence[Record], twin: TwinFile) -> dict[str, ReadingWave]:
+    """`encoder_interpolation` as the encoders show it by themselves, where the twin states none."""
+    found = {}
+    for i, axis in enumerate(records[0].axes):
+        waves = [r.waves[i] for r in records if r.waves and r.waves[i]]
+        if waves and f'{MISREADS}.{axis}' not in twin.effects:
+            found[f'{MISREADS}.{axis}'] = waves[0]
+    return found
+
+
+def motion_beside(
+    records: Sequence[Record], axis: str, values: Mapping[str, float]
+) -> list[Record]:
+    """Records with the motion of an axis, its encoder's wave told by the encoder itself."""
+    out = []
+    for record in records:
+        encoder, column = record.encoder.copy(), record.column(axis)
+        encoder[:, column] = without_wave(encoder[:, column], record.period, values)
+        out.append(replace(record, encoder=encoder))
+    return out
 
 
 def motion_behind(records: Sequence[Record], axis: str, fit: Fit) -> list[Record]:

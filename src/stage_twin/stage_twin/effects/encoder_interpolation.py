@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -78,25 +79,36 @@ def read(
     )
 
 
+def misreading(position: Array, values: Mapping[str, float]) -> Array:
+    """What an encoder reads too much (n,) [m] at motor positions (n,) [m]."""
+    angle = 2.0 * math.pi * position / values['period']
+    return np.asarray(
+        sum(
+            values.get(f'amplitude{n}', 0.0) * np.sin(k * angle + values.get(f'phase{n}', 0.0))
+            for k, n in enumerate(('', '_2', '_3'), 1)
+        )
+    )
+
+
 def term(rows: TrackerRows) -> Term | None:
     """What the encoder reads too much, sampled as it is; θ is the spatial frequency [1/m]."""
     travel = 2.0 * rows.travel[1]
     low = max(1.0 / LONGEST, TRAVELLED / travel)
-    high = 1.0 / max(SHORTEST, STEPS * rows.step)
+    high = 1.0 / max(SHORTEST, STEPS * rows.calm_step)
     if rows.rests or low >= high:
         return None
     paths, readings = rows.calm_encoder(), rows.reading()
     own = rows.along([np.ones(len(p)) for p in rows.position()])[:, 0] > 0.0
 
     def columns(harmonics: int, theta: Theta) -> Array:
-        read = readings if 1.0 / theta[0] > CLEAR * rows.step else paths
+        read = readings if 1.0 / theta[0] > CLEAR * rows.calm_step else paths
         waves = [np.column_stack(periodic.waves(p, theta[0], harmonics)) for p in read]
         return -rows.along(rows.smooth_at_points(waves))
 
     def propose(residual: Array) -> tuple[Theta, ...]:
         spread = np.concatenate(rows.at_ticks(residual[own]))
         at = spread != 0.0
-        return _peaks(np.concatenate(paths)[at], spread[at], low, high)
+        return peaks(np.concatenate(paths)[at], spread[at], low, high)
 
     plain = Term(
         partial(columns, 1),
@@ -130,7 +142,7 @@ def _parameters(theta: Theta, c: Array) -> dict[str, float]:
     return periodic.found(theta, np.asarray(over[:-1], dtype=np.float64))
 
 
-def _peaks(position: Array, values: Array, low: float, high: float) -> tuple[Theta, ...]:
+def peaks(position: Array, values: Array, low: float, high: float) -> tuple[Theta, ...]:
     """Spatial frequencies [1/m] of the highest peaks of values (n,) over their positions (n,).
 
     A Fourier transform over fine bins of the position finds them, direct sums place them.

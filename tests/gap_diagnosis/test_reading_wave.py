@@ -1,0 +1,72 @@
+"""A wave that an encoder reads over its own position, told from its readings alone."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gap_diagnosis.input.noise import axis_noise
+from gap_diagnosis.input.reading_wave import reading_wave, without_wave
+from stage_twin.effects.encoder_interpolation import misreading
+
+PERIOD, STEP = 0.001, 0.1e-6
+TIME = np.arange(30000) * PERIOD
+WHOLE = np.ones(len(TIME), dtype=bool)
+#: Strokes at speeds of 0 to 60 mm/s.
+MOTION = 0.04 * np.sin(2.0 * np.pi * 0.2 * TIME) + 0.005 * np.sin(2.0 * np.pi * 0.31 * TIME)
+WAVE = {'amplitude': 1.2e-6, 'period': 40e-6, 'phase': 0.7, 'amplitude_2': 0.4e-6, 'phase_2': -1.1}
+
+
+def read(position, noise=0.1e-6, step=STEP):
+    white = noise * np.random.default_rng(4).standard_normal(len(position))
+    return step * np.round((position + white) / step)
+
+
+def test_a_wave_is_found_with_its_harmonics():
+    found = reading_wave(read(MOTION + misreading(MOTION, WAVE)), PERIOD, WHOLE, STEP)
+    assert found['period'][0] == pytest.approx(WAVE['period'], rel=1e-5)
+    for name, value in WAVE.items():
+        assert abs(found[name][0] - value) <= 2.0 * found[name][1] + 1e-9, name
+    assert found['amplitude_3'][0] < 0.02e-6
+
+
+def test_noise_and_jitter_are_what_is_left_without_the_wave():
+    reading = read(MOTION + misreading(MOTION, WAVE))
+    found = {n: v for n, (v, _) in reading_wave(reading, PERIOD, WHOLE, STEP).items()}
+    taken_for_noise = axis_noise(reading, PERIOD, STEP, WHOLE)
+    noise = axis_noise(without_wave(reading, PERIOD, found), PERIOD, STEP, WHOLE)
+    assert noise.jitter == 0.0 and noise.position == pytest.approx(0.104e-6, rel=0.2)
+    assert math.hypot(taken_for_noise.position, 0.05 * taken_for_noise.jitter) > 0.5e-6
+
+
+def late(position):
+    """Read at moments that scatter by 40 µs."""
+    delay = 40e-6 * np.random.default_rng(5).standard_normal(len(position))
+    return position - np.gradient(position, PERIOD) * delay
+
+
+def forced(position):
+    """What a force of the position makes of it: the less the faster it is passed."""
+    omega = 2.0 * np.pi * np.abs(np.gradient(position, PERIOD)) / 300e-6
+    return position + 0.4 * np.sin(2.0 * np.pi * position / 300e-6) / (100.0 + omega) ** 2
+
+
+def shaken(position):
+    """Shaken 90 times a second, wherever it is."""
+    return position + 1e-6 * np.sin(2.0 * np.pi * 90.0 * TIME)
+
+
+@pytest.mark.parametrize('motion', [np.array, late, forced, shaken])
+def test_nothing_else_is_taken_for_a_wave(motion):
+    assert reading_wave(read(motion(MOTION)), PERIOD, WHOLE, STEP) == {}
+
+
+def test_steps_are_no_wave():
+    strokes = 0.04 * (2.0 * np.abs((0.3 * TIME) % 1.0 - 0.5) - 0.5)  # at one speed
+    for step in (1e-6, 20e-6):
+        assert reading_wave(read(strokes, 0.0, step), PERIOD, WHOLE, step) == {}
+
+
+def test_an_axis_at_rest_or_too_slow_tells_nothing():
+    assert reading_wave(read(0.0 * MOTION), PERIOD, WHOLE, STEP) == {}
+    assert reading_wave(read(1e-3 * MOTION), PERIOD, WHOLE, STEP) == {}
