@@ -103,13 +103,20 @@ class Shrink:
 
 
 def shrink_of(
-    name: str, sides: Mapping[str, Sides], seed: int, noise: Collection[str] = ()
+    name: str,
+    sides: Mapping[str, Sides],
+    seed: int,
+    noise: Collection[str] = (),
+    shown_twice: bool = False,
 ) -> Shrink:
     """How far an effect shrinks the gap, from the channels without and with it.
 
     `noise` names encoders that show noise alone with all effects. None of them is worse by an
     effect: the loop answers the steps of the encoder by chance. If that of its axis is one, no
     error of another model is left that an effect could have taken up.
+
+    `shown_twice` tells that both the force balance and the tracker's residual show the effect: no
+    error of a model of forces makes the tracker swing.
 
     Positions count all together, as `gap.before` does; whether the effect matters is judged on
     those that it moves, as the noise of the others hides what it does. Where a servo effect moves
@@ -125,7 +132,7 @@ def shrink_of(
     explained = f'encoder.{split_effect(name)[1]}' in noise
     force = sides.get(f'force.{split_effect(name)[1]}')
     servo = link_of(name) == 'servo'
-    least = LEAST_SHRINK if servo else 0.0
+    least = LEAST_SHRINK if servo and not shown_twice else 0.0
     closes = _closes(positions, _gaps_of_axis(sides, name[-1]))
     own = replace(_shrink(moved, least, worse, seed, closes), explained=explained)
     seen = replace(_shrink(positions, least, worse, seed, closes), own=own)

@@ -125,7 +125,7 @@ def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
     sides = {n: channel.sides(chance[n], lesser[n]) for n, channel in run.channels.items()}
     encoders = [c for n, c in run.channels.items() if n.startswith('encoder')]
     calm = {c.name for c in encoders if not shows(np.concatenate(c.after), run.floors[c.name])}
-    return shrink_of(name, sides, run.seed, calm)
+    return shrink_of(name, sides, run.seed, calm, shown_twice=len(showing) > 1)
 
 
 def _told_by_balance(name: str, part: Part, shrink: Shrink) -> bool:

@@ -36,8 +36,9 @@ MOTION, FASTER = 30.0, 1.5
 LEAST_SHARE = 0.2
 #: Least amplitude over that of the rounding's own wave (step / pi), which reached 0.95.
 LEAST_STEPS = 2.0
-#: Share of a read wave over that of a force's wave: 1.46 to 7.9 where an encoder errs.
-RATHER = 1.2
+#: Share of a read wave over that of a force's wave: 3.8 and more where an encoder errs; 1.46 for the
+#: second harmonic alone of a wave that was passed too slowly.
+RATHER = 2.5
 #: Share of the amplitude by which the loop's answer to the wave moves what is found of it: on the
 #: three axes whose wave explained most, amplitudes were -3 to +5 % off.
 ANSWER = 0.06
