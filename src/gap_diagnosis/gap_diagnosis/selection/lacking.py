@@ -29,10 +29,6 @@ FOLLOWS = 2.0
 #: Share of the loop's held-out gap that is left with an effect that was lacking. A right lag
 #: beside a friction left 0.36, what takes up errors of a friction's model 0.83 or more.
 LEFT = 0.5
-#: Share of what a friction leaves of the balance, above the noise, from which on a delay or a lag
-#: shows in it, so that the loop only has to follow no worse: a friction of a slightly other model
-#: makes it go another way from a moment on.
-SHOWN = 0.1
 #: Number of effects that are tried: each costs a refinement in the loop.
 MOST = 4
 
@@ -51,7 +47,7 @@ def with_lacking(
     floor = channel_floor(with_noise(twin, records), f'encoder.{axis}')
     if before < FOLLOWS * floor or math.isinf(before):
         return part
-    best, least = part, before
+    best, least = part, LEFT * before
     for trial in _candidates(part):
         other = _with_trial(part, trial)
         if not all(
@@ -59,15 +55,9 @@ def with_lacking(
         ):
             continue
         left = gap(describe(other.selection, other.selector.regression))
-        if left < min(least, _allowed(part, trial) * before):
+        if left < least:
             best, least = other, left
     return best
-
-
-def _allowed(part: Part, trial: Trial) -> float:
-    """Share of the loop's gap that may be left with an effect."""
-    late = part.selector.problem.terms[trial.evidence.name].fixed
-    return 1.0 if late and trial.evidence.share > SHOWN else LEFT
 
 
 def loop_gap(axis: str, effects: Effects, records: list[Record], twin: TwinFile) -> float:
