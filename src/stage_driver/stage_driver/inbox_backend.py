@@ -231,6 +231,13 @@ class InboxBackend(ABC):
         self.counts['watchdog_stops'] += 1
         self._end_stream(reason)
 
+    def behind(self, reason: str) -> None:
+        """End a stream whose positions come late; a move ends at its target without us."""
+        if self._streaming:
+            self.watchdog(reason)
+        else:
+            self._listener.on_event(WARNING, reason)
+
     def _refuse(self, reason: str, stamp: int) -> None:
         self.counts['refused'] += 1
         self._last_refusal, self._refused_stamp = reason, stamp

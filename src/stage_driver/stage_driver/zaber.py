@@ -105,7 +105,7 @@ class ZaberBackend(InboxBackend):
                 else:
                     self._step(self._stage)
             except AnswersLate as error:
-                self._behind(str(error))
+                self.behind(str(error))
             except (LinkLost, NoAnswer) as error:
                 self._lose(f'{error}: check power and cable, then call ~/reset_fault')
             except StageError as error:
@@ -115,13 +115,6 @@ class ZaberBackend(InboxBackend):
                 self._fail(f'internal error: {error!r}')
             due = max(due + period, time.monotonic())
             self._pause(due - time.monotonic())
-
-    def _behind(self, reason: str) -> None:
-        """End a stream whose positions come late; a move ends at its target without us."""
-        if self._streaming:
-            self.watchdog(reason)
-        else:
-            self._listener.on_event(WARNING, reason)
 
     def _pause(self, seconds: float) -> None:
         """Wait for the next cycle."""
@@ -247,8 +240,7 @@ class ZaberBackend(InboxBackend):
         self._fail_if(stage.home())
 
     def _contact_refusal(self) -> str | None:
-        wire = self.config.port
-        return None if self._stage is not None else f'no contact with {wire}: check power and cable'
+        return None if self._stage is not None else self._contact.lost
 
     def _halt(self) -> None:
         self._motion.end()
@@ -293,7 +285,7 @@ class ZaberBackend(InboxBackend):
 
     def _present(self) -> ZaberStage:
         if self._stage is None:
-            raise StageError(self._contact_refusal() or '')
+            raise StageError(self._contact.lost)
         return self._stage
 
     def _fail(self, reason: str) -> None:

@@ -22,6 +22,8 @@ class ZaberContact:
         self._retry_at = 0.0
         self.met = False
         self.absence = ''
+        #: Why nothing can be asked of a stage that is not there.
+        self.lost = f'no contact with {config.port}: check power and cable'
 
     def first(self) -> ZaberStage | None:
         """The stage; None where its port may still come.

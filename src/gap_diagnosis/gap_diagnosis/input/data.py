@@ -20,8 +20,6 @@ from gap_diagnosis.input.checks import (
     finite,
 )
 from gap_diagnosis.input.grid import Grid, control_period
-from gap_diagnosis.input.reading_wave import Parameters as ReadingWave
-from gap_diagnosis.input.reading_wave import reading_wave, without_wave
 from gap_diagnosis.input.noise import (
     Noise,
     axis_noise,
@@ -30,6 +28,8 @@ from gap_diagnosis.input.noise import (
     tracker_noise,
     white_part,
 )
+from gap_diagnosis.input.reading_wave import Parameters as ReadingWave
+from gap_diagnosis.input.reading_wave import reading_wave, without_wave
 from gap_diagnosis.input.ticks import Clock
 from gap_diagnosis.input.windows import LAST_THIRD, inside
 from stage_core import topics

@@ -36,8 +36,8 @@ MOTION, FASTER = 30.0, 1.5
 LEAST_SHARE = 0.2
 #: Least amplitude over that of the rounding's own wave (step / pi), which reached 0.95.
 LEAST_STEPS = 2.0
-#: Share of a read wave over that of a force's wave: 3.8 and more where an encoder errs; 1.46 for the
-#: second harmonic alone of a wave that was passed too slowly.
+#: Share of a read wave over that of a force's wave: 3.8 and more where an encoder errs; 1.46 for
+#: the second harmonic alone of a wave that was passed too slowly.
 RATHER = 2.5
 #: Share of the amplitude by which the loop's answer to the wave moves what is found of it: on the
 #: three axes whose wave explained most, amplitudes were -3 to +5 % off.
@@ -116,7 +116,7 @@ def _fitted(passed: _Passed, frequency: float) -> Parameters:
     """Least squares over amplitudes, phases and the period, by Gauss-Newton steps."""
     matrix = np.column_stack(periodic.waves(passed.path, frequency))
     start, *_ = np.linalg.lstsq(matrix, passed.fast, rcond=None)
-    values = periodic.found((frequency,), start)
+    values = periodic.found((frequency,), np.asarray(start, dtype=np.float64))
     scale = {n: 1.0 if n.startswith('phase') else v for n, v in values.items()}
     # A period shows by the phase at the ends of the travel.
     scale['period'] *= values['period'] / float(np.ptp(passed.path))

@@ -26,7 +26,7 @@ def misreadings(fit: Fit) -> list[str]:
 
 
 def waves_read(records: Sequence[Record], twin: TwinFile) -> dict[str, ReadingWave]:
-    """`encoder_interpolation` as the encoders show it by themselves, where the twin states none."""
+    """Waves of the encoders as these show them by themselves, where the twin states none."""
     found = {}
     for i, axis in enumerate(records[0].axes):
         waves = [r.waves[i] for r in records if r.waves and r.waves[i]]
