@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 #: A tracker that starts together with the node is no trouble yet [s]. On two busy cores the
-#: emulated one answered 6 s after the bridge had begun to ask.
+#: emulated one answered 8 s after the bridge had begun to ask.
 STARTING = 15.0
 #: What passes sooner is no trouble [s]; what stays is said again after a while [s].
 PASSING, AGAIN = 2.0, 5.0
