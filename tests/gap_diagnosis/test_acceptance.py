@@ -82,6 +82,16 @@ def test_what_the_noise_hides_is_no_error_of_the_table(closed: float, stands: bo
     assert shrink_of('cyclic_pitch_error.x', sides, seed=0).matters is stands
 
 
+@pytest.mark.parametrize('twice', [True, False])
+def test_a_swing_that_the_tracker_shows_too_needs_no_tenth_of_the_gap(twice: bool) -> None:
+    """Of a tracker of 2 µm of noise a swing of 0.8 µm takes 0.04 and is there for certain."""
+    noise = np.random.default_rng(1).normal(0.0, 2e-6, 20000)
+    swing = 1.1e-6 * np.sin(np.linspace(0.0, 5000.0, 20000))
+    sides = {'tracker.x': Sides((noise + swing) ** 2, noise**2, 'm', 2e-6, 5e-12)}
+    found = shrink_of('structural_resonance.x', sides, seed=0, shown_twice=twice)
+    assert found.matters is twice
+
+
 def test_noise_that_the_loop_answers_is_no_structure() -> None:
     rng = np.random.default_rng(3)
     noise = rng.normal(0.0, 0.55e-6, 20_000)
