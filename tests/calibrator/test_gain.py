@@ -26,6 +26,8 @@ def test_points_that_never_repeat_are_all_places_and_paths_are_cells():
     turn = np.linspace(0.0, 2.0 * np.pi, 4000)
     circle = 0.1 * np.column_stack([np.cos(turn), np.sin(turn)])
     assert 40 < len(np.unique(judged_places(circle))) < 120
+    # A lap at 100 Hz is a path, too.
+    assert len(np.unique(distinct_places(circle[::3]))) > 1300
 
 
 def test_folds_leave_whole_places_out_once():

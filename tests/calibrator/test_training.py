@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from calibrator.clock_shift import estimate_shift
 from calibrator.compare import compare, table
 from calibrator.prepare import approach_direction, prepare, splits
-from calibrator.samples import concatenate
+from calibrator.samples import Samples, concatenate
 from calibrator.thermal import derivatives_at
 from calibrator.training import Metrics, stored, train, twin_leads
+from stage_bringup.plan import calibration_grid
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Series, Session
@@ -92,7 +93,7 @@ def test_split_keeps_visits_to_a_position_together(samples):
     assert not any(tuple(p) in seen for p in held.command)
     [(training, held)] = splits(twice, by='time')
     assert training.times.max() <= held.times.min()
-    with pytest.raises(StageError, match='by position, time or session'):
+    with pytest.raises(StageError, match='by position, time, session or half'):
         splits(twice, by='colour')
 
 
@@ -115,8 +116,29 @@ def test_a_model_of_one_session_is_not_taken_for_another(samples):
     alike = replace(samples, measured=samples.measured + rng.normal(0.0, 1e-7, (120, 2)))
     good, bad = (train(concatenate([samples, s]), 'affine') for s in (alike, other))
     assert good.gain.proven
-    assert bad.gain.sessions and not bad.gain.proven
+    assert bad.gain.left_out and not bad.gain.proven
     assert 'where whole sessions are left out' in bad.line()
+
+
+@pytest.mark.parametrize('size', [0.0, 3e-4])
+def test_the_drift_of_one_hour_is_no_error_of_the_stage(size):
+    rng = np.random.default_rng(4)
+    where = calibration_grid(0.03, 5)
+    # The zero of x moves by 5 µm while the grid is visited there and back.
+    drift = np.column_stack([np.linspace(0.0, 5e-6, len(where)), np.zeros(len(where))])
+    measured = (1.0 + size) * where + drift + rng.normal(0.0, 3e-7, where.shape)
+    none, times = np.empty((len(where), 0)), 3.0 * np.arange(len(where))
+    visits = Samples(where, measured, np.sign(where), none, times, (), ('x', 'y'), 0.0, True)
+    early, late = (held for _, held in splits(visits, by='half'))
+    assert late.times.min() > early.times.max() and len(early) + len(late) == len(visits)
+    result = train(visits, 'affine')
+    assert result.gain.proven == (size > 0.0)
+    assert size > 0.0 or 'where half of the time is left out' in result.line()
+
+
+def test_half_of_the_places_may_be_too_few_for_the_terms_that_are_asked_for(samples):
+    few = samples.take(np.arange(40))
+    assert train(few, 'polynomial', {'degree': 5}).gain.left_out == ''
 
 
 def test_structured_training_reaches_the_noise(samples):

@@ -26,15 +26,15 @@ class Gain:
         Its 95 % interval.
     places
         Distinct places that were held out.
-    sessions
-        Whether whole sessions were held out.
+    left_out
+        What was held out beside places, as `whole sessions are`; else empty.
     """
 
     value: float
     low: float
     high: float
     places: int
-    sessions: bool = False
+    left_out: str = ''
 
     @property
     def proven(self) -> bool:
@@ -43,7 +43,7 @@ class Gain:
 
     def __str__(self) -> str:
         text = f'gain {100 * self.value:.0f} % [{100 * self.low:.0f}, {100 * self.high:.0f}]'
-        return f'{text} where whole sessions are left out' if self.sessions else text
+        return f'{text} where {self.left_out} left out' if self.left_out else text
 
 
 def held_out_gain(before: Array, after: Array, places: NDArray[np.int64], seed: int = 0) -> Gain:

@@ -111,9 +111,11 @@ class StoredModel:
             f'{axis} ± {1.96e6 * deviation:.2f} µm'
             for axis, deviation in zip(AXES, self.model.spread, strict=False)
         )
+        count = self.metrics.get('sessions', 1)
+        judged = f'by {count} sessions' if count > 1 else 'while the stage stays as it was then'
         return (
             f'{", ".join(parts)}; beyond it the model holds its edge; 95 % of predictions are '
-            f'right within {half}'
+            f'right within {half}, {judged}'
         )
 
     def beyond(self, command: Array, temperatures: Array | None) -> str:

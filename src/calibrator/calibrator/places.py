@@ -41,8 +41,6 @@ def distinct_places(command: ArrayLike) -> Labels:
     if len(ratios) and ratios.max() > REPEAT_GAP:
         gap = int(np.argmax(ratios))
         cut = float(np.sqrt(heights[gap] * heights[gap + 1]))
-    elif heights[-1] < REPEAT_SPAN * span:
-        cut = float(heights[-1])
     return _labels(fcluster(joined, cut, 'distance'), c)
 
 

@@ -136,7 +136,8 @@ def splits(samples: Samples, seed: int = 0, by: str = 'position') -> list[tuple[
         `FEWEST_HELD` places, each place is held out once, in up to that many pairs. `time`: the
         last part of the session is held out, which does not flatter where the stage drifts.
         `session`: each of several sessions is held out once, in up to `MOST_SESSION_FITS` groups,
-        at the places that the others know; no pair where there is one session.
+        at the places that the others know; no pair where there is one session. `half`: the same
+        for the earlier and the later half of the samples.
 
     Raises
     ------
@@ -160,17 +161,26 @@ def splits(samples: Samples, seed: int = 0, by: str = 'position') -> list[tuple[
         held = drawn[int(round(SHARE * len(drawn))) :]
         many = len(held) >= FEWEST_HELD
         masks = [np.isin(labels, held)] if many else folds(labels, FEWEST_HELD, seed)
-    elif by == 'session':
-        labels = np.zeros(0, dtype=np.int64) if samples.session is None else samples.session
-        masks = folds(labels, MOST_SESSION_FITS, seed) if len(np.unique(labels)) > 1 else []
+    elif by in ('session', 'half'):
+        apart = _halves(samples.times) if by == 'half' else samples.session
+        if apart is None or len(np.unique(apart)) < 2:
+            return []
+        masks = folds(apart, MOST_SESSION_FITS, seed)
         return [(samples.take(~m), known) for m in masks if len(known := _known(samples, m))]
     else:
-        raise StageError(f'samples are split by position, time or session, not by {by}')
+        raise StageError(f'samples are split by position, time, session or half, not by {by}')
     if any(mask.all() or not mask.any() for mask in masks):
         raise StageError(
             f'{len(samples)} samples are too few to hold some out: record more positions'
         )
     return [(samples.take(~mask), samples.take(mask)) for mask in masks]
+
+
+def _halves(times: Array) -> NDArray[np.int64]:
+    """Label (n,) of the earlier and the later half of the samples."""
+    label = np.zeros(len(times), dtype=np.int64)
+    label[np.argsort(times, kind='stable')[len(times) // 2 :]] = 1
+    return label
 
 
 def _known(samples: Samples, held: NDArray[np.bool_]) -> Samples:

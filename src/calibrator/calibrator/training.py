@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -20,12 +21,15 @@ from calibrator.outliers import wild
 from calibrator.places import judged_places
 from calibrator.prepare import splits
 from calibrator.samples import Samples
+from stage_core.errors import StageError
 from stage_core.metrics import Metrics
 from stage_core.quantities import AXES
 from stage_core.session import Session
 
 Array = NDArray[np.float64]
 
+SESSIONS, HALVES = 'whole sessions are', 'half of the time is'
+"""What is left out beside places, in the words of a gain."""
 LEAST_WARMING = 0.3
 """Change of a sensor [K] from which its temperature is a regressor."""
 
@@ -49,6 +53,7 @@ class Training:
     wild: int
     sensors: tuple[str, ...]
     speeds: tuple[float, float] = (0.0, 0.0)
+    sessions: int = 1
 
     def metrics(self) -> dict[str, Any]:
         """JSON-able record for the model file and the latched topic."""
@@ -60,6 +65,7 @@ class Training:
             'samples': self.samples,
             'held_out': self.held_out,
             'wild': self.wild,
+            'sessions': self.sessions,
             'domain': self.domain(),
         }
 
@@ -96,9 +102,10 @@ def train(
 ) -> Training:
     """Fit a method on a part of the samples and judge it on the rest.
 
-    Of several sessions whole ones are left out, too; the worse gain counts. Where the places
-    suffice for one draw (see `prepare.splits`) the model is the one that was judged; else one of
-    all samples, judged by those that were fitted without each place.
+    Of several sessions whole ones are left out, too, of one each half of its time: a drift of one
+    hour is no error of the stage. The worse gain counts. Where the places suffice for one draw
+    (see `prepare.splits`) the model is the one that was judged; else one of all samples, judged by
+    those that were fitted without each place.
 
     Parameters
     ----------
@@ -128,8 +135,7 @@ def train(
     models = [fit(training) for training, _ in pairs]
     seconds = (time.perf_counter() - started) / len(pairs)
     before, after, gain = _judged(models, pairs, seed)
-    if apart := splits(samples, seed=seed, by='session'):
-        gain = _worse(gain, _judged([fit(part) for part, _ in apart], apart, seed)[2])
+    gain = _apart(gain, fit, samples, seed)
     training, model = (pairs[0][0], models[0]) if len(pairs) == 1 else (samples, fit(samples))
     return Training(
         model,
@@ -143,6 +149,7 @@ def train(
         left_out,
         samples.sensors if model.sensors else (),
         speeds(samples),
+        1 if samples.session is None else len(np.unique(samples.session)),
     )
 
 
@@ -150,11 +157,28 @@ def judged_by(result: Training, held: Sequence[Samples], seed: int) -> Training:
     """The training judged at whole other sessions as well; the worse gain counts."""
     pairs = [(part, part.only(result.sensors)) for part in held]
     other = _judged([result.model] * len(pairs), pairs, seed)[2]
-    return replace(result, gain=_worse(result.gain, other))
+    return replace(result, gain=_worse(result.gain, other, SESSIONS))
 
 
-def _worse(gain: Gain, of_sessions: Gain) -> Gain:
-    return min(gain, replace(of_sessions, sessions=True), key=lambda found: found.low)
+def _apart(
+    gain: Gain, fit: Callable[[Samples], CalibrationModel], samples: Samples, seed: int
+) -> Gain:
+    """The gain, or the worse one where whole sessions, or halves of one, are left out."""
+
+    def judged(pairs: list[tuple[Samples, Samples]]) -> Gain:
+        return _judged([fit(part) for part, _ in pairs], pairs, seed)[2]
+
+    if pairs := splits(samples, seed=seed, by='session'):
+        return _worse(gain, judged(pairs), SESSIONS)
+    # A number of terms that a user asks for may be too large for half of the places.
+    with contextlib.suppress(StageError):
+        if pairs := splits(samples, seed=seed, by='half'):
+            return _worse(gain, judged(pairs), HALVES)
+    return gain
+
+
+def _worse(gain: Gain, other: Gain, left_out: str) -> Gain:
+    return min(gain, replace(other, left_out=left_out), key=lambda found: found.low)
 
 
 def _fitted(

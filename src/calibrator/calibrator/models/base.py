@@ -128,6 +128,7 @@ class CalibrationModel(ABC):
             # A setting of the user's stands, though the data do not suffice to judge it.
             if len(candidates) > 1:
                 raise
+            self.chosen = candidates[0]
         self.spread = deviation(left_out)
         return self.learn(data)
 
