@@ -40,3 +40,18 @@ def test_a_lag_that_the_balance_overlooked_is_taken_by_the_loop(
     assert strength(found, LAG) >= 1.0
     # A loop that follows the record lacks nothing.
     assert with_lacking(found, 'x', before.direct, before.records, before.twin) is found
+
+
+def test_the_only_effect_of_an_axis_may_be_one_that_the_balance_passes_over(
+    planted: Callable[..., Session],
+) -> None:
+    """A ripple below the noise of the balance moves a soft loop by many floors of the encoder."""
+    name = 'force_ripple.x'
+    session = planted({name: {'amplitude': 0.15, 'period': 0.007}})
+    before = prepare([session], [], nominal(), ())
+    part = servo_part(before, 'x', before.direct, 0, [], Memory(), silent)
+    nothing = part.selector.without_effect(part.selection.fit, name)
+    overlooked = replace(part.selection, accepted=[], fit=nothing, evidence={}, told={})
+    part = replace(part, selection=overlooked)
+    found = with_lacking(part, 'x', before.direct, before.records, before.twin)
+    assert found.selection.accepted == [name]

@@ -106,6 +106,15 @@ def test_a_base_on_soft_mounts_is_named_and_what_makes_the_same_force_beside_it(
         )
 
 
+def test_the_tracker_may_see_any_share_of_the_motion_of_a_base(planted: Maker) -> None:
+    values = {'frequency': 7.0, 'damping': 0.03, 'mass_ratio': 0.13, 'floor_share': 0.7}
+    session = planted({'base_resonance.x': values}, duration=12.0)
+    found = diagnose([session], [], nominal())
+    assert found.verdict == ['base_resonance.x']
+    share = found.parameters['base_resonance.x']['floor_share'][0]
+    assert share == pytest.approx(values['floor_share'], rel=0.1)
+
+
 def test_a_base_is_named_at_any_frequency_where_the_tracker_stands_on_the_floor(
     planted: Maker,
 ) -> None:

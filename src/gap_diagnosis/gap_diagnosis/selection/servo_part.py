@@ -45,6 +45,8 @@ def fit_servo(
             swung = swinging_part(part, rows, seed, barred)
             if swung is not None and _swings(swung, direct, records, twin):
                 return swung
+        if not part.selection.accepted:
+            part = with_lacking(part, axis, direct, records, twin)
         accepted = part.selection.accepted
         if not accepted:
             return replace(part, unconfirmed=unconfirmed)

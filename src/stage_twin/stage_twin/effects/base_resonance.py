@@ -22,8 +22,8 @@ from stage_twin.effects.term import Array, Term, constant
 
 #: Highest frequency of mounts that a search admits [Hz].
 HIGHEST = 40.0
-#: Of a base that carries the table past a tracker on the floor, the share of its motion that is
-#: found lies within this factor of 1: by then its mass ratio is known to a few percent.
+#: Where the force has shown a load on a spring, the tracker makes a base of it only if the share of
+#: the motion is within this factor of 1, as on the floor: its mass ratio is known to a few percent.
 ON_THE_FLOOR = 1.15
 
 EFFECT = Effect(
@@ -124,9 +124,9 @@ def table_term(rows: TrackerRows) -> Term | None:
     """How far the table rides on the base, where the tracker stands on the floor.
 
     The motion of the base is that of the force's mode with its mass ratio, so one number is left.
-    A load on a spring moves by more than that: it makes the same force with any other share.
     """
-    known = rows.found('base_resonance') or rows.found('structural_resonance')
+    own = rows.found('base_resonance')
+    known = own or rows.found('structural_resonance')
     if rows.rests or not known or known['frequency'] > HIGHEST:
         return None
     mounts = known['frequency'], known['damping']
@@ -135,9 +135,10 @@ def table_term(rows: TrackerRows) -> Term | None:
         swung = [carried_mass(q - q[0], rows.period, *mounts) for q in paths]
         return known['mass_ratio'] * rows.along(rows.smooth_at_points(swung))
 
+    low, high = (0.0, BASE_SHARE) if own else (1.0 / ON_THE_FLOOR, ON_THE_FLOOR)
     return Term(
         constant(base(rows.calm_encoder())),
         lambda theta, c: {**mode(mounts, np.zeros(1)), 'floor_share': float(c[0])},
-        admissible=lambda theta, c: 1.0 / ON_THE_FLOOR < c[0] < ON_THE_FLOOR,
+        admissible=lambda theta, c: bool(low < c[0] < high),
         answer=constant(base(rows.encoder_noise())),
     )
