@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from gap_diagnosis.evidence import judgement
 from gap_diagnosis.evidence.acceptance import Shrink, Sides, refuted, shows, shrink_of
 
 PLAY = {'width': (8e-6, 1e-7)}
@@ -102,3 +105,20 @@ def test_noise_that_the_loop_answers_is_no_structure() -> None:
     slow = 0.8e-6 * np.sin(2.0 * np.pi * 5.0 * 1e-3 * np.arange(20_000))
     assert shows(slow + noise, floor)
     assert not shows(0.2 * slow, floor)
+
+
+def test_the_rounding_of_a_slow_axis_is_no_structure() -> None:
+    """Tracker less encoder of an axis that takes ten points for each step of 20 µm."""
+    step, rows = 20e-6, np.ones(5000, dtype=bool)
+    position = step * np.linspace(0.0, 500.0, 5000) ** 1.02
+    left = position - step * np.round(position / step)
+    left += np.random.default_rng(2).normal(0.0, 2e-6, 5000)
+    floor = np.hypot(2e-6, step / np.sqrt(12.0))
+
+    def structured(residual: np.ndarray, rounding: float) -> bool:
+        problem = SimpleNamespace(held_out=rows, floor=floor, rounding=rounding)
+        none = np.zeros(5000)
+        return judgement.structure(problem, residual, residual, none, 'tracker').structured
+
+    assert structured(left, 0.0) and not structured(left, step**2 / 12.0)
+    assert structured(left + 15e-6 * np.sin(0.01 * np.arange(5000)), step**2 / 12.0)

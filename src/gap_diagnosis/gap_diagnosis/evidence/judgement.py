@@ -103,6 +103,8 @@ def structure(
     if name == 'tracker':
         remaining = max(_follows(residual), _line(everywhere))
         remaining -= max(_follows(answer[rows]), _line(answer))
+        # Where an axis goes slowly, or stands, the rounding of its encoder follows itself.
+        remaining -= problem.rounding
         # What white noise shows by chance: three lags of n products.
         chance = 3.0 * float(np.mean(residual**2)) / math.sqrt(3.0 * len(residual))
         least = max((0.30 * problem.floor) ** 2, chance)

@@ -115,11 +115,17 @@ class Kinematics:
             terms,
             floor,
             not any_held_session,
+            rounding=self._rounding(),
             seams=np.cumsum([0, *(len(t) for t in target[:-1])]),
             before=self._before(),
             stands=None if self.rests else stands_of(self.records, noise),
             signatures=effects.signatures(self._candidates('kinematic', 'sensor')),
         )
+
+    def _rounding(self) -> float:
+        """Mean square [m²] of the noise that the encoders have where they are calmest."""
+        known = [n.calm**2 for r in self.records if r.noise is not None for n in r.noise.axes]
+        return float(np.mean(known)) if known and self.twin.kind == 'servo' else 0.0
 
     def _before(self) -> dict[str, Array]:
         """Rows of what was taken out of the points: by a rotation and offset, by a latency."""
