@@ -22,8 +22,8 @@ from stage_twin.effects.term import Array, Term, constant
 
 #: Highest frequency of mounts that a search admits [Hz].
 HIGHEST = 40.0
-#: Where the force has shown a load on a spring, the tracker makes a base of it only if the share of
-#: the motion is within this factor of 1, as on the floor: its mass ratio is known to a few percent.
+#: Where the force has shown a load on a spring, the tracker makes a base of it only if the share
+#: of the motion is within this factor of 1, as on the floor: its mass ratio is well known then.
 ON_THE_FLOOR = 1.15
 
 EFFECT = Effect(
