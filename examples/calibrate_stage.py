@@ -15,7 +15,7 @@ import numpy as np
 
 from stage_bringup.client_node import SessionClient
 from stage_bringup.plan import alignment_points, calibration_grid
-from stage_core.errors import command_line
+from stage_core.errors import StageError, command_line
 
 
 @command_line
@@ -46,7 +46,13 @@ def main() -> int:
         visit(calibration_grid(given.half_range, given.grid))
         print(client.trigger('/session_recorder/stop'))
         client.set_parameters('/calibrator', bag=bag)
-        print(client.trigger('/calibrator/retrain', 600.0))
+        try:
+            print(client.trigger('/calibrator/retrain', 600.0))
+        except StageError as error:
+            raise StageError(
+                f'{error}. The correction is off: `ros2 service call /calibrator/activate '
+                'std_srvs/srv/SetBool "{data: true}"` puts an earlier model back'
+            ) from error
         print(client.set_bool('/calibrator/activate', True))
     return 0
 
