@@ -1,13 +1,17 @@
 """A wave that an encoder reads over its own position, told from its readings alone."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.noise import axis_noise
 from gap_diagnosis.input.reading_wave import reading_wave, without_wave
+from stage_core import topics
 from stage_twin.effects.encoder_interpolation import misreading
+from tests.gap_diagnosis.conftest import nominal
 
 PERIOD, STEP = 0.001, 0.1e-6
 TIME = np.arange(30000) * PERIOD
@@ -70,3 +74,15 @@ def test_steps_are_no_wave():
 def test_an_axis_at_rest_or_too_slow_tells_nothing():
     assert reading_wave(read(0.0 * MOTION), PERIOD, WHOLE, STEP) == {}
     assert reading_wave(read(1e-3 * MOTION), PERIOD, WHOLE, STEP) == {}
+
+
+@pytest.mark.parametrize(('period', 'amplitude'), [(50e-6, 1.5e-6), (200e-6, 3e-6)])
+def test_a_session_without_a_tracker_names_it(planted, period, amplitude):
+    wave = {'amplitude': amplitude, 'period': period, 'phase': 0.5}
+    session = planted({'encoder_interpolation.x': wave})
+    series = {k: v for k, v in session.series.items() if k != topics.TRACKER_POINT}
+    found = diagnose([replace(session, series=series)], [], nominal())
+    assert found.verdict == ['encoder_interpolation.x']
+    for name, (value, deviation) in found.parameters['encoder_interpolation.x'].items():
+        assert abs(value - wave.get(name, 0.0)) <= 2.0 * deviation, name
+    assert found.after < 0.5 * found.before

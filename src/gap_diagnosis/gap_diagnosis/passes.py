@@ -243,17 +243,17 @@ def servo_part(
 ) -> Part:
     """The force balance of one axis; `reading` is a fit that found its encoder to misread."""
 
-    wave = {} if reading else plain_values(direct).get(f'{MISREADS}.{axis}', {})
+    own_wave = f'{MISREADS}.{axis}' in direct
 
     def motion() -> Servo:
         read = before.records
         if reading is not None:
             read = motion_behind(read, axis, reading)
-        elif wave:
-            read = motion_beside(read, axis, wave)
+        elif own_wave:
+            read = motion_beside(read, axis)
         return Servo(read, before.stepped, axis)
 
-    key = (axis, repr(wave) if reading is None else repr((reading.thetas, reading.coefficients)))
+    key = (axis, own_wave if reading is None else repr((reading.thetas, reading.coefficients)))
     rows = memory.once(('rows', *key), motion)
     problem = memory.once(('servo', *key), rows.problem)
     barred = tuple(sorted(n for n in without if _concerns(n, list(problem.terms))))

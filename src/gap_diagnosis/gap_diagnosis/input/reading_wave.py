@@ -105,7 +105,7 @@ def reading_wave(position: Array, period: float, whole: Mask, quantum: float) ->
     best = max(known, key=lambda p: p.share(p.frequency), default=None)
     if best is None:
         return {}
-    frequency = max(best.frequency + NEAR / travel, key=best.share)
+    frequency = float(max(best.frequency + NEAR / travel, key=best.share))
     if best.share(frequency) < max(LEAST_SHARE, RATHER * best.share(frequency, force=True)):
         return {}
     found = _fitted(best, frequency)

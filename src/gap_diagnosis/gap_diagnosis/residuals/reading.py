@@ -6,7 +6,7 @@ force balance of the readings would hold an acceleration that no force has made.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from gap_diagnosis.input.data import Record
@@ -27,23 +27,24 @@ def misreadings(fit: Fit) -> list[str]:
 
 def waves_read(records: Sequence[Record], twin: TwinFile) -> dict[str, ReadingWave]:
     """Waves of the encoders as these show them by themselves, where the twin states none."""
-    found = {}
-    for i, axis in enumerate(records[0].axes):
+    found: dict[str, ReadingWave] = {}
+    for i, axis in enumerate(records[0].axes if twin.kind == 'servo' else ()):
         waves = [r.waves[i] for r in records if r.waves and r.waves[i]]
         if waves and f'{MISREADS}.{axis}' not in twin.effects:
             found[f'{MISREADS}.{axis}'] = waves[0]
     return found
 
 
-def motion_beside(
-    records: Sequence[Record], axis: str, values: Mapping[str, float]
-) -> list[Record]:
-    """Records with the motion of an axis, its encoder's wave told by the encoder itself."""
+def motion_beside(records: Sequence[Record], axis: str) -> list[Record]:
+    """Records with the motion of an axis, as far as its own readings tell their wave."""
     out = []
     for record in records:
-        encoder, column = record.encoder.copy(), record.column(axis)
-        encoder[:, column] = without_wave(encoder[:, column], record.period, values)
-        out.append(replace(record, encoder=encoder))
+        column = record.column(axis)
+        if wave := {name: value for name, (value, _) in record.waves[column].items()}:
+            encoder = record.encoder.copy()
+            encoder[:, column] = without_wave(encoder[:, column], record.period, wave)
+            record = replace(record, encoder=encoder)
+        out.append(record)
     return out
 
 
