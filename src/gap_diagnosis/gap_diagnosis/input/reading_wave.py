@@ -119,7 +119,8 @@ def _fitted(passed: _Passed, frequency: float) -> Parameters:
     values = periodic.found((frequency,), np.asarray(start, dtype=np.float64))
     scale = {n: 1.0 if n.startswith('phase') else v for n, v in values.items()}
     # A period shows by the phase at the ends of the travel.
-    scale['period'] *= values['period'] / float(np.ptp(passed.path))
+    travel = float(np.ptp(passed.path))
+    scale['period'] *= values['period'] / travel
 
     def moved(name: str, share: float) -> Array:
         return misreading(passed.path, {**values, name: values[name] + share * scale[name]})
@@ -135,17 +136,19 @@ def _fitted(passed: _Passed, frequency: float) -> Parameters:
         }
     variance = np.diag(np.linalg.pinv(slopes.T @ slopes)) * float(np.var(left))
     return {
-        n: (v, math.hypot(math.sqrt(s) * scale[n], _answer(n, values)))
+        n: (v, math.hypot(math.sqrt(s) * scale[n], _answer(n, values, travel)))
         for (n, v), s in zip(values.items(), variance, strict=True)
     }
 
 
-def _answer(name: str, values: Mapping[str, float]) -> float:
-    """Standard deviation by the loop's answer: of an amplitude [m], or of its phase [rad]."""
+def _answer(name: str, values: Mapping[str, float], travel: float) -> float:
+    """Standard deviation by the loop's answer: of the period, an amplitude [m], a phase [rad]."""
     if name == 'period':
-        return 0.0
+        return ANSWER / (2.0 * math.pi) * values['period'] ** 2 / travel
     moved = ANSWER * values['amplitude']
     kind, _, number = name.partition('_')
     if kind == 'amplitude':
         return moved
-    return min(moved / values[f'amplitude_{number}' if number else 'amplitude'], math.pi)
+    size = values[f'amplitude_{number}' if number else 'amplitude']
+    # A harmonic that is not there has any phase.
+    return math.pi if size <= 0.0 else min(moved / size, math.pi)
