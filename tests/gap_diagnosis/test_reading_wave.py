@@ -8,7 +8,7 @@ import pytest
 
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.noise import axis_noise
-from gap_diagnosis.input.reading_wave import reading_wave, without_wave
+from gap_diagnosis.input.reading_wave import _positive, reading_wave, without_wave
 from stage_core import topics
 from stage_twin.effects.encoder_interpolation import misreading
 from tests.gap_diagnosis.conftest import nominal
@@ -19,6 +19,13 @@ WHOLE = np.ones(len(TIME), dtype=bool)
 #: Strokes at speeds of 0 to 60 mm/s.
 MOTION = 0.04 * np.sin(2.0 * np.pi * 0.2 * TIME) + 0.005 * np.sin(2.0 * np.pi * 0.31 * TIME)
 WAVE = {'amplitude': 1.2e-6, 'period': 40e-6, 'phase': 0.7, 'amplitude_2': 0.4e-6, 'phase_2': -1.1}
+
+
+def test_amplitudes_are_positive_and_the_wave_is_the_same():
+    odd = {'amplitude': 2e-6, 'period': 40e-6, 'phase': 7.0, 'amplitude_2': -3e-7, 'phase_2': 1.0}
+    plain = _positive(odd)
+    assert min(plain.values()) > -math.pi and plain['amplitude_2'] == 3e-7
+    assert misreading(MOTION, plain) == pytest.approx(misreading(MOTION, odd), abs=1e-15)
 
 
 def read(position, noise=0.1e-6, step=STEP):

@@ -134,11 +134,23 @@ def _fitted(passed: _Passed, frequency: float) -> Parameters:
         values = {
             n: v + float(s) * scale[n] for (n, v), s in zip(values.items(), steps, strict=True)
         }
+    values = _positive(values)
     variance = np.diag(np.linalg.pinv(slopes.T @ slopes)) * float(np.var(left))
     return {
         n: (v, math.hypot(math.sqrt(s) * scale[n], _answer(n, values, travel)))
         for (n, v), s in zip(values.items(), variance, strict=True)
     }
+
+
+def _positive(values: Mapping[str, float]) -> dict[str, float]:
+    """The same wave with amplitudes above zero, and phases of half a turn at most."""
+    out = dict(values)
+    for name in [n for n in values if n.startswith('amplitude')]:
+        phase = name.replace('amplitude', 'phase')
+        turn = math.pi if values[name] < 0.0 else 0.0
+        out[name] = abs(values[name])
+        out[phase] = math.remainder(values[phase] + turn, 2.0 * math.pi)
+    return out
 
 
 def _answer(name: str, values: Mapping[str, float], travel: float) -> float:
