@@ -29,7 +29,7 @@ PLACES = {
 
 
 def screw(command: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Scale, squareness, straightness, a screw cycle and backlash;."""
+    """Scale, squareness, straightness, a screw cycle and backlash."""
     x, y = command.T
     error_x = 3e-4 * x - 1e-4 * y + 4e-6 * np.sin(2.0 * np.pi * x / 0.004)
     return np.column_stack([error_x, -2e-4 * y + 0.02 * x**2]) + 4e-6 * direction

@@ -136,6 +136,19 @@ def test_the_drift_of_one_hour_is_no_error_of_the_stage(size):
     assert size > 0.0 or 'where half of the time is left out' in result.line()
 
 
+def test_halves_that_share_no_places_judge_nothing():
+    x = np.linspace(-0.03, 0.03, 24)
+    where = np.column_stack([x, x])  # a diagonal
+    error = 5e-5 * (where / 0.03) ** 2 + 3e-4 * where
+    noise = np.random.default_rng(6).normal(0.0, 3e-7, where.shape)
+    none, times = np.empty((len(x), 0)), 3.0 * np.arange(len(x))
+    once = Samples(
+        where, where + error + noise, np.ones_like(where), none, times, (), ('x', 'y'), 0.0, True
+    )
+    assert splits(once, by='half') == []
+    assert train(once, 'polynomial').gain.proven
+
+
 def test_half_of_the_places_may_be_too_few_for_the_terms_that_are_asked_for(samples):
     few = samples.take(np.arange(40))
     assert train(few, 'polynomial', {'degree': 5}).gain.left_out == ''

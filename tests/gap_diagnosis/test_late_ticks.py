@@ -39,7 +39,7 @@ def scattered(acts_late: bool) -> tuple[Record, np.ndarray]:
     force = needed + reaction
     if acts_late:
         force = force - smooth(force * (held - 1.0), period, 10.0)
-    noise = Noise((AxisNoise(1e-7, STD, 0.1, 1e-7, 1e-7),))
+    noise = Noise((AxisNoise(1e-7, STD, 0.1, 1e-7),))
     return (
         Record(
             name='sine',

@@ -172,6 +172,20 @@ def test_answers_that_come_late_end_the_stream_and_latch_nothing(tmp_path):
         assert position(server) == pytest.approx([0.003, 0.002], abs=STEP)
 
 
+def test_a_stage_that_was_late_and_then_is_dead_is_a_fault(tmp_path):
+    slow = {'reply_timeout': 0.1, 'link_timeout': 0.5}
+    with rig(tmp_path, **slow) as (server, backend, recorder):
+        backend.home().result()
+        server.chain.faults.delay = 0.3
+        with server._lock:
+            server.chain.faults.inject('delay', 30)
+        recorder.wait(lambda: recorder.said('answers later than 0.1 s'))
+        with server._lock:
+            server.chain.faults.inject('drop', 10000)
+        recorder.wait(lambda: recorder.said('check power and cable'))
+        wait(lambda: backend.status().state is State.FAULT)
+
+
 def test_stop_brakes_at_its_deceleration_and_not_past_the_target(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
         backend.home().result()

@@ -112,7 +112,9 @@ class StoredModel:
             for axis, deviation in zip(AXES, self.model.spread, strict=False)
         )
         count = self.metrics.get('sessions', 1)
-        judged = f'by {count} sessions' if count > 1 else 'while the stage stays as it was then'
+        judged = (
+            f'judged by {count} sessions' if count > 1 else 'while the stage stays as it was then'
+        )
         return (
             f'{", ".join(parts)}; beyond it the model holds its edge; 95 % of predictions are '
             f'right within {half}, {judged}'

@@ -166,7 +166,8 @@ def splits(samples: Samples, seed: int = 0, by: str = 'position') -> list[tuple[
         if apart is None or len(np.unique(apart)) < 2:
             return []
         masks = folds(apart, MOST_SESSION_FITS, seed)
-        return [(samples.take(~m), known) for m in masks if len(known := _known(samples, m))]
+        pairs = [(samples.take(~m), known) for m in masks if len(known := _known(samples, m))]
+        return [] if by == 'half' and not _visited_twice(pairs) else pairs
     else:
         raise StageError(f'samples are split by position, time, session or half, not by {by}')
     if any(mask.all() or not mask.any() for mask in masks):
@@ -174,6 +175,12 @@ def splits(samples: Samples, seed: int = 0, by: str = 'position') -> list[tuple[
             f'{len(samples)} samples are too few to hold some out: record more positions'
         )
     return [(samples.take(~mask), samples.take(mask)) for mask in masks]
+
+
+def _visited_twice(pairs: list[tuple[Samples, Samples]]) -> bool:
+    """Whether both halves hold enough places of each other: those at their border tell nothing."""
+    counts = [len(np.unique(judged_places(held.command))) for _, held in pairs]
+    return len(counts) == 2 and min(counts) >= FEWEST_HELD
 
 
 def _halves(times: Array) -> NDArray[np.int64]:

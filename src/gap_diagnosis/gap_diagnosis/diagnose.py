@@ -186,7 +186,7 @@ def _diagnose(
         if twin.kind == 'servo' and part.name.startswith('servo') and found:
             axis = part.name[-1]
             progress(f'closed loop of axis {axis}: refining {", ".join(found)}')
-            own = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
+            own = {n: v for n, v in known.items() if n.endswith(f'.{axis}')}
             found = memory.once(
                 ('polish', axis, repr((found, own))),
                 lambda axis=axis, found=found, own=own: polish(records, twin, axis, found, own),  # type: ignore[misc]

@@ -242,7 +242,6 @@ def servo_part(
     reading: Fit | None = None,
 ) -> Part:
     """The force balance of one axis; `reading` is a fit that found its encoder to misread."""
-
     own_wave = f'{MISREADS}.{axis}' in direct
 
     def motion() -> Servo:

@@ -1,6 +1,8 @@
 """Compiles the kernels before anything waits for them: ``python -m stage_bringup.kernels``.
 
 Numba keeps what it compiled in NUMBA_CACHE_DIR, or beside the sources; the nodes then load it.
+
+What compiles is imported by the process that compiles, so that this one speaks at once.
 """
 
 from __future__ import annotations
@@ -18,9 +20,6 @@ from pathlib import Path
 
 SENTENCE = 'compiling the kernels (about 40 s, once)'
 _SOURCES = Path(__file__).resolve().parents[2]
-
-
-# What compiles is imported by the process that compiles: this one speaks at once.
 
 
 def _machine() -> None:

@@ -232,11 +232,13 @@ class InboxBackend(ABC):
         self._end_stream(reason)
 
     def behind(self, reason: str) -> None:
-        """End a stream whose positions come late; a move ends at its target without us."""
+        """End a stream or a homing whose answers come late; a move ends without us."""
         if self._streaming:
             self.watchdog(reason)
-        else:
-            self._listener.on_event(WARNING, reason)
+            return
+        self._listener.on_event(WARNING, reason)
+        if self._homing is not None:  # whether every axis took the command is not known
+            self._stop(reason)
 
     def _refuse(self, reason: str, stamp: int) -> None:
         self.counts['refused'] += 1

@@ -21,7 +21,7 @@ from stage_driver.limits import Setpoint
 from stage_driver.states import Event, State
 from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_contact import ZaberContact
-from stage_driver.zaber_link import AnswersLate, LinkLost, NoAnswer
+from stage_driver.zaber_link import AnswersLate, LinkLost, NoAnswer, advice
 from stage_driver.zaber_motion import ZaberMotion
 from stage_driver.zaber_stage import Poll, ZaberStage, first_fault
 
@@ -84,7 +84,7 @@ class ZaberBackend(InboxBackend):
         details['port'] = self.config.port
         stage = self._stage
         if stage is not None:
-            counts = stage.link.counts
+            counts = dict(stage.link.counts)  # the reader goes on counting
             details.update({f'line_{name}': str(count) for name, count in counts.items()})
         connected = stage is not None and not stage.link.lost
         if self._contact.absence:
@@ -107,7 +107,7 @@ class ZaberBackend(InboxBackend):
             except AnswersLate as error:
                 self.behind(str(error))
             except (LinkLost, NoAnswer) as error:
-                self._lose(f'{error}: check power and cable, then call ~/reset_fault')
+                self._lose(f'{advice(error)}, then call ~/reset_fault')
             except StageError as error:
                 self._fail(str(error))
             except Exception as error:
@@ -143,8 +143,8 @@ class ZaberBackend(InboxBackend):
         """Read the list of warnings when a flag changes; faults latch, WR asks for homing."""
         if poll.flags == self._flags:
             return
-        self._flags = poll.flags
         self._warnings = () if set(poll.flags) == {'--'} else stage.warnings()
+        self._flags = poll.flags
         if 'WR' in self._warnings:
             if self._homed:
                 self._listener.on_event(WARNING, 'the stage lost its position: home with ~/home')
@@ -262,7 +262,7 @@ class ZaberBackend(InboxBackend):
         try:
             fault = first_fault(stage.warnings(clear=True), ('FO', 'FD'))
         except NoAnswer as error:
-            raise StageError(f'{error}: check power and cable') from error
+            raise StageError(advice(error)) from error
         if fault is not None:
             raise StageError(f'the fault stays: {fault}')
         self._flags = None
@@ -279,7 +279,7 @@ class ZaberBackend(InboxBackend):
         try:
             stage.switch_drivers(on)
         except NoAnswer as error:
-            raise StageError(f'{error}: check power and cable') from error
+            raise StageError(advice(error)) from error
         self._flags = None
         return state.value
 

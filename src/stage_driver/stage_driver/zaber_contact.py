@@ -7,7 +7,7 @@ import time
 from stage_core.errors import StageError
 from stage_driver.config import ZaberConfig
 from stage_driver.zaber_clock import WallClock
-from stage_driver.zaber_link import LinkLost, NoAnswer, PortAbsent
+from stage_driver.zaber_link import LinkLost, NoAnswer, PortAbsent, advice
 from stage_driver.zaber_stage import ZaberStage
 
 #: A stage that is not there is looked for this often [s].
@@ -39,7 +39,7 @@ class ZaberContact:
             self.absence = str(error)
             return None
         except (NoAnswer, LinkLost) as error:
-            raise StageError(f'{error}: check power and cable') from error
+            raise StageError(advice(error)) from error
 
     def look(self) -> ZaberStage | None:
         """The stage, stopped, where it is there by now; asked as often as one likes."""

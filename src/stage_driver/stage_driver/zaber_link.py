@@ -61,6 +61,11 @@ class AnswersLate(NoAnswer):
     """The devices are there, but this computer is too busy to hear them in time."""
 
 
+def advice(error: Exception) -> str:
+    """What a user does about an answer that did not come."""
+    return str(error) if isinstance(error, AnswersLate) else f'{error}: check power and cable'
+
+
 @dataclass(frozen=True)
 class Query:
     """A command for one device and axis; `words` as in the manual."""

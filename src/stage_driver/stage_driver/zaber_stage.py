@@ -43,7 +43,7 @@ class ZaberStage:
             handle.narrowed(limits)
             for handle, limits in zip(self.handles, config.limits, strict=True)
         ]
-        self._silent, self._late = 0.0, 0
+        self._silent, self._late = 0.0, self.link.counts['late']
 
     def close(self) -> None:
         """Stop the axes, give knobs and settings back, close the port."""
@@ -103,7 +103,8 @@ class ZaberStage:
         self._silent += self.config.reply_timeout
         if self._silent > self.config.link_timeout:
             silent, self._silent = self._silent, 0.0
-            self.link.refuse_late(self._late)
+            before, self._late = self._late, self.link.counts['late']
+            self.link.refuse_late(before)
             raise LinkLost(f'no answer at {self.config.port} for {silent:.1f} s')
 
     def warnings(self, clear: bool = False) -> tuple[str, ...]:

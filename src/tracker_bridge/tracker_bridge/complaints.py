@@ -22,7 +22,9 @@ class Complaints:
             return trouble
         if trouble:
             return ''
-        self._silent_until = max(self._silent_until, now + PASSING)
+        # A tracker that was there has started.
+        started = now + PASSING
+        self._silent_until = started if connected else max(self._silent_until, started)
         if self._complained and connected:
             self._complained = False
             return 'the tracker is connected now'

@@ -16,7 +16,7 @@ from gap_diagnosis.input.windows import STARTED, scored_ticks
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import EFFECTS
+from stage_twin.effects import EFFECTS, misreads
 
 Array = NDArray[np.float64]
 
@@ -146,8 +146,8 @@ def without_cause(
     for part in parts:
         if part.name == 'tracker':
             _give_back(name, part, scored[0].axes, out)
-    if [part.name for part in parts] == ['tracker']:
-        return out
+    if [part.name for part in parts] == ['tracker'] and not misreads(name):
+        return out  # the loop knows nothing of it
     for j, record in enumerate(scored):
         gaps = replay(record, twin, rest)
         mask = scored_ticks(record)

@@ -125,6 +125,9 @@ def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
     sides = {n: channel.sides(chance[n], lesser[n]) for n, channel in run.channels.items()}
     encoders = [c for n, c in run.channels.items() if n.startswith('encoder')]
     calm = {c.name for c in encoders if not shows(np.concatenate(c.after), run.floors[c.name])}
+    if misreads(name):
+        # What an encoder reads falsely looks like its noise, and may make it no worse.
+        calm -= {f'encoder.{split_effect(name)[1]}'}
     return shrink_of(name, sides, run.seed, calm, shown_twice=len(showing) > 1)
 
 
@@ -151,7 +154,7 @@ def shown_by_encoder(
 ) -> bool:
     """Whether the encoder shows what a force balance leaves; a tracker's residual shows itself.
 
-    The balance differentiates what the encoder reads. Where the tracker shows that it misreads,
+    The balance differentiates what the encoder reads. Where it is known to misread,
     the twin's run tells what is left beside that, as a share of the squared gap.
     """
     axis = part.name[-1]

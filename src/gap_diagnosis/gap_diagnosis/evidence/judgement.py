@@ -103,7 +103,7 @@ def structure(
     if name == 'tracker':
         remaining = max(_follows(residual), _line(everywhere))
         remaining -= max(_follows(answer[rows]), _line(answer))
-        # Where an axis goes slowly, or stands, the rounding of its encoder follows itself.
+        # At one speed, and most of all where an axis goes slowly, rounding follows itself.
         remaining -= problem.rounding
         # What white noise shows by chance: three lags of n products.
         chance = 3.0 * float(np.mean(residual**2)) / math.sqrt(3.0 * len(residual))

@@ -28,7 +28,6 @@ LEAST_BLOCKS = 20
 #: steps alone make up to 1.7 of it in blocks of one speed.
 CLEARLY = 2.0
 SURE = 5.0  # standard deviations of a jitter above zero
-CALM = 0.1  # share of a session's calmest blocks
 QUIET = 0.3  # share of a session's slowest points that tell a tracker's noise
 WILD = 5.0  # times the expected power, from which on a block is a knock and no noise
 TRACKER_BLOCK = 10  # points
@@ -42,17 +41,12 @@ AGREE = 1.5
 
 @dataclass(frozen=True)
 class AxisNoise:
-    """Noise of one axis: of its position [m], of the moment of reading [s], of its effort [N].
-
-    `calm` is that of the position in the calmest blocks [m]: an encoder that errs within its
-    period scatters less there, where it goes slowly or rests.
-    """
+    """Noise of one axis: of its position [m], of the moment of reading [s], of its effort [N]."""
 
     position: float
     jitter: float
     effort: float
     quantum: float  # stated step [m]
-    calm: float
 
     def std(self, velocity: Array | float) -> float:
         """Standard deviation [m] of a position over some velocities [m/s]."""
@@ -112,16 +106,13 @@ def axis_noise(
     fast = moved > FAST * quantum / period
     chosen = fast if np.count_nonzero(fast) >= LEAST_BLOCKS else np.ones(len(power), dtype=bool)
     if np.count_nonzero(chosen) < LEAST_BLOCKS:
-        return AxisNoise(least, 0.0, effort, quantum, least)
+        return AxisNoise(least, 0.0, effort, quantum)
     white, jitter, deviation = speed_fit(power[chosen], square[chosen])
     if jitter <= SURE * deviation or jitter * float(np.mean(square[chosen])) < least**2:
         white, jitter = float(np.median(power[chosen])), 0.0
     if white < CLEARLY * least**2:
         white = least**2
-    # At rest a coarse encoder shows nothing of its steps.
-    steps = max(quantum, encoder_step(position)) ** 2 / 12.0
-    calm = math.sqrt(max(float(np.quantile(power, CALM)), steps))
-    return AxisNoise(math.sqrt(white), math.sqrt(jitter), effort, quantum, calm)
+    return AxisNoise(math.sqrt(white), math.sqrt(jitter), effort, quantum)
 
 
 def sampling_jitter(

@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import Record, motion_step
+from gap_diagnosis.input.noise import encoder_step
 from gap_diagnosis.input.windows import held_out_windows, inside, moves_while_judged
 from gap_diagnosis.residuals.late_ticks import read_in_time
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
@@ -46,7 +47,9 @@ class Kinematics:
     ) -> None:
         """`servo`: effects that the servo link was found to have."""
         self.servo = servo
-        self.records = [read_in_time(r) for r in records if r.tracker is not None]
+        seen = [r for r in records if r.tracker is not None]
+        self._readings = [reading for r in seen for reading in r.encoder.T]
+        self.records = [read_in_time(r) for r in seen]
         self.twin = twin
         self.axes = self.records[0].axes
         self.axis = ''  # of the effect in question; empty for the machine as a whole
@@ -123,9 +126,11 @@ class Kinematics:
         )
 
     def _rounding(self) -> float:
-        """Mean square [m²] of the noise that the encoders have where they are calmest."""
-        known = [n.calm**2 for r in self.records if r.noise is not None for n in r.noise.axes]
-        return float(np.mean(known)) if known and self.twin.kind == 'servo' else 0.0
+        """Mean square [m²] of the encoders' rounding, which follows itself at one speed."""
+        if self.twin.kind != 'servo':
+            return 0.0
+        steps = [encoder_step(reading) for reading in self._readings]
+        return float(np.mean(np.square(steps))) / 12.0
 
     def _before(self) -> dict[str, Array]:
         """Rows of what was taken out of the points: by a rotation and offset, by a latency."""
@@ -197,12 +202,6 @@ class Kinematics:
     def step(self) -> float:
         """Step of an ideal encoder of the axis with its noise [m]."""
         return motion_step(self.twin, self.axis)
-
-    @property
-    def calm_step(self) -> float:
-        """Step of an ideal encoder with the noise of the axis where it is calmest [m]."""
-        known = [r.noise.axes[self._column].calm for r in self.records if r.noise is not None]
-        return max(known) * math.sqrt(12.0) if known else self.step
 
     def found(self, effect: str) -> Mapping[str, float]:
         """Parameters that the servo link gave to an effect of the axis; empty without it."""

@@ -35,7 +35,7 @@ class Problem:
     terms: dict[str, Term]
     floor: float  # standard deviation of a row's noise, in the target's unit
     crossable: bool = True  # False where the held-out rows are a session of their own
-    #: Mean square of the encoders' rounding, which is alike at rows that are near each other.
+    #: Mean square of the encoders' rounding, of which one row tells the next.
     rounding: float = 0.0
     signatures: dict[str, Callable[[], Array]] = field(default_factory=dict)
     #: Variance of the whole signal of which the target is what the twin leaves: of the force.

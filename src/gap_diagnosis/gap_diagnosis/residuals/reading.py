@@ -28,10 +28,11 @@ def misreadings(fit: Fit) -> list[str]:
 def waves_read(records: Sequence[Record], twin: TwinFile) -> dict[str, ReadingWave]:
     """Waves of the encoders as these show them by themselves, where the twin states none."""
     found: dict[str, ReadingWave] = {}
-    for i, axis in enumerate(records[0].axes if twin.kind == 'servo' else ()):
-        waves = [r.waves[i] for r in records if r.waves and r.waves[i]]
-        if waves and f'{MISREADS}.{axis}' not in twin.effects:
-            found[f'{MISREADS}.{axis}'] = waves[0]
+    if twin.kind != 'servo' or len(records) > 1:
+        return {}  # each session has a phase of its own
+    for axis, wave in zip(records[0].axes, records[0].waves, strict=True):
+        if wave and f'{MISREADS}.{axis}' not in twin.effects:
+            found[f'{MISREADS}.{axis}'] = wave
     return found
 
 

@@ -53,7 +53,7 @@ EFFECT = Effect(
     'amplitude and phase errors of its two signals. Heydemann, "Determination and correction of '
     'quadrature fringe measurement errors in interferometers", Applied Optics 20 (1981).',
     sentence='the encoder reads falsely by {amplitude} within each {period} of its scale',
-    excited_by='slow strokes over some periods of the scale, with the tracker',
+    excited_by='strokes of many speeds over some periods of the scale; slow ones with the tracker',
 )
 
 
@@ -94,14 +94,14 @@ def term(rows: TrackerRows) -> Term | None:
     """What the encoder reads too much, sampled as it is; θ is the spatial frequency [1/m]."""
     travel = 2.0 * rows.travel[1]
     low = max(1.0 / LONGEST, TRAVELLED / travel)
-    high = 1.0 / max(SHORTEST, STEPS * rows.calm_step)
+    high = 1.0 / max(SHORTEST, STEPS * rows.step)
     if rows.rests or low >= high:
         return None
     paths, readings = rows.calm_encoder(), rows.reading()
     own = rows.along([np.ones(len(p)) for p in rows.position()])[:, 0] > 0.0
 
     def columns(harmonics: int, theta: Theta) -> Array:
-        read = readings if 1.0 / theta[0] > CLEAR * rows.calm_step else paths
+        read = readings if 1.0 / theta[0] > CLEAR * rows.step else paths
         waves = [np.column_stack(periodic.waves(p, theta[0], harmonics)) for p in read]
         return -rows.along(rows.smooth_at_points(waves))
 

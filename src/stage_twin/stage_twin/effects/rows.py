@@ -101,8 +101,8 @@ class TrackerRows(Protocol):
         """Control period [s]."""
 
     @property
-    def calm_step(self) -> float:
-        """Step of an ideal encoder with the noise of the axis where it is calmest [m]."""
+    def step(self) -> float:
+        """Step of an ideal encoder of the axis with its noise [m]."""
 
     def found(self, effect: str) -> Mapping[str, float]:
         """Parameters that the servo link gave to an effect of the axis; empty without it."""
