@@ -105,6 +105,7 @@ without forces: difference of both position gains, at most | {unrecorded.FOLLOWE
     'law': """
 interval of the gain of a term | {search.LEVEL:.1%}
 share of what is left that a term takes, at least | {search.OF_REST:.0%}
+squares of the noise, over the number of rows, that a term takes, at least | {search.OF_NOISE:g}
 share of the largest gain from which fewer numbers win | {search.ABOUT_THE_SAME:.0%}
 share of the mean square that a law explains, at least | {judged.LEAST:.0%}
 mean square by which a curve beats a law, at least | {judged.LEAST:.0%}

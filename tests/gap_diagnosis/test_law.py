@@ -10,14 +10,14 @@ import pytest
 
 from gap_diagnosis.law.equation import per
 from gap_diagnosis.law.judged import Law, law_of
-from gap_diagnosis.law.learn import Remainder, best
+from gap_diagnosis.law.learn import Remainder, best, firm
 from gap_diagnosis.law.search import sound
 from gap_diagnosis.law.signals import Signals
 from gap_diagnosis.report import document, page
 from gap_diagnosis.residuals.nominal import Prediction
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.result import Diagnosis
-from stage_twin.effects.friction import presliding_state
+from stage_twin.effects.friction import DRY, presliding_state
 
 PERIOD = 5e-3
 TIME = np.arange(6000) * PERIOD
@@ -98,6 +98,16 @@ def test_a_law_stands_in_the_place_of_a_wrong_name() -> None:
     assert alone is not None and alone.instead == () and alone.expression == found.expression
 
 
+def test_a_friction_whose_reach_no_row_tells_may_hold_firmly() -> None:
+    problem, signals = rows(-5.0 * presliding_state(PATH, 1e-6) + 1e6 * noise(6), 1.0)
+    law = law_of(problem, replace(signals, unit='N'), 'x', 0)
+    assert law is not None and law.expression == 'a1*s' and firm(law) is None
+    untold = replace(law, parameters=law.parameters | {'reach1': (5e-6, 4e-6, 'm')})
+    held = firm(untold)
+    assert held is not None and held.values == law.values | {'reach0': DRY}
+    assert held.parameters['reach1'] == (DRY, 0.0, 'm')
+
+
 def test_no_law_takes_the_force_balance_back() -> None:
     assert sound(['F:1', 'v:1']) and sound(['a:1', 's:1*v:5'])
     assert not sound(['a:1', 'F:1 without'])
@@ -128,6 +138,7 @@ def test_an_open_question_gets_a_law_beside_unknown(open_question: Diagnosis, tm
     (law,) = (one for one in open_question.laws if one.channel == 'error.x')
     assert law.range.keys() == {'s'} and law.interval[0] > 0.8
     assert law.parameters['a1'][0] == pytest.approx(-10e-6, rel=0.05)
+    assert law.parameters['reach1'][0] == pytest.approx(20e-6, rel=0.1)
     assert open_question.verdict == ['unknown']
     assert open_question.after == law.gap[0] > 5.0 * law.gap[1] / 2.0
     content = json.loads(document.write(open_question, tmp_path).read_text('utf-8'))

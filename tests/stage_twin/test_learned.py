@@ -9,6 +9,7 @@ import pytest
 
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import law_terms as lt
+from stage_twin.effects import learned_force
 from stage_twin.kinematics import carry
 from stage_twin.simulate import simulate
 
@@ -25,6 +26,13 @@ def term(size: float, first: str, shape: int, scale: float, bend: float = 0.0, *
     return {**plain, **own, **more}
 
 
+#: Friction that rises by 6 N below 20 mm/s and holds the axis where it stands.
+STRIBECK = term(-8.0, 's', lt.LINEAR, 1.0, reach0=1e-7) | {
+    **{'size1': -6.0, 'first1': 3.0, 'shape1': lt.LINEAR, 'scale1': 1.0, 'reach1': 1e-7},
+    **{'second1': 2.0, 'form1': lt.BUMP, 'length1': 0.02, 'turn1': 0.0, 'memory1': 0.0},
+}
+
+
 def encoder(effects):
     twin = TwinFile.nominal_servo().with_effects(effects)
     fine = {name: replace(axis, encoder_resolution=1e-9) for name, axis in twin.axes.items()}
@@ -38,6 +46,17 @@ def encoder(effects):
         (
             term(-8.0, '1', lt.PLAIN, 1.0, second0=3.0, form0=lt.LINEAR, length0=1.0, reach0=8e-6),
             {'coulomb_friction.x': {'coulomb': 8.0, 'presliding': 8e-6}},
+        ),
+        (
+            STRIBECK,
+            {
+                'stribeck_friction.x': {
+                    'coulomb': 8.0,
+                    'breakaway': 6.0,
+                    'stribeck_velocity': 0.02,
+                    'presliding': 1e-7,
+                }
+            },
         ),
         (term(-10.0, 'v', lt.LINEAR, 0.1), {'viscous_friction.x': {'viscous': 100.0}}),
         (
@@ -55,8 +74,19 @@ def test_a_learned_force_is_the_effect_that_it_describes(law, effect):
     without, named, learned = encoder({}), encoder(effect), encoder({'learned_force.x': law})
     moved = np.abs(named - without).max()
     assert moved > 1e-7
-    # A law is explicit: its memory and its direction stand at the end of a substep.
+    # A law is explicit but for its friction: its memory stands at the end of a substep.
     assert np.abs(named - learned).max() < 0.08 * moved
+
+
+@pytest.mark.parametrize('size', [-3.0, 3.0])
+def test_a_direction_that_drives_the_axis_is_no_friction(size):
+    given = learned_force.EFFECT.defaults() | {f'size{k}': 0.0 for k in range(lt.TERMS)}
+    law = np.array(list((given | term(size, 's', lt.LINEAR, 1.0, reach0=2e-6)).values()))
+    state = np.zeros(len(lt.STATES))
+    pushed = learned_force.force(0.0, 0.1, 0.0, 1e-3, 0.0, 0.0, 0.0, state, law)
+    assert pushed == pytest.approx(max(size, 0.0))
+    assert learned_force.sliding(0.0, 0.1, law) == max(-size, 0.0)
+    assert learned_force.stiffness(law) == pytest.approx(1.5e6)
 
 
 def table(effects):
@@ -88,6 +118,12 @@ def table(effects):
 def test_a_learned_error_moves_the_table_by_its_equation(law, error):
     moved = table({'learned_error.x': law}) - table({})
     np.testing.assert_allclose(moved, error, atol=3e-9)
+
+
+def test_a_direction_of_an_error_is_a_side_of_a_play():
+    law = term(-5e-6, 's', lt.LINEAR, 1.0, reach0=10e-6)
+    play = table({'backlash.x': {'width': 10e-6}})
+    np.testing.assert_allclose(table({'learned_error.x': law}), play, atol=1e-12)
 
 
 def test_an_excess_and_a_bump_are_what_they_are_called():

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.channels import Channel, position_rms
 from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.evidence.acceptance import SIGMAS
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import scored_ticks
 from gap_diagnosis.law.judged import Law, law_of
@@ -21,6 +22,7 @@ from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.parts import LEAST_ROWS, Part
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
+from stage_twin.effects.friction import DRY
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -105,12 +107,31 @@ def _tried(
     less = replace(signals, ticks={n: s for n, s in signals.ticks.items() if n != 'F'})
     for variables in (signals, less):
         law = law_of(problem, variables, remainder.axis, seed, own.target)
-        if law is not None:
-            law.instead = instead
-            law.gap = run(law)
-            yield law
+        for one in (law, law and firm(law)):
+            if one is not None:
+                one.instead = instead
+                one.gap = run(one)
+                yield one
         if 'F' not in signals.ticks or (law and law.kind == 'law' and 'F' not in law.range):
             return
+
+
+def firm(law: Law) -> Law | None:
+    """A law of a force whose friction holds firmly; None where the rows tell it from that.
+
+    At a standstill the low-pass of the rows hides what the loop's run shows.
+    """
+    loose = [
+        name
+        for name, (reach, deviation, _) in law.parameters.items()
+        if name.startswith('reach') and reach - SIGMAS * deviation < DRY < reach
+    ]
+    if law.unit != 'N' or not loose:
+        return None
+    # The parameters count the terms from one, the effect from zero.
+    held = {f'reach{int(name.removeprefix("reach")) - 1}': DRY for name in loose}
+    chosen = dict.fromkeys(loose, (DRY, 0.0, 'm'))
+    return replace(law, parameters=law.parameters | chosen, values=law.values | held)
 
 
 def _remainders(part: Part, records: Sequence[Record], effects: Effects) -> Iterator[Remainder]:

@@ -16,6 +16,7 @@ from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.operators import central_difference, smooth
 from stage_twin.effects import law_terms
+from stage_twin.effects.backlash import slack
 from stage_twin.effects.friction import presliding_state
 
 Array = NDArray[np.float64]
@@ -51,8 +52,8 @@ class Signals:
     ticks : name of a variable -> its signal, one array per session
     columns : signals -> their columns (n, k) at the rows
     used : signal -> its values (n,) at the rows, as they are
-    direction : reach [m] -> the signal of the direction of the motion, -1 to 1; None on an axis
-        that never turns back
+    direction : reach [m] -> the signal of the direction of the motion, -1 to 1, of an error the
+        side in a play so wide; None on an axis that never turns back
     unit : of the target
     """
 
@@ -132,7 +133,7 @@ def error_signals(rows: Kinematics, axis: str) -> Signals:
         return np.column_stack([used(signal) for signal in signals])
 
     def direction(reach: float) -> Signal:
-        return [presliding_state(q, reach) for q in path]
+        return [-2.0 / reach * slack(q, reach) for q in path]
 
     periods = [r.period for r in own.records]
     return Signals(ticks, columns, used, periods, direction if turns else None, 'm', own.lead)

@@ -22,7 +22,7 @@ VARIABLES: dict[str, tuple[int, str, str]] = {
     '1': (0, '', 'nothing'),
     'p': (1, 'm', 'position of the axis'),
     'v': (2, 'm/s', 'its velocity'),
-    's': (3, '', 'its direction, -1 to 1, built up over `reach` after a reversal'),
+    's': (3, '', 'its direction, -1 to 1: of a force over `reach`, of an error in a play so wide'),
     'F': (4, 'N', 'force of the drive'),
     't': (5, 's', 'time since the session began'),
     'q': (6, 'm', 'position of the other axis'),
@@ -30,7 +30,7 @@ VARIABLES: dict[str, tuple[int, str, str]] = {
     'w': (8, 'm/s^2', 'acceleration of the other axis'),
     'T': (9, 'K', 'screw temperature above the reference'),
 }
-DIRECTION, OTHER_POSITION, RISE = (VARIABLES[name][0] for name in 'sqT')
+VELOCITY, DIRECTION, OTHER_POSITION, RISE = (VARIABLES[name][0] for name in 'vsqT')
 #: States of each term: direction and memory.
 STATES = tuple(f'{name}{i}' for name in ('direction', 'memory') for i in range(TERMS))
 #: Numbers of the shapes of a variable x with its `scale` b and its `bend` c.
@@ -83,6 +83,48 @@ def direction(before: float, travelled: float, reach: float) -> float:
 
 
 @njit(cache=True)
+def side(before: float, travelled: float, width: float) -> float:
+    """Side on which an axis lies in a play of some width [m], -1 to 1, after some travel [m]."""
+    return min(max(before + 2.0 * travelled / max(width, 1e-9), -1.0), 1.0)
+
+
+@njit(cache=True)
+def rubs(term: Array) -> bool:
+    """Whether a term of a force is friction: the direction, by what goes with place and speed."""
+    first, second = term[FIRST], term[SECOND]
+    own, other = (term[SHAPE], second) if first == DIRECTION else (term[FORM], first)
+    turns = first == DIRECTION or second == DIRECTION
+    return turns and own == LINEAR and other <= VELOCITY and term[MEMORY] == 0.0
+
+
+@njit(cache=True)
+def product(term: Array, x: tuple[float, ...], way: float, law: Array) -> float:
+    """Both shapes of a term at the variables `x` and a direction."""
+    first, second = int(term[FIRST]), int(term[SECOND])
+    one = way if first == DIRECTION else x[first]
+    two = way if second == DIRECTION else x[second]
+    value = 1.0
+    if int(term[SHAPE]) == CURVE:
+        value = curve(one, term[SCALE], term[BEND], law[KNOT:])
+    elif first != 0:
+        value = factor(one, term[SHAPE], term[SCALE], term[BEND])
+    if second != 0:
+        value *= factor(two, term[FORM], term[LENGTH], term[TURN])
+    return value
+
+
+@njit(cache=True)
+def level(x: tuple[float, ...], law: Array) -> float:
+    """Level of the friction that the terms are together [N]; one below zero drives the axis."""
+    out = 0.0
+    for i in range(TERMS):
+        term = law[i:KNOT:TERMS]
+        if term[SIZE] != 0.0 and rubs(term):
+            out -= term[SIZE] * product(term, x, 1.0, law)
+    return out
+
+
+@njit(cache=True)
 def remembered(state: Array, at: int, value: float, memory: float, step: float) -> float:
     """A value behind a first-order memory [s]; of a negative one, what it has not remembered."""
     if memory == 0.0:
@@ -95,29 +137,27 @@ def remembered(state: Array, at: int, value: float, memory: float, step: float) 
 def total(
     x: tuple[float, ...], part: int, state: Array, travelled: float, step: float, law: Array
 ) -> float:
-    """Sum of the terms of one `group` (-1: all) at the variables `x`, ordered by number.
+    """Sum of the terms of one `group` at the variables `x`, ordered by number; -1: of a force.
 
     `state` holds each term's direction, then what it remembers; both move on by a step [s] in
-    which the axis has `travelled` [m]. `law` holds the parameters in their order.
+    which the axis has `travelled` [m]. `law` holds the parameters in their order. Of a force, the
+    terms that rub are left to the solver of the friction where they brake.
     """
     out = 0.0
+    brakes = part < 0 and level(x, law) >= 0.0
     for i in range(TERMS):
         term = law[i:KNOT:TERMS]
         first, second = term[FIRST], term[SECOND]
         if term[SIZE] == 0.0 or (part >= 0 and group(first, second) != part):
             continue
         way = 0.0
-        if part <= 0:
+        if part < 0:
             way = state[i] = direction(state[i], travelled, term[REACH])
-        one = way if int(first) == DIRECTION else x[int(first)]
-        two = way if int(second) == DIRECTION else x[int(second)]
-        value = 1.0
-        if int(term[SHAPE]) == CURVE:
-            value = curve(one, term[SCALE], term[BEND], law[KNOT:])
-        elif first != 0.0:
-            value = factor(one, term[SHAPE], term[SCALE], term[BEND])
-        if second != 0.0:
-            value *= factor(two, term[FORM], term[LENGTH], term[TURN])
+        elif part == 0:
+            way = state[i] = side(state[i], travelled, term[REACH])
+        if brakes and rubs(term):
+            continue
+        value = product(term, x, way, law)
         if part <= 0:
             value = remembered(state, TERMS + i, value, term[MEMORY], step)
         out += term[SIZE] * value

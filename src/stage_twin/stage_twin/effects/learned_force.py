@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from stage_twin.effects import law_terms
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.friction import SHORTEST_PRESLIDING
 from stage_twin.effects.term import Array
 
 VARIABLES = ('1', 'p', 'v', 's', 'F', 't', 'u', 'w')
@@ -16,8 +19,9 @@ EFFECT = Effect(
         *law_terms.parameters('N', 5000.0, VARIABLES),
     ),
     model='Sum of terms size * shape(first) * shape(second) on the moving mass, each behind a '
-    'memory. Brunton, Proctor, Kutz, "Discovering governing equations from data by sparse '
-    'identification of nonlinear dynamical systems", PNAS 113 (2016).',
+    'memory; the direction of the motion makes a friction as `coulomb_friction`. Brunton, '
+    'Proctor, Kutz, "Discovering governing equations from data by sparse identification of '
+    'nonlinear dynamical systems", PNAS 113 (2016).',
     sentence='a force that no effect names pulls the axis: {size0} in its largest term',
     excited_by='strokes at several speeds and places, in both directions',
     states=law_terms.STATES,
@@ -44,3 +48,18 @@ def force(
     """Force on the moving mass [N]; the first parameter is the mass."""
     x = (1.0, position, velocity, 0.0, acting, time, 0.0, other_velocity, other_acceleration)
     return law_terms.total(x, -1, state, velocity * step, step, parameters[1:])
+
+
+def sliding(position: float, velocity: float, parameters: Array) -> float:
+    """Level of the friction that the law holds [N]."""
+    x = (1.0, position, velocity, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return max(law_terms.level(x, parameters[1:]), 0.0)
+
+
+def stiffness(parameters: Array) -> float:
+    """Stiffness before sliding [N/m]: of the sizes, as the level goes with place and speed."""
+    count, end = law_terms.TERMS, law_terms.KNOT
+    terms = [parameters[1:][i:end:count] for i in range(count)]
+    reach = [max(term[law_terms.REACH], SHORTEST_PRESLIDING) for term in terms]
+    size = [abs(term[law_terms.SIZE]) * law_terms.rubs(term) for term in terms]
+    return float(np.sum(np.array(size) / np.array(reach)))
