@@ -9,12 +9,10 @@ import numpy as np
 from numba import njit
 
 from calibrator.it2_sets import LOWEST_EXPONENT
-from calibrator.swarm_fitness import _factorise, _solve, input_pairs
-from calibrator.swarm_loops import exponential
+from calibrator.swarm_fitness import blocked, exponential, input_pairs, solve
 from calibrator.type_reduction import SIGN_BAND
 
 Array = np.ndarray
-BLOCK = 256
 _compiled = njit(nogil=True, fastmath={'reassoc', 'contract', 'nsz', 'arcp'}, error_model='numpy')
 
 
@@ -154,11 +152,10 @@ def plain_errors(
     blocks, q, n = pairs.shape
     lower, upper = np.empty((blocks, rules, n)), np.empty((blocks, rules, n))
     inverses, room = np.empty((blocks, 2, n)), np.empty((4, n))
-    weights, scratch, f = np.empty((rules, n)), np.empty((rules, n)), np.empty((rules, n))
+    weights, scratch, f = np.empty((blocks, rules, n)), np.empty((rules, n)), np.empty((rules, n))
     moments, right = np.empty((rules * (rules + 1) // 2, q)), np.empty((outputs, rules, q))
-    first = np.empty(((axes + 1) * rules, (axes + 1) * rules))
-    matrix, theta, tag = np.empty_like(first), np.empty(len(first)), np.empty(rules)
-    again = np.empty((1, rules, q))
+    theta = np.empty((axes + 1) * rules)
+    again, signed_moments = np.empty((1, rules, q)), np.empty_like(moments)
     for p in range(len(particles)):
         sets = particles[p].copy().reshape(3, rules, axes)
         sets[1] = np.exp(-2.0 * sets[1])
@@ -167,31 +164,27 @@ def plain_errors(
         right[:] = 0.0
         for b in range(blocks):
             fire(sets, pairs[b], lower[b], upper[b], inverses[b])
-            mean_weights(lower[b], upper[b], inverses[b], weights)
-            add_moments(weights, targets[b], pairs[b], moments, right)
-        _factorise(tag, moments, first)
+            mean_weights(lower[b], upper[b], inverses[b], weights[b])
+            add_moments(weights[b], targets[b], pairs[b], moments, right)
         errors[p] = 0.0
         for o in range(outputs):
-            _solve(first, right[o], theta)
+            solve(moments, right[o], theta)
             best = np.inf
             for step in range(2 if signed else 1):
                 total = 0.0
-                moments[:] = 0.0
+                signed_moments[:] = 0.0
                 again[:] = 0.0
                 for b in range(blocks):
                     target = targets[b, o : o + 1]
                     rule_outputs(theta, pairs[b], f)
                     if signed:
-                        end_weights(lower[b], upper[b], inverses[b], f, weights, scratch, room)
-                    else:
-                        mean_weights(lower[b], upper[b], inverses[b], weights)
-                    total += squares(weights, f, target[0], room[0])
+                        end_weights(lower[b], upper[b], inverses[b], f, weights[b], scratch, room)
+                    total += squares(weights[b], f, target[0], room[0])
                     if signed and step == 0:
-                        add_moments(weights, target, pairs[b], moments, again)
+                        add_moments(weights[b], target, pairs[b], signed_moments, again)
                 best = min(best, total)
                 if signed and step == 0:
-                    _factorise(tag, moments, matrix)
-                    _solve(matrix, again[0], theta)
+                    solve(signed_moments, again[0], theta)
             errors[p] += best
 
 
@@ -200,16 +193,10 @@ class PlainFitness:
 
     def __init__(self, inputs: Array, targets: Array, reduction: str, rules: int) -> None:
         self._pairs, self._targets = (
-            self._blocked(rows) for rows in (input_pairs(inputs.T), targets.T)
+            np.ascontiguousarray(blocked(rows).swapaxes(0, 1))
+            for rows in (input_pairs(inputs), targets.T)
         )
         self._samples, self._rules, self._signed = len(inputs), rules, reduction == 'maclaurin'
-
-    @staticmethod
-    def _blocked(rows: Array) -> Array:
-        """Rows (r, N) as equal blocks (blocks, r, n), the last one filled with zeros."""
-        blocks = -(-rows.shape[1] // BLOCK)
-        padded = np.pad(rows, ((0, 0), (0, -rows.shape[1] % blocks)))
-        return np.ascontiguousarray(padded.reshape(len(rows), blocks, -1).swapaxes(0, 1))
 
     def __call__(self, particles: Array) -> Array:
         """Errors (K,) of particles (K, d)."""

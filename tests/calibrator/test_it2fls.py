@@ -11,8 +11,7 @@ from pyit2fls import BMM_algorithm, EIASC_algorithm, KM_algorithm
 from calibrator import consequents, pso
 from calibrator.it2_sets import AntecedentSets, vector_bounds
 from calibrator.models import make_model
-from calibrator.swarm_fitness import SwarmFitness
-from calibrator.swarm_loops import exponential
+from calibrator.swarm_fitness import SwarmFitness, exponential
 from calibrator.type_reduction import effective_weights, end_weights
 from stage_core.errors import StageError
 

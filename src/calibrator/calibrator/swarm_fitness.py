@@ -4,31 +4,32 @@ A particle's cost is the mean squared error of the interval type-2 system after 
 were solved by normal equations with a ridge of 1e-10 of their mean diagonal (inputs and targets
 are scaled, so that this regularises only what the rules cannot tell apart). Same readings as
 `consequents`, with one sign pass. The final refit of the best particle uses `consequents`.
+
+The loops are written for vector registers: plain ones (`benchmarks/plain_swarm.py`) take 1.7 to
+1.9 times as long for `maclaurin`. Rows of a block of samples lie one after the other in flat
+arrays, row j from j·BLOCK. The numbers of rules and inputs come as the lengths of tuples, which
+the compiler knows: it unrolls the loops over them, keeps a sample's rules in registers, and
+vectorises over samples. It does so only while the offsets of rows are constants and indices
+unsigned (a signed one is tested for counting from the end). Reassociation lets sums run in vector
+registers; NaN and infinity keep their meaning, which full fast-math would take away.
 """
 
 from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from calibrator.swarm_loops import (
-    BLOCK,
-    Tag,
-    add_products,
-    exponents,
-    inverse_sums,
-    plain_error,
-    plain_weights,
-    signed_error,
-    strengths,
-)
+from calibrator.it2_sets import LOWEST_EXPONENT
+from calibrator.type_reduction import SIGN_BAND
 
 Array = NDArray[np.float64]
+Tag = tuple[int, ...]
+Firing = tuple[Array, Array, Array, Array]
 
 RIDGE = 1e-10
 REDUCTION_CODES = {'nie_tan': 0, 'maclaurin': 1, 'biglarbegian': 2, 'karnik_mendel': 1}
@@ -37,283 +38,311 @@ REDUCTION_CODES = {'nie_tan': 0, 'maclaurin': 1, 'biglarbegian': 2, 'karnik_mend
 SHARES = 8
 """Parts of the swarm per thread."""
 
+BLOCK = 256
+"""Samples per block: the rows of five rules and two inputs fit into the first cache."""
 
-@njit(cache=True, nogil=True, fastmath={'contract'}, error_model='numpy')
-def _factorise(rules: Tag, moments: Array, matrix: Array) -> None:
-    """Upper Cholesky factor of the ridge normal equations, its pivots inverted.
+_ROW = np.uint64(BLOCK)
+_ONE = np.uint64(1)
+_HALVINGS = 7
+_C = tuple(
+    np.polynomial.Chebyshev.interpolate(np.exp, 9, [LOWEST_EXPONENT / 2**_HALVINGS, 0.0])
+    .convert(kind=np.polynomial.Polynomial)
+    .coef.tolist()
+)
+"""Powers of g in e^g for g from the lowest exponent halved seven times to 0."""
 
-    Row by row: the updates run along rows, over adjacent elements.
+_compiled = njit(
+    cache=True, nogil=True, fastmath={'reassoc', 'contract', 'nsz', 'arcp'}, error_model='numpy'
+)
+
+
+@njit(cache=True, nogil=True, fastmath={'contract'})
+def exponential(y: float) -> float:
+    """e^y for y in [-60, 0], to 3e-13 of it; vectorises, which the library's does not.
+
+    A polynomial of y / 128, squared seven times; its odd and even powers apart are half the chain
+    of dependent operations.
     """
-    count, size = len(rules), len(matrix)
-    blocks = size // count
-    diagonal = 0.0
-    q = 0
-    for b in range(blocks):
-        for a in range(b, blocks):
-            for j in range(count):
-                for k in range(count):
-                    more, less = max(j, k), min(j, k)
-                    value = moments[more * (more + 1) // 2 + less, q]
-                    matrix[b * count + j, a * count + k] = value
-            q += 1
-        for j in range(count):
-            diagonal += matrix[b * count + j, b * count + j]
-    ridge = RIDGE * diagonal / size + 1e-300
-    for i in range(size):
-        matrix[i, i] += ridge
-    for j in range(size):
-        # Rounding can leave a tiny negative pivot for rules that coincide.
-        inverse = 1.0 / np.sqrt(max(matrix[j, j], ridge * 1e-3))
-        matrix[j, j] = inverse
-        for k in range(j + 1, size):
-            matrix[j, k] *= inverse
-        for i in range(j + 1, size):
-            factor = matrix[j, i]
-            for k in range(i, size):
-                matrix[i, k] -= factor * matrix[j, k]
+    g = y * (1.0 / 128.0)
+    h = g * g
+    even = (((_C[8] * h + _C[6]) * h + _C[4]) * h + _C[2]) * h + _C[0]
+    odd = (((_C[9] * h + _C[7]) * h + _C[5]) * h + _C[3]) * h + _C[1]
+    value = odd * g + even
+    for _ in range(_HALVINGS):
+        value *= value
+    return value
 
 
-@njit(cache=True, nogil=True, fastmath={'contract'}, error_model='numpy')
-def _solve(matrix: Array, right: Array, theta: Array) -> None:
-    """Solution theta ((n+1)·M,), row by row (n+1, M), with the factor of `_factorise`."""
-    rules, size = len(right), len(theta)
-    blocks = size // rules
-    for a in range(blocks):
-        for j in range(rules):
-            theta[a * rules + j] = right[j, a]
-    for j in range(size):
-        theta[j] *= matrix[j, j]
-        for k in range(j + 1, size):
-            theta[k] -= theta[j] * matrix[j, k]
-    for i in range(size - 1, -1, -1):
-        total = theta[i]
-        for k in range(i + 1, size):
-            total -= matrix[i, k] * theta[k]
-        theta[i] = total * matrix[i, i]
-
-
-class Room(NamedTuple):
-    """Arrays that the particles of a part share one after the other.
-
-    Strengths of the rules and inverses of their sums, a row per block of samples; then normal
-    equations of the plain weights and of the signed ones, and what solving them takes.
-    """
-
-    lower: Array
-    upper: Array
-    inverses: Array
-    weights: Array
-    strongest: Array
-    moments: Array
-    right: Array
-    signed_moments: Array
-    signed_right: Array
-    first: Array
-    matrix: Array
-    theta: Array
-
-
-@njit(cache=True, nogil=True)
-def _room(rules: Tag, axes: Tag, pairs: Array, targets: Array) -> Room:
-    count, terms, outputs, blocks = len(rules), len(axes) + 1, targets.shape[1], len(pairs)
-    moments = np.empty((count * (count + 1) // 2, len(pairs[0]) // BLOCK))
-    right = np.empty((outputs, count, -(-terms // 3) * 3))
-    return Room(
-        np.empty(blocks * count * BLOCK).reshape(blocks, -1),
-        np.empty(blocks * count * BLOCK).reshape(blocks, -1),
-        np.empty(blocks * 2 * BLOCK).reshape(blocks, -1),
-        np.empty(2 * count * BLOCK),
-        np.empty(BLOCK),
-        moments,
-        right,
-        np.empty_like(moments),
-        np.empty_like(right[0]),
-        np.empty((terms * count, terms * count)),
-        np.empty((terms * count, terms * count)),
-        np.empty(terms * count),
-    )
-
-
-@njit(cache=True, nogil=True)
+@_compiled
 def _fire(
-    rules: Tag,
-    axes: Tag,
-    particle: Array,
-    pairs: Array,
-    targets: Array,
-    samples: int,
-    code: int,
-    room: Room,
-) -> None:
-    """Strengths of a particle's rules at every sample, and the plain normal equations."""
-    room.moments[:] = 0.0
-    room.right[:] = 0.0
-    sets = particle.reshape(3, -1)
-    wide = np.exp(-2.0 * sets[1])
-    narrow = wide * np.exp(-2.0 * np.minimum(sets[2], 0.0))
-    strongest, weights = room.strongest, room.weights
-    for b in range(len(pairs)):
-        size = np.uint64(min(BLOCK, samples - b * BLOCK))
-        low, up, inverse = room.lower[b], room.upper[b], room.inverses[b]
-        exponents(rules, axes, sets[0], wide, narrow, pairs[b], low, up, strongest, size)
-        strengths(rules, low, strongest, size)
-        strengths(rules, up, strongest, size)
-        inverse_sums(rules, low, up, inverse, size)
-        plain_weights(rules, 2 if code == 2 else 0, low, up, inverse, weights, size)
-        add_products(weights, weights, True, pairs[b], room.moments, size)
-        for o in range(targets.shape[1]):
-            add_products(weights, targets[b, o], False, pairs[b], room.right[o], size)
+    rules: Tag, axes: Tag, sets: Array, pairs: Array, lower: Array, upper: Array, inverses: Array
+) -> None:  # fmt: skip
+    """Strengths of the rules relative to the strongest, with the floor of `it2_sets`.
 
-
-@njit(cache=True, nogil=True)
-def _squares(
-    rules: Tag,
-    axes: Tag,
-    output: int,
-    pairs: Array,
-    targets: Array,
-    samples: int,
-    code: int,
-    again: bool,
-    room: Room,
-) -> float:
-    """Sum of the squared errors of one output with the consequents `theta` of the room.
-
-    With signed weights their normal equations are summed on the way, unless they are what
-    `theta` comes from already (`again`).
+    And 1 / sum of the lower ones of each sample, then after BLOCK of them that of the upper ones.
     """
-    theta, weights = room.theta, room.weights
-    room.signed_moments[:] = 0.0
-    room.signed_right[:] = 0.0
-    total = 0.0
-    for b in range(len(pairs)):
-        size = np.uint64(min(BLOCK, samples - b * BLOCK))
-        low, up, inverse = room.lower[b], room.upper[b], room.inverses[b]
-        x, target = pairs[b], targets[b, output]
-        if code != 1:
-            plain_weights(rules, code, low, up, inverse, weights, size)
-            total += plain_error(rules, axes, weights, x, target, theta, size)
-        elif again:
-            total += signed_error(rules, axes, low, up, inverse, x, target, theta, None, size)
+    for i in range(_ROW):
+        strongest = -np.inf
+        for j in range(np.uint64(len(rules))):
+            low, high = 0.0, 0.0
+            for k in range(np.uint64(len(axes))):
+                at = j * np.uint64(len(axes)) + k
+                step = pairs[(k + _ONE) * _ROW + i] - sets[0, at]
+                square = step * step
+                low -= square * sets[2, at]
+                high -= square * sets[1, at]
+            lower[j * _ROW + i] = low
+            upper[j * _ROW + i] = high
+            strongest = max(strongest, high)
+        inverses[i] = strongest
+    for rows in (lower, upper):
+        for j in range(np.uint64(len(rules))):
+            for i in range(_ROW):
+                exponent = max(rows[j * _ROW + i] - inverses[i], LOWEST_EXPONENT)
+                rows[j * _ROW + i] = exponential(exponent)
+    for i in range(_ROW):
+        low, high = 0.0, 0.0
+        for j in range(np.uint64(len(rules))):
+            low += lower[j * _ROW + i]
+            high += upper[j * _ROW + i]
+        # One division for two: the slowest operation here.
+        inverse = 1.0 / (low * high)
+        inverses[i] = inverse * high
+        inverses[_ROW + i] = inverse * low
+
+
+@_compiled
+def _add_products(rules: Tag, a: Array, b: Array, square: bool, pairs: Array, sums: Array) -> None:
+    """Add the sums of a_j b_k x over a block to sums (P, Q), row x of `pairs` by row.
+
+    Products are (0,0), (1,0), (1,1), (2,0).. where the result is `square` (b is a then), or else
+    those with b's one row. Three rows at a time share what they load: Q is a multiple of three.
+    """
+    p = 0
+    for j in range(np.uint64(len(rules))):
+        for k in range(j + _ONE if square else _ONE):
+            for q in range(0, sums.shape[1], 3):
+                x = np.uint64(q) * _ROW
+                one, two, three = 0.0, 0.0, 0.0
+                for i in range(_ROW):
+                    product = a[j * _ROW + i] * b[k * _ROW + i]
+                    one += product * pairs[x + i]
+                    two += product * pairs[x + _ROW + i]
+                    three += product * pairs[x + np.uint64(2) * _ROW + i]
+                sums[p, q] += one
+                sums[p, q + 1] += two
+                sums[p, q + 2] += three
+            p += 1
+
+
+@_compiled
+def _mean_weights(
+    rules: Tag, code: int, lower: Array, upper: Array, inverses: Array, weights: Array
+) -> None:
+    """Weights that do not ask for outputs: Biglarbegian-Melek-Mendel's (2), else Nie-Tan's."""
+    for i in range(_ROW):
+        by_low, by_high = inverses[i], inverses[_ROW + i]
+        if code == 2:
+            by_low, by_high = 0.5 * by_low, 0.5 * by_high
         else:
-            total += signed_error(rules, axes, low, up, inverse, x, target, theta, weights, size)
-            add_products(weights, weights, True, x, room.signed_moments, size)
-            add_products(weights, target, False, x, room.signed_right, size)
+            # Both are 1 / (low + high).
+            by_low = by_high = by_low * by_high / (by_low + by_high)
+        for j in range(np.uint64(len(rules))):
+            weights[j * _ROW + i] = lower[j * _ROW + i] * by_low + upper[j * _ROW + i] * by_high
+
+
+@njit(inline='always')
+def _output(rules: Tag, axes: Tag, pairs: Array, theta: Array, j: Any, i: Any) -> float:
+    """Output of rule j at sample i."""
+    f = 0.0
+    for k in range(np.uint64(len(axes)) + _ONE):
+        f += theta[k * np.uint64(len(rules)) + j] * pairs[k * _ROW + i]
+    return f
+
+
+@njit(inline='always')
+def _twice(f: float, mean: float, below: float, above: float) -> float:
+    """Twice the strength of a rule at one end: `below` where its output is under the mean.
+
+    In a band around the mean both strengths count alike.
+    """
+    band = SIGN_BAND * abs(mean)
+    return (above if f > mean + band else below) + (below if f < mean - band else above)
+
+
+@_compiled
+def _signed_weights(
+    rules: Tag, axes: Tag, lower: Array, upper: Array, inverses: Array, pairs: Array,
+    theta: Array, weights: Array,
+) -> None:  # fmt: skip
+    """Weights of eqs. 6-10, first rows of `weights` (2·M·BLOCK); its other rows are scratch."""
+    for i in range(_ROW):
+        low_f, high_f = 0.0, 0.0
+        for j in range(np.uint64(len(rules))):
+            f = _output(rules, axes, pairs, theta, j, i)
+            low_f += lower[j * _ROW + i] * f
+            high_f += upper[j * _ROW + i] * f
+        low_f *= inverses[i]
+        high_f *= inverses[_ROW + i]
+        left, right = 0.0, 0.0
+        for j in range(np.uint64(len(rules))):
+            f = _output(rules, axes, pairs, theta, j, i)
+            small, large = lower[j * _ROW + i], upper[j * _ROW + i]
+            at_left = _twice(f, low_f, large, small)
+            at_right = _twice(f, high_f, small, large)
+            weights[j * _ROW + i] = at_left
+            weights[(j + np.uint64(len(rules))) * _ROW + i] = at_right
+            left += at_left
+            right += at_right
+        inverse = 0.5 / (left * right)
+        left *= inverse
+        right *= inverse
+        for j in range(np.uint64(len(rules))):
+            at_right = weights[(j + np.uint64(len(rules))) * _ROW + i]
+            weights[j * _ROW + i] = weights[j * _ROW + i] * right + at_right * left
+
+
+@_compiled
+def _squares(
+    rules: Tag, axes: Tag, weights: Array, pairs: Array, target: Array, theta: Array
+) -> float:
+    """Sum of the squared errors of one output with given weights and consequents."""
+    total = 0.0
+    for i in range(_ROW):
+        error = -target[i]
+        for j in range(np.uint64(len(rules))):
+            error += weights[j * _ROW + i] * _output(rules, axes, pairs, theta, j, i)
+        total += error * error
     return total
 
 
 @njit(cache=True, nogil=True)
-def swarm_errors(
-    rules: Tag,
-    axes: Tag,
-    particles: Array,
-    pairs: Array,
-    targets: Array,
-    samples: int,
-    code: int,
-    errors: Array,
-) -> None:
-    """Sum over the outputs of the mean squared error of each particle.
+def solve(moments: Array, right: Array, theta: Array) -> None:
+    """Consequents theta ((n+1)·M,) that solve the ridge normal equations.
 
-    Parameters
-    ----------
-    rules, axes
-        Any tuples as long as there are rules and inputs, see `swarm_loops`.
-    particles
-        (K, 3·M·n), as `AntecedentSets.from_vector` decodes them.
-    pairs, targets
-        Products x_a x_b of scaled inputs with x_0 = 1 in the order (0,0)..(0,n), (1,1)..
-        (blocks, Q·BLOCK), and scaled targets (blocks, outputs, BLOCK).
-    samples
-        Number of samples; the rest of the last block is not read.
-    code
-        Of `REDUCTION_CODES`.
-    errors
-        (K,), written.
+    `moments` (M·(M+1)/2, Q) and `right` (M, Q) are sums of `_add_products`.
     """
-    room = _room(rules, axes, pairs, targets)
+    count, size = len(right), len(theta)
+    matrix = np.empty((size, size))
+    q = 0
+    for b in range(0, size, count):
+        for a in range(b, size, count):
+            for j in range(count):
+                for k in range(count):
+                    more, less = max(j, k), min(j, k)
+                    matrix[b + j, a + k] = moments[more * (more + 1) // 2 + less, q]
+                    matrix[a + k, b + j] = matrix[b + j, a + k]
+            q += 1
+        for j in range(count):
+            theta[b + j] = right[j, b // count]
+    ridge = RIDGE * np.trace(matrix) / size + 1e-300
+    for i in range(size):
+        matrix[i, i] += ridge
+    theta[:] = np.linalg.solve(matrix, theta)
+
+
+@njit(cache=True, nogil=True)
+def _least_squares(
+    rules: Tag, axes: Tag, firing: Firing, pairs: Array, target: Array, signed: bool,
+    moments: Array, right: Array,
+) -> float:  # fmt: skip
+    """Sum of one output's squared errors, with signs the smaller one of two solutions.
+
+    The first one's normal equations are given; those of its signed weights are summed on the way.
+    """
+    lower, upper, inverses, weights = firing
+    theta = np.empty((len(axes) + 1) * len(rules))
+    solve(moments, right, theta)
+    best = np.inf
+    for step in range(2 if signed else 1):
+        signed_moments, signed_right = np.zeros_like(moments), np.zeros_like(right)
+        total = 0.0
+        for b in range(len(pairs)):
+            x, w = pairs[b], weights[b]
+            if signed:
+                _signed_weights(rules, axes, lower[b], upper[b], inverses[b], x, theta, w)
+            total += _squares(rules, axes, w, x, target[b], theta)
+            if signed and step == 0:
+                _add_products(rules, w, w, True, x, signed_moments)
+                _add_products(rules, w, target[b], False, x, signed_right)
+        best = min(best, total)
+        if signed and step == 0:
+            solve(signed_moments, signed_right, theta)
+    return best
+
+
+@njit(cache=True, nogil=True)
+def swarm_errors(
+    rules: Tag, axes: Tag, particles: Array, pairs: Array, targets: Array, code: int
+) -> Array:
+    """Sum of the squared errors of each particle, (K,).
+
+    `rules` and `axes` are any tuples of their numbers; particles (K, 3·M·n) as
+    `AntecedentSets.from_vector` decodes them; pairs (blocks, Q·BLOCK) and targets (outputs,
+    blocks, BLOCK) as `blocked` cuts them; `code` of `REDUCTION_CODES`.
+    """
+    count, outputs, blocks = len(rules), len(targets), len(pairs)
+    lower, weights = np.empty((blocks, count * BLOCK)), np.empty((blocks, 2 * count * BLOCK))
+    upper, inverses = np.empty_like(lower), np.empty((blocks, 2 * BLOCK))
+    firing, errors = (lower, upper, inverses, weights), np.zeros(len(particles))
     for p in range(len(particles)):
-        _fire(rules, axes, particles[p], pairs, targets, samples, code, room)
-        _factorise(rules, room.moments, room.first)
-        errors[p] = 0.0
-        for o in range(targets.shape[1]):
-            _solve(room.first, room.right[o], room.theta)
-            best = _squares(rules, axes, o, pairs, targets, samples, code, False, room)
-            if code == 1:
-                _factorise(rules, room.signed_moments, room.matrix)
-                _solve(room.matrix, room.signed_right, room.theta)
-                second = _squares(rules, axes, o, pairs, targets, samples, code, True, room)
-                best = min(best, second)
-            errors[p] += best / samples
+        sets = particles[p].copy().reshape(3, -1)
+        sets[1] = np.exp(-2.0 * sets[1])
+        sets[2] = sets[1] * np.exp(-2.0 * np.minimum(sets[2], 0.0))
+        moments = np.zeros((count * (count + 1) // 2, pairs.shape[1] // BLOCK))
+        right = np.zeros((outputs, count, -(-(len(axes) + 1) // 3) * 3))
+        for b in range(blocks):
+            x, w = pairs[b], weights[b]
+            _fire(rules, axes, sets, x, lower[b], upper[b], inverses[b])
+            _mean_weights(rules, code, lower[b], upper[b], inverses[b], w)
+            _add_products(rules, w, w, True, x, moments)
+            for o in range(outputs):
+                _add_products(rules, w, targets[o, b], False, x, right[o])
+        for o in range(outputs):
+            errors[p] += _least_squares(
+                rules, axes, firing, pairs, targets[o], code == 1, moments, right[o]
+            )
+    return errors
 
 
 def input_pairs(inputs: Array) -> Array:
-    """Products x_a x_b of inputs (n, N) with x_0 = 1, in the order of `swarm_errors`, (Q, N).
+    """Products x_a x_b of inputs (N, n) with x_0 = 1 in the order (0,0)..(0,n), (1,1).., (Q, N).
 
     Rows of zeros make Q a multiple of three.
     """
-    extended = np.vstack([np.ones(inputs.shape[1]), inputs])
+    extended = np.vstack([np.ones(len(inputs)), inputs.T])
     first, second = np.triu_indices(len(extended))
-    pairs = extended[first] * extended[second]
-    return np.vstack([pairs, np.zeros((-len(pairs) % 3, inputs.shape[1]))])
+    return np.pad(extended[first] * extended[second], ((0, -len(first) % 3), (0, 0)))
 
 
-def _blocked(rows: Array) -> Array:
-    """Rows (r, N) cut into (blocks, r, BLOCK), the last one padded with zeros."""
-    blocks = -(-rows.shape[1] // BLOCK)
-    padded = np.zeros((len(rows), blocks * BLOCK))
-    padded[:, : rows.shape[1]] = rows
-    cut = np.empty(padded.size).reshape(blocks, len(rows), BLOCK)
-    cut[:] = padded.reshape(len(rows), blocks, BLOCK).transpose(1, 0, 2)
-    return cut
+def blocked(rows: Array) -> Array:
+    """Rows (r, N) cut into blocks (r, blocks, BLOCK), the last one filled up with zeros."""
+    padded = np.pad(rows, ((0, 0), (0, -rows.shape[1] % BLOCK)))
+    return np.ascontiguousarray(padded).reshape(len(rows), -1, BLOCK)
 
 
 class SwarmFitness:
     """Fitness of a swarm for `pso.minimise`, shared over threads that hold no interpreter lock.
 
-    Parameters
-    ----------
-    inputs, targets
-        (N, n) and (N, outputs), scaled.
-    reduction
-        Name of the type reduction.
-    threads
-        Threads over which particles are divided; 0 takes one per processor. The result does
-        not depend on it.
+    Inputs (N, n) and targets (N, outputs) are scaled. `threads` 0 takes one per processor; the
+    result does not depend on it.
     """
 
     def __init__(self, inputs: Array, targets: Array, reduction: str, threads: int = 0) -> None:
-        self._samples = len(inputs)
         self._axes = (0,) * inputs.shape[1]
-        pairs = _blocked(input_pairs(inputs.T))
-        self._pairs = pairs.reshape(len(pairs), -1)
-        self._targets = _blocked(targets.T)
-        self._code = REDUCTION_CODES[reduction]
+        pairs = np.ascontiguousarray(blocked(input_pairs(inputs)).swapaxes(0, 1))
+        self._data = pairs.reshape(len(pairs), -1), blocked(targets.T), REDUCTION_CODES[reduction]
+        self._samples = len(inputs)
         self._threads = threads or os.cpu_count() or 1
 
     def __call__(self, particles: Array) -> Array:
         """Errors (K,) of particles (K, d)."""
-        errors = np.empty(len(particles))
-        if self._threads == 1 or len(particles) == 1:
-            self._part(particles, errors, slice(None))
-            return errors
+        rules = (0,) * (particles.shape[1] // (3 * len(self._axes)))
         # Small parts: processors are rarely equally fast, and the last one is waited for.
         count = min(SHARES * self._threads, len(particles))
-        edges = np.linspace(0, len(particles), count + 1).astype(int)
-        parts = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        parts = np.array_split(np.ascontiguousarray(particles), count)
         with ThreadPoolExecutor(self._threads) as pool:
-            for done in [pool.submit(self._part, particles, errors, part) for part in parts]:
-                done.result()
-        return errors
-
-    def _part(self, particles: Array, errors: Array, part: slice) -> None:
-        swarm_errors(
-            (0,) * (particles.shape[1] // (3 * len(self._axes))),
-            self._axes,
-            np.ascontiguousarray(particles[part]),
-            self._pairs,
-            self._targets,
-            self._samples,
-            self._code,
-            errors[part],
-        )
+            errors = pool.map(
+                lambda part: swarm_errors(rules, self._axes, part, *self._data), parts
+            )
+            return np.concatenate(list(errors)) / self._samples
