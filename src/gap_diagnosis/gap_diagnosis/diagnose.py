@@ -23,7 +23,6 @@ from gap_diagnosis.evidence.acceptance import far_from_explained, shrink_of
 from gap_diagnosis.evidence.causes import Run, cause_of, shown_by_encoder, swing_notes, swings
 from gap_diagnosis.evidence.describe import (
     describe,
-    plain_values,
     surer,
 )
 from gap_diagnosis.evidence.localise import conditions_of
@@ -33,6 +32,7 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows
 from gap_diagnosis.law.learn import learn
 from gap_diagnosis.memory import Memory
+from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.passes import Prepared, Progress, prepare, servo_part, tracker_part
 from gap_diagnosis.residuals.reading import MISREADS, misreadings
 from gap_diagnosis.residuals.recording import jitter_findings
@@ -180,7 +180,7 @@ def _diagnose(
             for p in parts
         ]
     parts += tracker
-    parameters: dict[str, dict[str, tuple[float, float]]] = dict(known)
+    parameters: Parameters = dict(known)
     for part in parts:
         found = describe(part.selection, part.selector.regression)
         if twin.kind == 'servo' and part.name.startswith('servo') and found:
@@ -214,9 +214,7 @@ def _diagnose(
     )
 
 
-def _allowed(
-    found: dict[str, dict[str, tuple[float, float]]], without: Sequence[str]
-) -> dict[str, dict[str, tuple[float, float]]]:
+def _allowed(found: Parameters, without: Sequence[str]) -> Parameters:
     """Findings whose effect is not taken out of the library."""
     return {n: v for n, v in found.items() if not set(without) & {n, split_effect(n)[0]}}
 
@@ -255,7 +253,7 @@ def _conclude(
     prepared: Prepared,
     twin_name: str,
     parts: list[Part],
-    parameters: dict[str, dict[str, tuple[float, float]]],
+    parameters: Parameters,
     channels: dict[str, Channel],
     seed: int,
     progress: Progress,

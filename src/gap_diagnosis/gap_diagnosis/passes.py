@@ -10,13 +10,14 @@ import numpy as np
 from gap_diagnosis.closed_loop.held_out import with_windows
 from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simulated
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.describe import describe, plain_values
+from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.checks import EXCITATION_HINT, check_duration
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_stepper_record
 from gap_diagnosis.input.windows import moves_while_judged
 from gap_diagnosis.memory import Memory
+from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.residuals.controller import controller_findings, with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.kinematics import Kinematics
@@ -54,7 +55,6 @@ from stage_twin.effects import seen_by_tracker
 SAME_GAIN = 0.15
 
 Progress = Callable[[str], None]
-Parameters = dict[str, dict[str, tuple[float, float]]]
 
 
 @dataclass(frozen=True)
@@ -249,7 +249,8 @@ def servo_part(
         if reading is not None:
             read = motion_behind(read, axis, reading)
         elif own_wave:
-            read = motion_beside(read, axis)
+            (record,) = read  # of several sessions no wave is told, see `waves_read`
+            read = [motion_beside(record, axis)]
         return Servo(read, before.stepped, axis)
 
     key = (axis, own_wave if reading is None else repr((reading.thetas, reading.coefficients)))

@@ -10,6 +10,7 @@ from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.evidence.localise import Condition
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.law.judged import Law
+from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.selection.parts import Part
@@ -35,7 +36,7 @@ class Diagnosis:
     after: float
     noise_floor: float
     accepted: list[str]
-    parameters: dict[str, dict[str, tuple[float, float]]]
+    parameters: Parameters
     causes: list[Cause]
     verdict: list[str]
     conditions: list[Condition]
@@ -67,7 +68,7 @@ class Diagnosis:
     @property
     def effects(self) -> dict[str, dict[str, float]]:
         """The accepted effects as a twin file holds them."""
-        return {n: {k: v for k, (v, _) in self.parameters[n].items()} for n in self.accepted}
+        return plain_values({n: self.parameters[n] for n in self.accepted})
 
     @property
     def corrected_twin(self) -> TwinFile:

@@ -13,11 +13,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel
-from gap_diagnosis.closed_loop.polish import Parameters, polish
+from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.evidence.describe import plain_values
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.reading_wave import MISREADS
 from gap_diagnosis.input.windows import scored_ticks
+from gap_diagnosis.parameters import Parameters, plain_values
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import link_of
@@ -27,7 +28,7 @@ from stage_twin.effects.encoder_interpolation import LONGEST
 #: without it.
 CLOSES = 0.2
 
-TABLE, ENCODER = 'cyclic_pitch_error', 'encoder_interpolation'
+TABLE = 'cyclic_pitch_error'
 
 
 def misread(
@@ -53,7 +54,7 @@ def misread(
         wave = _read(values, twin.servo(axis).lead)
         if wave['period'] >= LONGEST:
             continue
-        read = {f'{ENCODER}.{axis}': {k: (v, 0.0) for k, v in wave.items()}}
+        read = {f'{MISREADS}.{axis}': {k: (v, 0.0) for k, v in wave.items()}}
         rest = {n: v for n, v in parameters.items() if n != name}
         forces = {n: v for n, v in rest.items() if link_of(n) == 'servo' and n[-1] == axis}
         refitted = polish(list(records), twin, axis, forces, read) if forces else {}

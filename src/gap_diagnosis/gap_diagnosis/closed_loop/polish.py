@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
-from gap_diagnosis.evidence.describe import plain_values
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import STARTED, held_out_windows, inside
+from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
@@ -28,7 +28,6 @@ from stage_twin import hooks
 from stage_twin.effects import EFFECTS
 
 Array = NDArray[np.float64]
-Parameters = dict[str, dict[str, tuple[float, float]]]
 Effects = Mapping[str, Mapping[str, float]]
 
 ROUNDS = 3

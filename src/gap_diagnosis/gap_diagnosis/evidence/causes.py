@@ -20,8 +20,9 @@ from gap_diagnosis.evidence.acceptance import (
     shrink_in_balance,
     shrink_of,
 )
-from gap_diagnosis.evidence.describe import given_shape, plain_values, with_model_error
+from gap_diagnosis.evidence.describe import given_shape, with_model_error
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.model import Evidence
@@ -51,7 +52,7 @@ class Run:
     twin: TwinFile
     parts: list[Part]
     channels: dict[str, Channel]
-    parameters: dict[str, dict[str, tuple[float, float]]]
+    parameters: Parameters
     floors: dict[str, float]
     seed: int
 

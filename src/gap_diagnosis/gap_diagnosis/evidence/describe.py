@@ -7,15 +7,14 @@ import math
 import numpy as np
 
 from gap_diagnosis.evidence.calibrated import SPREAD
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.selection.model import Selection
 from stage_twin.effects import effect_of, link_of
 from stage_twin.effects.term import Array, Term, Theta
 
 
-def describe(
-    selection: Selection, regression: Regression, given: str | None = None
-) -> dict[str, dict[str, tuple[float, float]]]:
+def describe(selection: Selection, regression: Regression, given: str | None = None) -> Parameters:
     """Parameters of each accepted effect as (value, standard deviation).
 
     The deviations of parameters that are functions of coefficients follow by propagation with
@@ -23,7 +22,7 @@ def describe(
     """
     terms = regression.problem.terms
     deviations = regression.uncertainty(selection.fit, given)
-    out: dict[str, dict[str, tuple[float, float]]] = {}
+    out: Parameters = {}
     for name in selection.accepted:
         theta = selection.fit.thetas[name]
         c = selection.fit.coefficients[name]
@@ -111,13 +110,6 @@ def not_seen(name: str, values: dict[str, tuple[float, float]]) -> list[str]:
         for p in effect_of(name).parameters
         if p.fitted and not p.nuisance and values.get(p.name) == (p.neutral, 0.0)
     ]
-
-
-def plain_values(
-    parameters: dict[str, dict[str, tuple[float, float]]],
-) -> dict[str, dict[str, float]]:
-    """Parameters without their standard deviations."""
-    return {n: {k: v for k, (v, _) in p.items()} for n, p in parameters.items()}
 
 
 def _by_theta(term: Term, theta: Theta, c: Array, i: int, std: float) -> dict[str, float]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import encoder_step
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.model import Evidence
 from stage_core.quantities import UNKNOWN
@@ -235,9 +236,7 @@ def noise_floor(
     return math.sqrt(float(np.mean(squares)))
 
 
-def encoder_steps(
-    records: list[Record], twin: TwinFile
-) -> dict[str, dict[str, tuple[float, float]]]:
+def encoder_steps(records: list[Record], twin: TwinFile) -> Parameters:
     """`encoder_quantisation` of each axis whose encoder counts coarser than the twin says."""
     out = {}
     for i, axis in enumerate(records[0].axes):

@@ -21,8 +21,9 @@ from gap_diagnosis.experiment.motions import (
     sample,
 )
 from gap_diagnosis.experiment.prediction import Predictor
-from gap_diagnosis.experiment.questions import Pair, Parameters, separated
+from gap_diagnosis.experiment.questions import Pair, separated
 from gap_diagnosis.experiment.separation import Predicted, decided, margin
+from gap_diagnosis.parameters import Parameters, plain_values
 from stage_core.errors import StageError
 from stage_twin.effects import effect_of
 
@@ -73,7 +74,7 @@ class _Question:
     def __init__(self, pair: Pair, generator: np.random.Generator) -> None:
         self.names = pair.names
         self._sides = _drawn(pair.one, generator), _drawn(pair.two, generator)
-        self._common = _values(pair.common)
+        self._common = plain_values(pair.common)
 
     def run(self, shown: Callable[[Effects], Array], draws: bool) -> Runs:
         """Predictions of both sides and of what both have, from those of any effects."""
@@ -218,13 +219,9 @@ def _squashed(margins: Array) -> Array:
     return np.asarray(margins / (1.0 + margins))
 
 
-def _values(parameters: Parameters) -> Effects:
-    return {n: {k: v for k, (v, _) in of.items()} for n, of in parameters.items()}
-
-
 def _drawn(parameters: Parameters, generator: np.random.Generator) -> list[Effects]:
     """The parameters as they are, then drawn from their intervals within their bounds."""
-    sets = [_values(parameters)]
+    sets = [plain_values(parameters)]
     for _ in range(DRAWS):
         drawn: Effects = {}
         for name, of in parameters.items():

@@ -10,14 +10,13 @@ from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.experiment import unseen
 from gap_diagnosis.experiment.prediction import Predictor
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.selection.model import Selection
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_twin.effects import effect_of
-
-Parameters = dict[str, dict[str, tuple[float, float]]]
 
 #: Rivals of one effect, and candidates for what is unknown, that are simulated.
 MOST = 4

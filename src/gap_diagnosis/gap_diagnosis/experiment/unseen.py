@@ -16,6 +16,7 @@ from gap_diagnosis.evidence.acceptance import defining
 from gap_diagnosis.experiment.prediction import Predictor
 from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.selection.rivals import LEAST_OF_REST
 from stage_core.errors import StageError
@@ -23,7 +24,6 @@ from stage_twin.effects import EFFECTS, effect_of
 
 Array = NDArray[np.float64]
 Values = dict[str, dict[str, float]]
-Parameters = dict[str, dict[str, tuple[float, float]]]
 
 ROUNDS = 4
 
@@ -44,7 +44,7 @@ def imitations(
     """Share of what `rest` leaves of the session, effect and parameters of each that imitates."""
     record = found.records[0]
     target = _shown(record, predictor)
-    base = {n: {k: v for k, (v, _) in of.items()} for n, of in rest.items()}
+    base = plain_values(rest)
     for name in allowed:
         try:
             share, fitted = _fit(name, base, record.reference, target, predictor)

@@ -28,10 +28,10 @@ from gap_diagnosis.input.noise import (
     tracker_noise,
     white_part,
 )
-from gap_diagnosis.input.reading_wave import Parameters as ReadingWave
-from gap_diagnosis.input.reading_wave import reading_wave, without_wave
+from gap_diagnosis.input.reading_wave import MISREADS, reading_wave, without_wave
 from gap_diagnosis.input.ticks import Clock
 from gap_diagnosis.input.windows import LAST_THIRD, inside
+from gap_diagnosis.parameters import Parameters, plain_values
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
@@ -81,8 +81,8 @@ class Record:
     #: Ticks (n,) whose set-point carried a velocity: what it asks for is a known input.
     setpoint_velocity: Mask | None = None
     gaps: tuple[tuple[float, float], ...] = ()  # stretches of `time` [s] without any ticks
-    #: What the encoder of each axis itself shows of `encoder_interpolation`; empty where nothing.
-    waves: tuple[ReadingWave, ...] = ()
+    #: What the encoders by themselves show of `encoder_interpolation`, by its name with the axis.
+    waves: Parameters = field(default_factory=dict)
     noise: Noise | None = None  # measured; None where the ticks are no samples of a motion
     #: A simulator's run of the same command on these ticks; by channel, twin minus that run.
     simulated: Record | None = None
@@ -108,6 +108,12 @@ class Record:
         more than an encoder step of 1 µm. A spline leaves (ω T)⁴/384 of a motion of frequency ω.
         """
         return np.asarray(self._path(np.clip(time, self.time[0], self.time[-1])))
+
+    def motion(self, column: int) -> Array:
+        """Positions (n,) [m] of an axis, as far as its own readings tell their wave."""
+        wave = plain_values(self.waves).get(f'{MISREADS}.{self.axes[column]}')
+        position = self.encoder[:, column]
+        return position if wave is None else without_wave(position, self.period, wave)
 
     def point_time(self, latency: float = 0.0, drift: float = 0.0) -> Array:
         """Machine's time (m,) [s] of the tracker points, their stamps late or drifting."""
@@ -242,22 +248,21 @@ def _commands(session: Session, axes: tuple[str, ...], effort: bool) -> Series |
     return finite(replace(series, values={n: series.values[n] for n in names}), session.path)
 
 
-def _waves(record: Record, resolution: Array) -> tuple[ReadingWave, ...]:
+def _waves(record: Record, resolution: Array) -> Parameters:
     """What each encoder reads over its own position; the steps of a coarse one are none."""
     whole = record.whole(record.time)
-    return tuple(
-        reading_wave(q, record.period, whole, max(step, encoder_step(q)))
-        for q, step in zip(record.encoder.T, resolution.tolist(), strict=True)
-    )
+    found = {
+        f'{MISREADS}.{axis}': reading_wave(q, record.period, whole, max(step, encoder_step(q)))
+        for axis, q, step in zip(record.axes, record.encoder.T, resolution.tolist(), strict=True)
+    }
+    return {name: wave for name, wave in found.items() if wave}
 
 
 def _noise(record: Record, resolution: Array, offset: Array) -> Noise:
     whole = record.whole(record.time)
     own, sampling = [], []
     for i, step in enumerate(resolution.tolist()):
-        q, force = record.encoder[:, i], record.force[:, i]
-        if wave := {name: value for name, (value, _) in record.waves[i].items()}:
-            q = without_wave(q, record.period, wave)
+        q, force = record.motion(i), record.force[:, i]
         own.append(axis_noise(q, record.period, step, whole, white_part(force, whole)))
         sampling.append(sampling_jitter(q, offset, record.period, step, whole))
     return Noise(tuple(own), sampling=tuple(sampling))

@@ -13,9 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.parameters import Estimates
 from gap_diagnosis.residuals.operators import band_limited, central_difference
 from stage_twin.effects import periodic
 from stage_twin.effects.encoder_interpolation import (
+    EFFECT,
     LONGEST,
     SHORTEST,
     STEPS,
@@ -26,7 +28,8 @@ from stage_twin.effects.encoder_interpolation import (
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Parameters = dict[str, tuple[float, float]]
+
+MISREADS = EFFECT.name
 
 #: Hz, up to which the motion is, and times as fast as which a wave is passed.
 MOTION, FASTER = 30.0, 1.5
@@ -72,7 +75,7 @@ def without_wave(position: Array, period: float, values: Mapping[str, float]) ->
     return position - misreading(band_limited(position, period, MOTION), values)
 
 
-def reading_wave(position: Array, period: float, whole: Mask, quantum: float) -> Parameters:
+def reading_wave(position: Array, period: float, whole: Mask, quantum: float) -> Estimates:
     """Parameters of `encoder_interpolation` with standard deviations; empty where none shows.
 
     Parameters
@@ -113,7 +116,7 @@ def reading_wave(position: Array, period: float, whole: Mask, quantum: float) ->
     return found if found['amplitude'][0] > LEAST_STEPS * quantum / math.pi else {}
 
 
-def _fitted(passed: _Passed, frequency: float) -> Parameters:
+def _fitted(passed: _Passed, frequency: float) -> Estimates:
     """Least squares over amplitudes, phases and the period, by Gauss-Newton steps."""
     matrix = np.column_stack(periodic.waves(passed.path, frequency))
     start, *_ = np.linalg.lstsq(matrix, passed.fast, rcond=None)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from gap_diagnosis.evidence.describe import not_seen
 from gap_diagnosis.evidence.judgement import NONE, Cause
+from gap_diagnosis.parameters import Estimates
 from gap_diagnosis.report.words import probability_words, status_words
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
@@ -20,10 +21,9 @@ CLOSES = (
     'closes: by how much the gap is smaller than without this effect, beside all others; the '
     'shares do not add up to 100 %'
 )
-Parameters = dict[str, tuple[float, float]]
 
 
-def parameter_words(effect: str, parameters: Parameters) -> str:
+def parameter_words(effect: str, parameters: Estimates) -> str:
     """*width 7.98 ± 0.05 µm*, for each parameter of an effect."""
     definition = EFFECTS.get(split_effect(effect)[0])
     units = {p.name: p.unit for p in definition.parameters} if definition else {}
@@ -36,7 +36,7 @@ def parameter_words(effect: str, parameters: Parameters) -> str:
     )
 
 
-def effect_sentence(effect: str, parameters: Parameters) -> str:
+def effect_sentence(effect: str, parameters: Estimates) -> str:
     """What a machine with this effect does, its values to the digits that are known.
 
     A value whose 95 % interval holds zero is said to be none. One that belongs to the session

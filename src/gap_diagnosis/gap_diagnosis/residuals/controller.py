@@ -19,13 +19,13 @@ from scipy.signal import lfilter
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows, inside
+from gap_diagnosis.parameters import Estimates, Parameters
 from gap_diagnosis.residuals.operators import band_limited
 from stage_core.twin_file import ServoAxis, TwinFile
 from stage_twin.effects import EFFECTS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Parameters = dict[str, tuple[float, float]]
 MISMATCH = EFFECTS['controller_mismatch']
 
 #: Share of the held-out increments of velocity or force commands that another law must explain
@@ -69,12 +69,12 @@ class Law:
         return (own - base) / scale, self.deviations.get(name, 0.0) / scale
 
 
-def controller_findings(records: list[Record], twin: TwinFile) -> dict[str, Parameters]:
+def controller_findings(records: list[Record], twin: TwinFile) -> Parameters:
     """`controller_mismatch` and `force_saturation` of each axis, read from the commands.
 
     Returns an empty mapping where the recorded commands follow the twin's law.
     """
-    found: dict[str, Parameters] = {}
+    found: Parameters = {}
     if twin.kind != 'servo':
         return found
     for i, name in enumerate(records[0].axes):
@@ -114,7 +114,7 @@ def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:
     return peak if runs.max() >= 3.0 else None
 
 
-def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Parameters:
+def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Estimates:
     fitted = [r for r in records if not r.held_out_session]
     held_out = [r for r in records if r.held_out_session]
     nominal = left(fitted, i, axis)
@@ -129,7 +129,7 @@ def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Parameters:
     # What else pushes in another session (pulses, a disturbance) no law explains.
     if held_out and left(held_out, i, law.gains) >= left(held_out, i, axis):
         return {}
-    out: Parameters = {}
+    out: Estimates = {}
     for name in GAINS:
         value, deviation = law.error(axis, name)
         stated = MISMATCH.parameter(f'{name}_error')

@@ -8,15 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.parameters import Parameters
 from stage_core.twin_file import TwinFile
 
 #: Measured noise of a tracker over the stated one, from which on it is taken.
 CLEARLY_NOISIER = 1.15
 
 
-def with_steps(
-    twin: TwinFile, quantisation: dict[str, dict[str, tuple[float, float]]]
-) -> TwinFile:
+def with_steps(twin: TwinFile, quantisation: Parameters) -> TwinFile:
     """The twin with the encoder steps that the records really have: they are a noise floor."""
     axes = dict(twin.axes)
     for name, values in quantisation.items():

@@ -10,14 +10,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.reading_wave import Parameters as ReadingWave
-from gap_diagnosis.input.reading_wave import without_wave
+from gap_diagnosis.input.reading_wave import MISREADS
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.regression import Fit
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import encoder_interpolation
-
-MISREADS = encoder_interpolation.EFFECT.name
 
 
 def misreadings(fit: Fit) -> list[str]:
@@ -25,28 +23,18 @@ def misreadings(fit: Fit) -> list[str]:
     return [name for name in fit.thetas if split_effect(name)[0] == MISREADS]
 
 
-def waves_read(records: Sequence[Record], twin: TwinFile) -> dict[str, ReadingWave]:
+def waves_read(records: Sequence[Record], twin: TwinFile) -> Parameters:
     """Waves of the encoders as these show them by themselves, where the twin states none."""
-    found: dict[str, ReadingWave] = {}
     if twin.kind != 'servo' or len(records) > 1:
         return {}  # each session has a phase of its own
-    for axis, wave in zip(records[0].axes, records[0].waves, strict=True):
-        if wave and f'{MISREADS}.{axis}' not in twin.effects:
-            found[f'{MISREADS}.{axis}'] = wave
-    return found
+    return {name: wave for name, wave in records[0].waves.items() if name not in twin.effects}
 
 
-def motion_beside(records: Sequence[Record], axis: str) -> list[Record]:
-    """Records with the motion of an axis, as far as its own readings tell their wave."""
-    out = []
-    for record in records:
-        column = record.column(axis)
-        if wave := {name: value for name, (value, _) in record.waves[column].items()}:
-            encoder = record.encoder.copy()
-            encoder[:, column] = without_wave(encoder[:, column], record.period, wave)
-            record = replace(record, encoder=encoder)
-        out.append(record)
-    return out
+def motion_beside(record: Record, axis: str) -> Record:
+    """The record with the motion of an axis, as far as its own readings tell their wave."""
+    encoder, column = record.encoder.copy(), record.column(axis)
+    encoder[:, column] = record.motion(column)
+    return replace(record, encoder=encoder)
 
 
 def motion_behind(records: Sequence[Record], axis: str, fit: Fit) -> list[Record]:

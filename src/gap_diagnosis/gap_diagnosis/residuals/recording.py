@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from gap_diagnosis.input.checks import check_controller
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import LEAST_JITTER, jitter_finding
+from gap_diagnosis.parameters import Estimates, Parameters, plain_values
 from gap_diagnosis.residuals.controller import (
-    Parameters,
     fit_law,
     force_increments,
     quiet,
@@ -53,7 +53,7 @@ ROUNDS = 3  # of signs and unit in turn
 
 def in_newtons(
     records: list[Record], twin: TwinFile, without: Sequence[str]
-) -> tuple[list[Record], dict[str, Parameters]]:
+) -> tuple[list[Record], Parameters]:
     """The records with their forces in newtons, and `effort_convention` where the twin lacks it.
 
     Raises
@@ -66,7 +66,7 @@ def in_newtons(
     stated = {n: v for n, v in twin.effects.items() if split_effect(n)[0] == CONVENTION}
     records = [_converted(r, twin, stated) for r in records]
     found = _found(records, twin, without)
-    plain = {n: {k: value for k, (value, _) in v.items()} for n, v in found.items()}
+    plain = plain_values(found)
     records = [_converted(r, twin, plain) for r in records]
     for record in records:
         check_controller(record, twin)
@@ -76,13 +76,13 @@ def in_newtons(
     return records, found
 
 
-def _found(records: list[Record], twin: TwinFile, without: Sequence[str]) -> dict[str, Parameters]:
+def _found(records: list[Record], twin: TwinFile, without: Sequence[str]) -> Parameters:
     """`effort_convention` of the axes.
 
     Where the mass of an axis at rest does not tell, the factor of the other axis does.
     """
-    found: dict[str, Parameters] = {}
-    doubted: dict[str, Parameters] = {}
+    found: Parameters = {}
+    doubted: Parameters = {}
     for i, axis in enumerate(records[0].axes):
         name = f'{CONVENTION}.{axis}'
         values, sure = _convention(records, i, twin)
@@ -100,7 +100,7 @@ def jitter_findings(
     twin: TwinFile,
     found: Mapping[str, object],
     points: tuple[float, float] | None,
-) -> dict[str, Parameters]:
+) -> Parameters:
     """`sample_jitter` where the moments of reading scatter otherwise than the twin says.
 
     An encoder that errs within its period scatters like late samples: it is not asked. `points`
@@ -140,7 +140,7 @@ def _converted(
     return replace(record, force=force, noise=noise)
 
 
-def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Parameters, bool]:
+def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimates, bool]:
     """`effort_convention` of an axis, empty where its effort is the force; whether it is sure."""
     judged = [r for r in records if np.isfinite(r.velocity_command[:, i]).all()]
     if not judged:

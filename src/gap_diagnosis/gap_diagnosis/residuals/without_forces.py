@@ -7,10 +7,9 @@ import math
 import numpy as np
 
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from stage_twin.effects import effect_of
-
-Parameters = dict[str, dict[str, tuple[float, float]]]
 
 #: What only a recorded force tells, and why.
 NOT_TOLD = {

@@ -14,6 +14,7 @@ import numpy as np
 
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import Rung
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit, Theta
 from gap_diagnosis.selection.gains import weights
@@ -50,7 +51,7 @@ class _Ladder:
             parameters,
         )
 
-    def parameters(self, fit: Fit, names: list[str]) -> dict[str, dict[str, tuple[float, float]]]:
+    def parameters(self, fit: Fit, names: list[str]) -> Parameters:
         """Parameters of some effects of a fit, with their standard deviations."""
         whole = Selection(list(fit.thetas), fit, {}, {})
         found = describe(whole, self.part.selector.regression)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.regression import Fit
 from stage_twin.effects.term import Term, Theta
 
@@ -82,4 +83,4 @@ class Selection:
     fit: Fit
     evidence: dict[str, Evidence]
     rejected: dict[str, Evidence]
-    told: dict[str, dict[str, tuple[float, float]]] = field(default_factory=dict)
+    told: Parameters = field(default_factory=dict)

@@ -6,10 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gap_diagnosis.closed_loop.polish import Parameters, polish
+from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.closed_loop.swing import swings_as_much
-from gap_diagnosis.evidence.describe import describe, plain_values
+from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo

@@ -58,7 +58,7 @@ EFFECT = Effect(
 
 
 def read(
-    position: float,
+    position: periodic.Angles,
     amplitude: float,
     period: float,
     phase: float,
@@ -66,8 +66,8 @@ def read(
     phase_2: float,
     amplitude_3: float,
     phase_3: float,
-) -> float:
-    """What the encoder reads at a motor position [m]."""
+) -> periodic.Angles:
+    """What the encoder reads at a motor position [m], or at many of them."""
     return position + periodic.wave(
         2.0 * math.pi * position / period,
         amplitude,
@@ -81,13 +81,7 @@ def read(
 
 def misreading(position: Array, values: Mapping[str, float]) -> Array:
     """What an encoder reads too much (n,) [m] at motor positions (n,) [m]."""
-    angle = 2.0 * math.pi * position / values['period']
-    return np.asarray(
-        sum(
-            values.get(f'amplitude{n}', 0.0) * np.sin(k * angle + values.get(f'phase{n}', 0.0))
-            for k, n in enumerate(('', '_2', '_3'), 1)
-        )
-    )
+    return read(position, **{**EFFECT.defaults(), **values}) - position
 
 
 def term(rows: TrackerRows) -> Term | None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
-from numba import njit
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from stage_twin.effects.definition import Parameter
 from stage_twin.effects.term import Array, Term, Theta
+
+Angles = TypeVar('Angles', float, Array)
+"""One or many."""
 
 HARMONICS = 3
 PERIODS = 200  # shortest period as a share of the travel: the low-pass leaves no finer one
@@ -49,22 +52,22 @@ def harmonic_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
     return tuple(out)
 
 
-@njit
+@register_jitable  # in Python it takes arrays, too
 def wave(
-    angle: float,
+    angle: Angles,
     amplitude: float,
     phase: float,
     amplitude_2: float,
     phase_2: float,
     amplitude_3: float,
     phase_3: float,
-) -> float:
+) -> Angles:
     """Sum of the harmonics at an angle [rad] of the first, in the amplitudes' unit."""
-    total = amplitude * math.sin(angle + phase)
+    total = amplitude * np.sin(angle + phase)
     if amplitude_2 != 0.0:
-        total += amplitude_2 * math.sin(2.0 * angle + phase_2)
+        total += amplitude_2 * np.sin(2.0 * angle + phase_2)
     if amplitude_3 != 0.0:
-        total += amplitude_3 * math.sin(3.0 * angle + phase_3)
+        total += amplitude_3 * np.sin(3.0 * angle + phase_3)
     return total
 
 
