@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.input.noise import axis_noise
 from gap_diagnosis.input.reading_wave import _positive, reading_wave, without_wave
 from stage_core import topics
@@ -92,4 +93,19 @@ def test_a_session_without_a_tracker_names_it(planted, period, amplitude):
     assert found.verdict == ['encoder_interpolation.x']
     for name, (value, deviation) in found.parameters['encoder_interpolation.x'].items():
         assert abs(value - wave.get(name, 0.0)) <= 2.0 * deviation, name
+    assert found.after < 0.5 * found.before
+
+
+def test_what_tracker_and_encoder_both_show_is_one_wave(planted):
+    name, wave = 'encoder_interpolation.x', {'amplitude': 3e-6, 'period': 200e-6, 'phase': 0.5}
+    found = diagnose([planted({name: wave})], [], nominal())
+    (tracker,) = (p for p in found.parts if p.name == 'tracker')
+    seen = describe(tracker.selection, tracker.selector.regression)
+    assert found.verdict == [name]
+    # The tracker sees it where the loop follows it, too: what it shows is told.
+    assert found.parameters[name] == seen[name]
+    for shown in (seen, found.records[0].waves):
+        for key, truth in wave.items():
+            value, deviation = shown[name][key]
+            assert abs(value - truth) <= 3.0 * deviation, key
     assert found.after < 0.5 * found.before

@@ -1,6 +1,7 @@
 """The Zaber backend against the emulated chain on a pseudo-terminal, with faults on the wire."""
 
 import time
+from contextlib import contextmanager
 
 import pytest
 
@@ -184,6 +185,49 @@ def test_a_stage_that_was_late_and_then_is_dead_is_a_fault(tmp_path):
             server.chain.faults.inject('drop', 10000)
         recorder.wait(lambda: recorder.said('check power and cable'))
         wait(lambda: backend.status().state is State.FAULT)
+
+
+@contextmanager
+def late(link, words):
+    """Answers to requests that begin with these words come, but always after the patience."""
+    ask_all = link.ask_all
+
+    def impatient(queries):
+        replies = ask_all(queries)
+        behind = [query.words.startswith(words) for query in queries]
+        link.counts['late'] += sum(behind)
+        return [None if gone else reply for gone, reply in zip(behind, replies, strict=True)]
+
+    link.ask_all = impatient
+    yield
+    link.ask_all = ask_all
+
+
+def test_a_stall_whose_question_was_answered_late_is_asked_for_again(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result()
+        with late(backend._stage.link, 'warnings'):
+            with server._lock:
+                server.chain.axes[0].raise_flag('FS')
+            recorder.wait(lambda: recorder.said('answers later than 5.0 s: lower the load'))
+            assert backend.status().state is State.READY
+        recorder.wait(lambda: recorder.said('stalled and stopped'))
+        assert backend.status().state is State.FAULT and 'FS' in backend.status().warnings
+
+
+def test_a_reset_that_is_answered_late_blames_no_cable_and_can_be_repeated(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result()
+        with server._lock:
+            server.chain.axes[0].raise_flag('FS')
+        recorder.wait(lambda: recorder.said('stalled and stopped'))
+        with late(backend._stage.link, 'warnings'):
+            with pytest.raises(StageError, match='lower the load of this computer$'):
+                backend.reset_fault().result()
+            assert backend.status().state is State.FAULT and backend.status().connected
+        assert backend.reset_fault().result() == 'ready'
+        move(backend, recorder, 0.003, 0.002)
+        assert position(server) == pytest.approx([0.003, 0.002], abs=STEP)
 
 
 def test_stop_brakes_at_its_deceleration_and_not_past_the_target(tmp_path):
