@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from calibrator import model_file
 from calibrator.retrain_offline import main
 from session_bags.writer import write_session
@@ -32,7 +34,9 @@ def test_offline_command_judges_held_out_bags_beside_the_phase_table(
     for seed in (1, 2):
         bags.append(str(write_session(tmp_path / f'bag{seed}', grid_session(60, seed=seed))))
     assert main(['--bag', bags[0], '--holdout', bags[1], '--phase-table']) == 0
-    rows = [line for line in capsys.readouterr().out.splitlines() if line.startswith('bag2')]
+    printed = capsys.readouterr().out
+    assert 'judged by 2 sessions' in printed
+    rows = [line for line in printed.splitlines() if line.startswith('bag2')]
     for row, axis in zip(rows, 'xy', strict=True):
         name, found_axis, before, table, after = row.split()
         assert (name, found_axis) == ('bag2', axis)
@@ -59,4 +63,8 @@ def test_offline_command_refuses_a_model_that_makes_another_session_worse(
     assert 'other x' in said.out and 'where whole sessions are left out' in said.err
     assert not model.exists()
     assert main([*arguments, '--force']) == 0
-    assert 'where whole sessions are left out' in model_file.load(model).refusal
+    forced = model_file.load(model)
+    assert 'where whole sessions are left out' in forced.refusal
+    # The interval holds what the other session errs by: twice the error of the stage.
+    before = forced.metrics['before']['rms']
+    assert 1.96 * np.sqrt(np.mean(forced.model.spread**2)) > before

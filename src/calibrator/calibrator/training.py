@@ -16,6 +16,7 @@ from calibrator.gain import Gain, held_out_gain
 from calibrator.model_file import StoredModel, bag_hash
 from calibrator.models import METHODS, make_model
 from calibrator.models.base import CalibrationModel
+from calibrator.models.selection import conditions, deviation
 from calibrator.models.structured import Structured
 from calibrator.outliers import wild
 from calibrator.places import judged_places
@@ -154,10 +155,26 @@ def train(
 
 
 def judged_by(result: Training, held: Sequence[Samples], seed: int) -> Training:
-    """The training judged at whole other sessions as well; the worse gain counts."""
-    pairs = [(part, part.only(result.sensors)) for part in held]
-    other = _judged([result.model] * len(pairs), pairs, seed)[2]
-    return replace(result, gain=_worse(result.gain, other, SESSIONS))
+    """The training judged at whole other sessions as well; the worse gain counts.
+
+    The model's deviation grows to what it leaves of their repeats, where it has been.
+    """
+    model, pairs = result.model, [(part, part.only(result.sensors)) for part in held]
+    other = _judged([model] * len(pairs), pairs, seed)[2]
+    if known := [left for _, part in pairs if len(left := _left(model, part))]:
+        model.spread = np.maximum(model.spread, deviation(np.vstack(known)))
+    gain = _worse(result.gain, other, SESSIONS)
+    return replace(result, gain=gain, sessions=result.sessions + len(known))
+
+
+def _left(model: CalibrationModel, part: Samples) -> Array:
+    """Errors (n, axes) [m] that a model leaves in its domain, means of the repeats of a place."""
+    heat = part.temperatures[:, :0]
+    left = conditions(
+        part.command, part.measured - predict(model, part), part.direction, heat, None
+    )
+    assert model.domain is not None
+    return left.error[model.domain.distance(left.command) <= 1.0]
 
 
 def _apart(
