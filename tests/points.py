@@ -2,6 +2,16 @@
 
 from __future__ import annotations
 
+from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
+
+#: A stepper whose rests scatter, before a tracker.
+TWIN = TwinFile(
+    kind='stepper',
+    axes={'x': StepperAxis(), 'y': StepperAxis()},
+    tracker=TrackerSpec(rate=100.0, noise=1e-6),
+    repeatability=3e-6,
+)
+
 
 class PointRecorder:
     """Takes the place of the tracker's sockets: keeps (time [ns], point [m])."""

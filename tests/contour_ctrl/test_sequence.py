@@ -120,12 +120,18 @@ def test_in_real_time_a_contour_starts_once_the_move_to_its_start_is_forgotten()
     assert stage.sent[-1].stamp == creeps + round(REST_TIME * 1000) * MS
 
 
-def test_abort_stays_on_the_contour_and_comes_to_rest() -> None:
+def half_a_second_on(taught: Learner | None, iterations: int) -> tuple[Stage, ContourRun]:
+    """A stage that has followed its contour for 500 ticks."""
     stage = Stage()
-    run = ContourRun(Controller(REFERENCE, GAINS), learner(), 3)
+    run = ContourRun(Controller(REFERENCE, GAINS), taught, iterations)
     stage.take(run.begin(stage.stamp))
     while run.phase is not Phase.STREAM or run.tick < 500:
         stage.step(run)
+    return stage, run
+
+
+def test_abort_stays_on_the_contour_and_comes_to_rest() -> None:
+    stage, run = half_a_second_on(learner(), 3)
     begin = len(stage.sent)
     run.abort()
     stage.drive(run)
@@ -149,11 +155,7 @@ def test_abort_before_the_start_holds_the_stage_where_it_is() -> None:
 
 
 def test_nan_and_silence_end_the_run_where_the_stage_can_brake() -> None:
-    stage = Stage()
-    run = ContourRun(Controller(REFERENCE, GAINS), None, 1)
-    stage.take(run.begin(stage.stamp))
-    while run.phase is not Phase.STREAM or run.tick < 500:
-        stage.step(run)
+    stage, run = half_a_second_on(None, 1)
     point = run.on_state(stage.stamp, float('nan'), 0.0)
     assert run.done and 'not a number' in run.message
     assert point is not None and point.velocity is None and point.position is not None
@@ -196,11 +198,7 @@ def test_a_step_that_the_driver_would_call_a_fault_is_a_smooth_stop(
     lost: int, goes_on: bool
 ) -> None:
     # 30 mm/s: 1 mm, the default of longest_step, is 33 ticks.
-    stage = Stage()
-    run = ContourRun(Controller(REFERENCE, GAINS), None, 1)
-    stage.take(run.begin(stage.stamp))
-    while run.phase is not Phase.STREAM or run.tick < 500:
-        stage.step(run)
+    stage, run = half_a_second_on(None, 1)
     stage.stamp += lost * MS
     stage.step(run)
     assert run.done != goes_on

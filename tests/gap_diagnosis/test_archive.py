@@ -16,6 +16,15 @@ from stage_core.twin_file import TwinFile
 Maker = Callable[..., Session]
 
 
+def with_a_still_one(archive: Path, planted: Maker) -> list[str]:
+    """Arguments that diagnose an archive, to which a session that does not move is added."""
+    write_session(archive / 'still', planted({}, duration=1.0))
+    twin = archive.parent / 'twin.yaml'
+    TwinFile.nominal_servo().save(twin)
+    arguments = ['diagnose', '--bag', str(archive), '--twin', str(twin), '--quiet', '--jobs', '1']
+    return [*arguments, '--out', str(archive.parent / 'out')]
+
+
 def test_an_archive_is_diagnosed_bag_by_bag(
     planted: Maker, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -23,11 +32,7 @@ def test_an_archive_is_diagnosed_bag_by_bag(
     for number, width in enumerate((9e-6, 15e-6)):
         session = planted({'backlash.x': {'width': width}}, duration=10.0, seed=number)
         write_session(archive / f'day_{number}' / 'run', session)
-    write_session(archive / 'still', planted({}, duration=1.0))
-    twin = tmp_path / 'twin.yaml'
-    TwinFile.nominal_servo().save(twin)
-    arguments = ['diagnose', '--bag', str(archive), '--twin', str(twin), '--quiet', '--jobs', '1']
-    arguments += ['--out', str(tmp_path / 'out')]
+    arguments = with_a_still_one(archive, planted)
     assert main(arguments) == 0
     said = capsys.readouterr().out
     assert '2 of 3 bags diagnosed' in said
@@ -46,11 +51,7 @@ def test_a_folder_is_given_alone(
     planted: Maker, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     archive = tmp_path / 'archive'
-    write_session(archive / 'still', planted({}, duration=1.0))
-    twin = tmp_path / 'twin.yaml'
-    TwinFile.nominal_servo().save(twin)
-    arguments = ['diagnose', '--bag', str(archive), '--twin', str(twin), '--quiet', '--jobs', '1']
-    arguments += ['--out', str(tmp_path / 'out')]
+    arguments = with_a_still_one(archive, planted)
     assert main([*arguments, '--holdout', str(archive / 'still')]) == 2
     assert 'give it alone' in capsys.readouterr().err
     assert main(arguments) == 2

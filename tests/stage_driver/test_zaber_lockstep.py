@@ -4,7 +4,6 @@ import random
 import time
 
 from stage_core.clocks import LOCKSTEP_EXCHANGE, NANOSECONDS
-from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
 from stage_driver.config import ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.states import State
@@ -13,15 +12,9 @@ from stage_twin.loops import LOCKSTEP_START_NS
 from stage_twin.stepper_loop import StepperLoop
 
 from ..patience import wait
-from ..points import PointRecorder
+from ..points import TWIN, PointRecorder
 from .driver_rig import Recorder
 
-TWIN = TwinFile(
-    kind='stepper',
-    axes={'x': StepperAxis(), 'y': StepperAxis()},
-    tracker=TrackerSpec(rate=100.0, noise=1e-6),
-    repeatability=3e-6,
-)
 LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
 SETTLE = 0.2
 TICK = 20_000_000

@@ -6,20 +6,14 @@ import pytest
 import serial
 
 from stage_core.clocks import LOCKSTEP_EXCHANGE
-from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
+from stage_core.twin_file import StepperAxis
 from stage_twin.loops import LOCKSTEP_START_NS
 from stage_twin.stepper_loop import StepperLoop
 
 from ..patience import wait
-from ..points import PointRecorder
+from ..points import TWIN, PointRecorder
 
 MICROSTEP = StepperAxis().microstep
-TWIN = TwinFile(
-    kind='stepper',
-    axes={'x': StepperAxis(), 'y': StepperAxis()},
-    tracker=TrackerSpec(rate=100.0, noise=1e-6),
-    repeatability=3e-6,
-)
 
 
 def exchange(port, line):

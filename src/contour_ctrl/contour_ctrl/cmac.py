@@ -24,15 +24,20 @@ FloatArray = NDArray[np.float64]
 UPDATES = ('gradient', 'literal')
 
 
+@njit(inline='always')
+def _cell(layer: int, layers: int, cells: int, x: float, y: float) -> tuple[int, int]:
+    """The active cell of a layer."""
+    shift, span = layer / layers, cells - 1e-9
+    return int(min(max(x, 0.0), 1.0) * span + shift), int(min(max(y, 0.0), 1.0) * span + shift)
+
+
 @njit(cache=True)
 def output(weights: FloatArray, x: float, y: float) -> float:
     """Return U = sum of the active weights (eq. 3) at the input (x, y), both in [0, 1]."""
     layers, cells = weights.shape[0], weights.shape[1] - 1
     total = 0.0
     for layer in range(layers):
-        shift = layer / layers
-        i = int(min(max(x, 0.0), 1.0) * (cells - 1e-9) + shift)
-        j = int(min(max(y, 0.0), 1.0) * (cells - 1e-9) + shift)
+        i, j = _cell(layer, layers, cells, x, y)
         total += weights[layer, i, j]
     return total
 
@@ -48,9 +53,7 @@ def update(
     layers, cells = weights.shape[0], weights.shape[1] - 1
     share, bound = increment / layers, limit / layers
     for layer in range(layers):
-        shift = layer / layers
-        i = int(min(max(x, 0.0), 1.0) * (cells - 1e-9) + shift)
-        j = int(min(max(y, 0.0), 1.0) * (cells - 1e-9) + shift)
+        i, j = _cell(layer, layers, cells, x, y)
         value = keep * weights[layer, i, j] + share
         weights[layer, i, j] = min(max(value, -bound), bound)
 

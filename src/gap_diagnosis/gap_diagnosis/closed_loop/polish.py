@@ -8,7 +8,6 @@ They are kept only if the gap on these windows shrinks.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +18,7 @@ from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import STARTED, held_out_windows, inside
-from gap_diagnosis.parameters import Parameters, plain_values
+from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
@@ -28,7 +27,6 @@ from stage_twin import hooks
 from stage_twin.effects import EFFECTS
 
 Array = NDArray[np.float64]
-Effects = Mapping[str, Mapping[str, float]]
 
 ROUNDS = 3
 WORTHWHILE = 0.97  # of the RMS on the fit windows

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.recording import CONVENTION
 from stage_core.quantities import split_effect
@@ -18,7 +18,6 @@ from stage_twin.measured_force import simulate_measured_force, smooth_motion
 from stage_twin.simulate import simulate
 
 Array = NDArray[np.float64]
-Effects = Mapping[str, Mapping[str, float]]
 
 
 def declared_commands(record: Record, twin: TwinFile) -> Array:

@@ -7,17 +7,16 @@ with it strays from the twin without.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import scored_ticks
+from gap_diagnosis.parameters import Effects
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-
-Effects = Mapping[str, Mapping[str, float]]
 
 #: Factor by which the two swings may differ. With a right play the twin swings 0.50 to 1.02 times
 #: as much as the record.

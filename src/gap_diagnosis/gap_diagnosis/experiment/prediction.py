@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.operators import band_limited
 from stage_core.quantities import split_effect
@@ -15,7 +15,6 @@ from stage_core.twin_file import TrackerSpec, TwinFile
 from stage_twin.simulate import simulate
 
 Array = NDArray[np.float64]
-Effects = Mapping[str, Mapping[str, float]]
 
 #: Of a prediction [s]: means of so much are one value; effects last longer.
 STEP = 0.02

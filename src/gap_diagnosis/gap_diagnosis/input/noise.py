@@ -167,15 +167,20 @@ def jitter_finding(
 
 def _blocks(position: Array, period: float, whole: Mask) -> tuple[Array, Array, Array]:
     """Of each block: variance of white noise [m²], mean square and root of it of the speed."""
-    rapid = rough(position)
+    power, inner, use = _power(position, whole)
+    # Over some ticks: noise of a difference falls with the length of it.
+    moves = np.diff(position[inner].reshape(len(power), -1, SHORT)[:, :, [0, -1]], axis=2)[:, :, 0]
+    square = np.mean((moves / ((SHORT - 1) * period)) ** 2, axis=1)
+    return power[use], square[use], np.sqrt(square[use])
+
+
+def _power(signal: Array, whole: Mask) -> tuple[Array, slice, Mask]:
+    """Mean square of what is rough in each block of a signal, their samples, which are whole."""
+    rapid = rough(signal)
     count = len(rapid) // BLOCK
     inner = slice(ORDER // 2, ORDER // 2 + count * BLOCK)
-    use = whole[inner].reshape(count, BLOCK).all(axis=1)
-    # Over some ticks: noise of a difference falls with the length of it.
-    moves = np.diff(position[inner].reshape(count, -1, SHORT)[:, :, [0, -1]], axis=2)[:, :, 0]
-    square = np.mean((moves / ((SHORT - 1) * period)) ** 2, axis=1)
     power = np.mean(rapid[: count * BLOCK].reshape(count, BLOCK) ** 2, axis=1)
-    return power[use], square[use], np.sqrt(square[use])
+    return power, inner, np.asarray(whole[inner].reshape(count, BLOCK).all(axis=1))
 
 
 def rough(signal: Array) -> Array:
@@ -185,15 +190,8 @@ def rough(signal: Array) -> Array:
 
 def white_part(signal: Array, whole: Mask) -> float:
     """Standard deviation of what is white in a signal (n,), in most of its blocks."""
-    rapid = rough(signal)
-    count = len(rapid) // BLOCK
-    inner = slice(ORDER // 2, ORDER // 2 + count * BLOCK)
-    use = whole[inner].reshape(count, BLOCK).all(axis=1)
-    if not use.any():
-        return 0.0
-    return math.sqrt(
-        float(np.median(np.mean(rapid[: count * BLOCK].reshape(count, BLOCK) ** 2, axis=1)[use]))
-    )
+    power, _, use = _power(signal, whole)
+    return math.sqrt(float(np.median(power[use]))) if use.any() else 0.0
 
 
 def tracker_noise(difference: Array, speed: Array, encoder: float) -> float:

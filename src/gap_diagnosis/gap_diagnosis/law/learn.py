@@ -16,6 +16,7 @@ from gap_diagnosis.input.windows import scored_ticks
 from gap_diagnosis.law.judged import Law, law_of
 from gap_diagnosis.law.search import ABOUT_THE_SAME
 from gap_diagnosis.law.signals import Signals, error_signals, force_signals
+from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.problem import Problem
@@ -26,7 +27,6 @@ from stage_twin.effects.friction import DRY
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Effects = Mapping[str, Mapping[str, float]]
 
 #: Of its share of an axis' rows, what an effect of this axis alone may do to the other's.
 ELSEWHERE = 1e-3

@@ -7,7 +7,7 @@ fitted anew, so that it is named where its parameters have changed, and replaces
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.coarse import Coarse
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.parameters import Effects
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of, held_by, link_of
@@ -23,7 +24,6 @@ from stage_twin.kinematics import carry, motor_path
 from stage_twin.measured_force import required_force
 
 Array = NDArray[np.float64]
-Effects = Mapping[str, Mapping[str, float]]
 
 QUANTISATION, INTERPOLATION = 'encoder_quantisation', 'encoder_interpolation'
 NOTHING = 0.05  # of what the twin's effect does, below which the machine does not have it

@@ -11,13 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from gap_diagnosis.closed_loop.polish import Effects, polish
+from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import scored_ticks
-from gap_diagnosis.parameters import Parameters, plain_values
+from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
 from gap_diagnosis.selection.model import Selection, Trial
 from gap_diagnosis.selection.parts import Part
