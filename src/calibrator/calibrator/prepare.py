@@ -194,7 +194,7 @@ def _known(samples: Samples, held: NDArray[np.bool_]) -> Samples:
     """The held samples at places that the rest knows; elsewhere no model predicts anything."""
     rest, chosen = samples.take(~held), samples.take(held)
     domain = Domain.of(rest.command, rest.measured - rest.command, rest.temperatures)
-    return chosen.take(domain.distance(chosen.command) <= 1.0)
+    return chosen.take(domain.knows(chosen.command))
 
 
 def approach_direction(command: Array) -> Array:

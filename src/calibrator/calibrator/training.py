@@ -174,7 +174,7 @@ def _left(model: CalibrationModel, part: Samples) -> Array:
         part.command, part.measured - predict(model, part), part.direction, heat, None
     )
     assert model.domain is not None
-    return left.error[model.domain.distance(left.command) <= 1.0]
+    return left.error[model.domain.knows(left.command)]
 
 
 def _apart(

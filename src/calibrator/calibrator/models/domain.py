@@ -92,6 +92,10 @@ class Domain:
         nearest = cdist(command, self.places).min(axis=1)
         return np.asarray(nearest / max(self.reach, 1e-300), dtype=float)
 
+    def knows(self, command: Array) -> NDArray[np.bool_]:
+        """Mask (n,) of the points for which one of the places stands."""
+        return np.asarray(self.distance(command) <= 1.0)
+
     def guard(
         self, error: Callable[[Array, Array], Array], command: Array, temperatures: Array
     ) -> Array:
@@ -132,7 +136,7 @@ class Domain:
 
         Temperatures may be beyond by half of their span: a room is not the same every day.
         """
-        far = np.flatnonzero(self.distance(command) > 1.0)
+        far = np.flatnonzero(~self.knows(command))
         if len(far):
             point = ', '.join(f'{1e3 * value:.3f}' for value in command[far[0]])
             travel = ', '.join(

@@ -162,7 +162,7 @@ def _left_out(learn: Learner, data: Conditions, masks: list[Mask]) -> Array:
         rest, held = data.take(~mask), data.take(mask)
         predict = learn(rest)
         known = Domain.of(rest.command, rest.error, rest.temperatures)
-        held = held.take(known.distance(held.command) <= 1.0)
+        held = held.take(known.knows(held.command))
         if len(held.command):
             errors.append(held.error - predict(held))
     return np.vstack(errors) if errors else np.empty((0, data.error.shape[1]))

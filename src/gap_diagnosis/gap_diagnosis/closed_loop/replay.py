@@ -74,15 +74,9 @@ def _replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array
     if twin.kind == 'measured_force':
         units = [axis.effort_unit for axis in machine.axes.values() if isinstance(axis, ForceAxis)]
         result = simulate_measured_force(machine, record.encoder, record.force / np.array(units))
-        gap = {
-            f'encoder.{a}': record.encoder[:, i] - result.encoder[:, i]
-            for i, a in enumerate(record.axes)
-        }
         # The needed force follows from a smoothed motion: the recorded one is smoothed alike.
         force = smooth_motion(result.force, record.period).position
-        for i, a in enumerate(record.axes):
-            gap[f'force.{a}'] = force[:, i] - result.required[:, i]
-        return gap
+        return by_channel(record.axes, record.encoder - result.encoder, force - result.required)
     simulated = simulate(
         machine,
         record.reference,
@@ -92,10 +86,12 @@ def _replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array
         tracker_times=np.zeros(0),
         noise=False,
     )
-    gap = {
-        f'encoder.{a}': record.encoder[:, i] - simulated.encoder[:, i]
-        for i, a in enumerate(record.axes)
-    }
-    for i, a in enumerate(record.axes):
-        gap[f'force.{a}'] = record.force[:, i] - simulated.force[:, i]
-    return gap
+    return by_channel(
+        record.axes, record.encoder - simulated.encoder, record.force - simulated.force
+    )
+
+
+def by_channel(axes: tuple[str, ...], encoder: Array, force: Array) -> dict[str, Array]:
+    """Columns (n,) of both (n, a), by the names of their channels."""
+    signals = {'encoder': encoder, 'force': force}
+    return {f'{n}.{axis}': s[:, i] for n, s in signals.items() for i, axis in enumerate(axes)}

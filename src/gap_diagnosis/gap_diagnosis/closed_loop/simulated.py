@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate
 
-from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.replay import by_channel, replay
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.residuals.controller import controller_findings
 from stage_core.errors import StageError
@@ -80,8 +80,7 @@ def beside(record: Record, simulated: Record, twin: TwinFile) -> Record:
         tracker=_tracker(record, run),
     )
     twins = replay(out, twin, {})
-    own = {f'encoder.{a}': out.encoder[:, i] - run.encoder[:, i] for i, a in enumerate(out.axes)}
-    own |= {f'force.{a}': out.force[:, i] - run.force[:, i] for i, a in enumerate(out.axes)}
+    own = by_channel(out.axes, out.encoder - run.encoder, out.force - run.force)
     return replace(out, offset={name: own[name] - gap for name, gap in twins.items()})
 
 

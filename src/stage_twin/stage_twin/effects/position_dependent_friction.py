@@ -15,6 +15,7 @@ from stage_twin.effects.friction import (
     speed_curve,
 )
 from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.shared import piece
 from stage_twin.effects.term import Array, Term, Theta
 
 KNOTS = 7  # of the level: the shortest wave that they follow is a third of the travel
@@ -48,10 +49,8 @@ EFFECT = Effect(
 
 def sliding(position: float, start: float, stop: float, c: Array) -> float:
     """Level of the friction [N]; held beyond the ends."""
-    last = len(c) - 1
-    at = min(max((position - start) / max(stop - start, 1e-9), 0.0), 1.0) * last
-    k = min(int(at), last - 1)
-    return c[k] + (at - k) * (c[k + 1] - c[k])
+    k, share = piece(position, start, stop, len(c) - 1)
+    return c[k] + share * (c[k + 1] - c[k])
 
 
 def stiffness(c: Array, presliding: float) -> float:

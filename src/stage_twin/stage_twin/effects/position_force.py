@@ -9,6 +9,7 @@ from numba import njit
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.shared import cubic, piece
 from stage_twin.effects.term import Array, Term, Theta, constant
 
 KNOTS = 9  # of the curve: the shortest wave that they follow is a quarter of the travel
@@ -45,30 +46,17 @@ EFFECT = Effect(
 def curve(position: float, start: float, stop: float, c: Array) -> float:
     """Cubic curve through equally spaced knots [N]; held beyond the ends."""
     last = len(c) - 1
-    at = min(max((position - start) / max(stop - start, 1e-9), 0.0), 1.0) * last
-    k = min(int(at), last - 1)
-    t = at - k
+    k, share = piece(position, start, stop, last)
     before = c[k - 1] if k > 0 else 2.0 * c[k] - c[k + 1]
     after = c[k + 2] if k + 2 <= last else 2.0 * c[k + 1] - c[k]
-    slope = 0.5 * (c[k + 1] - before)
-    next_slope = 0.5 * (after - c[k])
-    rise = c[k + 1] - c[k]
-    return c[k] + t * (
-        slope + t * (3.0 * rise - 2.0 * slope - next_slope + t * (slope + next_slope - 2.0 * rise))
-    )
+    return cubic(before, c[k], c[k + 1], after, share)
 
 
 def force(position: float, start: float, stop: float, c: Array, m: Array) -> float:
     """Force on the moving mass [N]; held beyond the ends."""
-    total = curve(position, start, stop, c)
-    last = 2 * len(m)
-    at = min(max((position - start) / max(stop - start, 1e-9), 0.0), 1.0) * last
-    k = min(int(at), last - 1)
-    t = at - k
-    before, here, there, after = _fine(m, k - 1), _fine(m, k), _fine(m, k + 1), _fine(m, k + 2)
-    slope, next_slope, rise = 0.5 * (there - before), 0.5 * (after - here), there - here
-    bend = 3.0 * rise - 2.0 * slope - next_slope + t * (slope + next_slope - 2.0 * rise)
-    return total + here + t * (slope + t * bend)
+    k, share = piece(position, start, stop, 2 * len(m))
+    fine = cubic(_fine(m, k - 1), _fine(m, k), _fine(m, k + 1), _fine(m, k + 2), share)
+    return curve(position, start, stop, c) + fine
 
 
 @njit(cache=True)
