@@ -35,6 +35,12 @@ LEVELS = {f'c{k}': level for k, level in enumerate((6.0, 7.0, 10.0, 15.0, 17.0, 
         ('torque_sag.x', {'sag_force': 0.0, 'sag_speed': 1.0}, 0.1),
         ('torque_sag.x', {'sag_force': 0.0, 'sag_heat': 2e-3, 'heat_time': 4.0}, 0.15),
         ('torque_sag.x', {'sag_force': 0.0, 'sag_time': 0.2, 'heat_time': 4.0}, 0.15),
+        # Two ways at once: iron that saturates, and what runs beside it warms.
+        (
+            'torque_sag.x',
+            {'sag_force': 6e-3, 'sag_time': 0.2, 'heat_time': 4.0},
+            0.2,
+        ),
         # Nearly every tick asks for more than that.
         ('force_saturation.x', {'limit': 5.0}, 0.02),
     ],

@@ -26,7 +26,7 @@ def grow(selector: Selector, fit: Fit, names: list[str]) -> Fit:
         plain, theta, lost = terms[name], fit.thetas[name], False
         while (richer := terms[name].next) is not None:
             terms[name] = richer
-            if lost or len(terms[name].lower) > len(theta):
+            if lost or richer.own or len(richer.lower) > len(theta):
                 others = {n: t for n, t in fit.thetas.items() if n != name}
                 theta = selector.regression.warm_start(selector.regression.linear(others), name)
             trial = selector.regression.refine({**fit.thetas, name: theta}, [name], rounds=8)

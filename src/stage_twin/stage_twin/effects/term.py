@@ -34,7 +34,8 @@ class Term:
     steps : per θ a change that moves the columns by a little; empty where a thousandth of the
         range does
     richer : the same effect in the next richer shape, which goes on from the same θ, or from its
-        own grid where it has more of them; taken where the data bear it
+        own grid where it has more of them or they are its `own`; taken where the data bear it
+    own : whether θ says something else than in the plainer shape
     holds : whether this shape holds the effect's special cases
     answer : θ -> columns (n, k) that the encoder's noise alone makes, where a resonance lifts it
     follows : largest share of an error that goes with the axis' own force that the columns follow
@@ -56,6 +57,7 @@ class Term:
     phase: bool = False
     steps: Theta = ()
     richer: Callable[[], Term] | None = None
+    own: bool = False
     holds: bool = True
     answer: Callable[[Theta], Array] | None = None
     follows: float = 1.0

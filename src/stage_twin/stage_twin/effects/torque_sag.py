@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 
@@ -95,6 +98,12 @@ def _warmed(heating: Array, step: float, heat_time: float) -> Array:
 #: Ways to sag: of those without a memory two neighbours may be mixed.
 NAMES = ('sag_square', 'sag_force', 'sag_speed', 'sag_heat', 'sag_time')
 COLD = 3
+#: Ways that may sag together in the richer shape, each with a factor of its own.
+TOGETHER = tuple(
+    ways for number in range(2, len(NAMES) + 1) for ways in combinations(range(len(NAMES)), number)
+)
+#: Highest numbers (the first θ) of ways alone, and of sets of them.
+ALONE, HIGHEST = len(NAMES) - 1, len(NAMES) - 1 + len(TOGETHER)
 TIMES = (4.0, 12.0, 36.0)  # s, starts for that of the warming
 LEAST_TIME, MOST_TIME = 1.5, 250.0  # s
 
@@ -112,52 +121,59 @@ def term(rows: ForceRows) -> Term | None:
         *([f * s for f, s in zip(rows.applied(), own, strict=True)] for own in shares)
     )
     scale = np.array([strongest**2, strongest, fastest, strongest**2, 1.0])
-
-    def columns(theta: Theta) -> Array:
-        weights = _weights(theta[0])
-        column = cold @ weights[:COLD]
-        if weights[COLD:].any():
-            by_force, by_time = weights[COLD:] / scale[COLD:]
-            forces = zip(rows.commanded(), rows.applied(), rows.periods, strict=True)
-            warm = [
-                a * _warmed(by_force * c**2 + by_time, t, math.exp(theta[1])) for c, a, t in forces
-            ]
-            column = column + rows.columns(warm)[:, 0]
-        return np.asarray(column)[:, None]
-
-    def parameters(theta: Theta, c: Array) -> dict[str, float]:
-        values = _weights(theta[0]) * float(c[0]) / scale
-        return {**dict(zip(NAMES, values.tolist(), strict=True)), 'heat_time': math.exp(theta[1])}
-
-    def admissible(theta: Theta, c: Array) -> bool:
-        lost = float(np.abs(columns(theta)[:, 0] * c[0]).max())
-        return bool(c[0] > 0.0) and lost < (1.0 - LEAST) * strongest
-
     force = rows.columns(rows.applied())[:, 0]
 
-    def acting(theta: Theta, c: Array) -> float:
-        return 1.0 - float(force @ columns(theta)[:, 0]) * float(c[0]) / float(force @ force)
+    @lru_cache(maxsize=2 * len(TIMES))
+    def ways(log_time: float) -> Array:
+        """Force (n, 5) that each way loses whose share is one at the strongest force."""
+        warm: list[list[Array]] = [[], []]
+        forces = zip(rows.commanded(), rows.applied(), rows.periods, strict=True)
+        for commanded, acting, period in forces:
+            for heating, lost in zip(((commanded / strongest) ** 2, 1.0), warm, strict=True):
+                heat = np.broadcast_to(heating, acting.shape)
+                lost.append(acting * _warmed(heat, period, math.exp(log_time)))
+        return np.column_stack([cold, rows.columns(*warm)])
 
-    middle = math.log(TIMES[1])
-    hot = tuple((float(way), math.log(time)) for way in (COLD, COLD + 1) for time in TIMES)
-    return Term(
+    def columns(theta: Theta) -> Array:
+        return np.asarray(ways(theta[1]) @ _mixed(theta[0]))
+
+    def parameters(theta: Theta, c: Array) -> dict[str, float]:
+        values = (_mixed(theta[0]) @ c / scale).tolist()
+        return {**dict(zip(NAMES, values, strict=True)), 'heat_time': math.exp(theta[1])}
+
+    def admissible(theta: Theta, c: Array) -> bool:
+        lost = float(np.abs(columns(theta) @ c).max())
+        return bool(np.min(c) > 0.0) and lost < (1.0 - LEAST) * strongest
+
+    def acting(theta: Theta, c: Array) -> float:
+        return 1.0 - float(force @ columns(theta) @ c) / float(force @ force)
+
+    times = [math.log(time) for time in TIMES]
+    cold_ways = tuple((k, times[1]) for k in (0.0, 0.5, 1.0, 1.5, 1.95))
+    warm_ways = tuple((float(way), time) for way in (COLD, COLD + 1) for time in times)
+    several = tuple((float(k), time) for k in range(ALONE + 1, HIGHEST + 1) for time in times)
+    plain = Term(
         columns,
         parameters,
-        grid=(*((k, middle) for k in (0.0, 0.5, 1.0, 1.5, 1.95)), *hot),
+        grid=cold_ways + warm_ways,
         lower=(0.0, math.log(LEAST_TIME)),
-        upper=(COLD + 1.0, math.log(MOST_TIME)),
+        upper=(float(ALONE), math.log(MOST_TIME)),
         admissible=admissible,
         acting=acting,
     )
+    highest = (float(HIGHEST), math.log(MOST_TIME))
+    return replace(plain, richer=lambda: replace(plain, grid=several, upper=highest, own=True))
 
 
-def _weights(way: float) -> Array:
-    """Shares (5,) of the ways to sag: of the two around a number, or of one that warms.
+def _mixed(way: float) -> Array:
+    """Shares (5, k) of the ways to sag: of two neighbours or one that warms, or a set of them.
 
-    Beside another way the heat would follow any slow error of the other models. A small step of
-    the number never leads to another one that warms.
+    Beside another way the heat would follow any slow error of the other models: it is tried there
+    only where this shows (`Term.richer`). A small step never leads to another one that warms.
     """
-    out = np.zeros(len(NAMES))
+    if way > ALONE + 0.5:
+        return np.eye(len(NAMES))[:, list(TOGETHER[round(way) - ALONE - 1])]
+    out = np.zeros((len(NAMES), 1))
     if way >= COLD - 1:
         out[round(way)] = 1.0
         return out
