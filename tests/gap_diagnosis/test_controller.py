@@ -131,3 +131,13 @@ def test_an_effort_that_the_twin_says_of_itself_is_no_finding(planted: Maker) ->
     convention = {'effort_convention.x': {'factor': 0.01, 'magnitude': 0.0}}
     session = planted(convention, duration=10.0)
     assert diagnose([session], [], other_gains({}).with_effects(convention)).verdict == []
+
+
+def test_a_filter_and_a_mass_that_are_wrong_alike_are_no_other_unit(planted: Maker) -> None:
+    # Both make 0.93 of the forces; the record follows the law of the other filter to its digits.
+    truth = {
+        'controller_mismatch.x': {'velocity_filter_error': -0.1},
+        'inertia_mismatch.x': {'ratio': -0.07},
+    }
+    verdict = diagnose([planted(truth)], [], other_gains({})).verdict
+    assert sorted(verdict) == sorted(truth)

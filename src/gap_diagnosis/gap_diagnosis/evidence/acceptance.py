@@ -208,17 +208,21 @@ def refuted(
     `nominal` are the values that the twin states of the effect itself, if it does: then these
     are what a finding has to be away from, and none of the effect is a value as any other.
     """
-    if not shrink.matters or shrink.worse:
-        return True
+    return not shrink.matters or bool(shrink.worse) or untold(name, values, nominal)
+
+
+def untold(name: str, values: Values, nominal: Mapping[str, float] | None = None) -> bool:
+    """Whether no parameter of an effect is for certain another than without it."""
     stated = nominal or {}
     pairs = [p for p in effect_of(name).differ if set(p) <= set(values)]
     if pairs and not any(apart(values[one], values[other]) for one, other in pairs):
         return True
-    own = defining(name)
-    return bool(own) and not any(
+    told = [p for p in effect_of(name).parameters if p.name in defining(name) & set(values)]
+    # What the session does not show (neutral, and no deviation) says nothing of the effect.
+    told = [p for p in told if values[p.name] != (p.neutral, 0.0)]
+    return bool(told) and not any(
         away(values[p.name], stated.get(p.name, p.neutral), p.minimum, p.maximum, p.neutral)
-        for p in effect_of(name).parameters
-        if p.name in own and p.name in values
+        for p in told
     )
 
 

@@ -19,6 +19,7 @@ from gap_diagnosis.evidence.acceptance import (
     shows,
     shrink_in_balance,
     shrink_of,
+    untold,
 )
 from gap_diagnosis.evidence.describe import given_shape, with_model_error
 from gap_diagnosis.input.data import Record
@@ -173,18 +174,13 @@ def _refuted(name: str, parts: list[Part], shrink: Shrink, values: Values, twin:
     """Whether an effect breaks an invariant.
 
     A controller that was read from the record may make no channel worse. What measures is exact.
+    The twin's own run cannot refute what was taken out of the points exactly, but its parameters
+    can; the rests of a stepper are judged by the selection.
     """
-    if _judged(name, parts):
-        return refuted(name, shrink, values, twin.effects.get(name))
-    return not parts and link_of(name) == 'servo' and bool(shrink.worse)
-
-
-def _judged(name: str, parts: list[Part]) -> bool:
-    """Whether the twin's own run can refute an effect.
-
-    Not what is read from the record itself, nor what was taken out of the points exactly; the
-    rests of a stepper are judged by the selection.
-    """
-    exact = any(name in p.problem.before for p in parts)
-    rests = any(isinstance(p.rows, Kinematics) and p.rows.rests for p in parts)
-    return bool(parts) and not rests and not exact
+    if not parts:
+        return link_of(name) == 'servo' and bool(shrink.worse)
+    if any(isinstance(p.rows, Kinematics) and p.rows.rests for p in parts):
+        return False
+    if any(name in p.problem.before for p in parts):
+        return untold(name, values, twin.effects.get(name))
+    return refuted(name, shrink, values, twin.effects.get(name))

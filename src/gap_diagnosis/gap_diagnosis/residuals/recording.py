@@ -39,12 +39,15 @@ Array = NDArray[np.float64]
 CONVENTION = 'effort_convention'
 #: Share of the recorded increments' mean square that the law times a factor must explain.
 FOLLOWED = 0.9
-#: Of the distance between a factor and 1 (of logarithms) that which effort over needed force may
-#: have from the factor: it is 1 for a controller of other gains.
-NEARER = 0.35
+#: Distance (of logarithms) that effort over needed force may have from the factor, over that from
+#: 1, where it is for a controller of other gains: 0.00 to 0.03 of units alone, 0.41 beside a play.
+NEARER = 0.5
 #: Share by which a unit differs from the newton at least: a position gain wrong by 0.018 makes
 #: 0.002 of it.
 LEAST_UNIT = 0.02
+#: RMS that a unit may leave of the recorded increments over what a controller with other gains
+#: leaves: 0.9 to 1.1 of records in another unit, 3000 and more of controllers with other gains.
+ANOTHER_LAW = 2.0
 CORNER = 30.0  # Hz, of the low-pass on forces
 #: Share of ticks of the other sign, from which on a record without signs has lost them.
 BOTH_SIGNS = 0.01
@@ -167,29 +170,24 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimate
     # A loop whose gain has the other sign would run away.
     if factor < 0.0:
         return values, True
-    if not _scales_both(judged, i, axis, efforts):
+    if math.sqrt(left) > ANOTHER_LAW * _left_by_any_law(judged, i, axis, efforts):
         return {}, False
-    moved = max(_moved_by(judged, i, axis, efforts) / factor, 1e-300)
-    told = abs(math.log(moved)) < NEARER * abs(math.log(factor))
+    moved = math.log(max(_moved_by(judged, i, axis, efforts), 1e-300))
+    told = abs(moved - math.log(factor)) < NEARER * abs(moved)
     return values, told and any(r.moving[i] for r in judged)
 
 
-def _scales_both(records: list[Record], i: int, axis: ServoAxis, efforts: list[Array]) -> bool:
-    """Whether both gains of the velocity loop differ by one factor, as another unit makes them."""
-    if axis.integral_gain == 0.0:
-        return True
+def _left_by_any_law(
+    records: list[Record], i: int, axis: ServoAxis, efforts: list[Array]
+) -> float:
+    """RMS of the increments [N] that the best gains of any controller leave of efforts."""
     column = np.arange(records[0].force.shape[1]) == i
     read = [
         replace(r, force=np.where(column, e[:, None], r.force))
         for r, e in zip(records, efforts, strict=True)
     ]
     peak = max(float(np.abs(effort).max()) for effort in efforts)
-    law = fit_law(read, i, replace(axis, force_limit=peak))
-    (gain, gain_std), (integral, integral_std) = (
-        law.error(axis, name) for name in ('velocity_gain', 'integral_gain')
-    )
-    least = max(LEAST_UNIT * abs(1.0 + gain), 3.0 * math.hypot(gain_std, integral_std))
-    return abs(gain - integral) < least
+    return fit_law(read, i, replace(axis, force_limit=peak)).left
 
 
 def _increments(record: Record, i: int, axis: ServoAxis, effort: Array) -> tuple[Array, Array]:

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 FOLD, FOLDS = 2.0, 6  # s, and number of the folds of cross-validation
 LEAST_BLOCKS = 12  # of which a deviation is told
+SEEN = 1e-10  # least eigenvalue of what the rows show, over the largest: rounding makes 1e-12
+SHARED = 1e-7  # share of a parameter that others may take the place of; rounding makes 1e-9
 KEPT = 96 << 20  # bytes of columns that a search may need again
 
 
@@ -308,7 +310,9 @@ class Regression:
         scale = np.linalg.norm(matrix, axis=0)
         scale[scale == 0.0] = np.inf  # what changes nothing here has no deviation
         matrix = matrix / scale
-        inverse = np.linalg.pinv(matrix.T @ matrix, rcond=1e-10)
+        gram = matrix.T @ matrix
+        inverse = np.linalg.pinv(gram, rcond=SEEN)
+        seen = np.abs(np.diag(inverse @ gram) - 1.0) < SHARED
         scores = matrix * fit.residual[rows][:, None]
         labels = np.unique(problem.block[rows], return_inverse=True)[1]
         count, variance = int(labels.max()) + 1, np.zeros(matrix.shape[1])
@@ -321,7 +325,7 @@ class Regression:
             labels, count = labels // 2, (count + 1) // 2
             if count < 2:
                 break
-        deviation = np.sqrt(variance) / scale
+        deviation = np.where(seen, np.sqrt(variance), 0.0) / scale
         out: dict[str, tuple[Array, Array]] = {}
         for name in fit.thetas:
             held = [0.0] * len(fit.thetas[name]) if name == given else []

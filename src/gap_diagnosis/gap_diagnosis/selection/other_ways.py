@@ -52,7 +52,7 @@ def _other_way(
     terms.update(known)
     selector.gap = gap
     other = selector.select(first)
-    better = first[-1] in other.accepted and _better(selector, other, best)
+    better = _better(selector, other, best)
     found = dict(terms) if better else {}
     terms.clear()
     terms.update({n: found.get(n, t) for n, t in shapes.items()})

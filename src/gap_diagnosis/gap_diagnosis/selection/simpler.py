@@ -19,13 +19,15 @@ def merge(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str],
         pair = [f'{other}.{axis}' for other in EFFECTS[effect].merges]
         if not pair or any(p not in accepted for p in pair):
             continue
-        kept = {n: t for n, t in fit.thetas.items() if n not in pair}
-        other = selector.regression.refine({**kept, name: ()}, [*kept])
+        held = {*pair, *selector.replaced(name, accepted)}
+        kept = selector.regression.linear({n: t for n, t in fit.thetas.items() if n not in held})
+        thetas = {**kept.thetas, name: selector.regression.warm_start(kept, name)}
+        other = selector.regression.refine(thetas, list(thetas))
         now = fit.mean_square(selector.problem)
         limit = max(1.05 * now, now + 1e-3 * selector.gap)
         reached = other.mean_square(selector.problem)
         if reached < limit and selector.admissible(other, name):
-            return [a for a in accepted if a not in pair] + [name], other
+            return [a for a in accepted if a not in held] + [name], other
     return accepted, fit
 
 

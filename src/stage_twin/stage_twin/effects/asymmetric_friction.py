@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from stage_twin.effects.definition import Effect
 from stage_twin.effects.friction import (
     PRESLIDING,
@@ -13,7 +17,7 @@ from stage_twin.effects.friction import (
     speed_curve,
     viscous,
 )
-from stage_twin.effects.rows import ForceRows
+from stage_twin.effects.rows import ForceRows, Signal
 from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
@@ -35,6 +39,7 @@ EFFECT = Effect(
     excited_by='strokes in both directions at several speeds',
     holds=('coulomb_friction', 'viscous_friction', 'force_offset'),
     sums=('coulomb_friction', 'viscous_friction'),
+    merges=('coulomb_friction', 'force_offset'),
     differ=(('coulomb_positive', 'coulomb_negative'), ('viscous_positive', 'viscous_negative')),
     excludes=('position_dependent_friction', 'stribeck_friction'),
 )
@@ -57,35 +62,42 @@ def stiffness(coulomb_positive: float, coulomb_negative: float, presliding: floa
 
 
 signature = speed_curve
+LEVELS = ('coulomb_positive', 'coulomb_negative')
+SLOPES = ('viscous_positive', 'viscous_negative')
 
 
 def term(rows: ForceRows) -> Term:
-    """Direction and velocity, each for both directions; θ is the pre-sliding displacement."""
+    """The direction of sliding, for both directions; θ is the pre-sliding displacement."""
 
-    def columns(theta: Theta) -> Array:
+    def levels(theta: Theta) -> list[Signal]:
         z = bristles(rows, theta[0])
-        up = [(v >= 0.0).astype(float) for v in rows.smooth_velocity()]
-        v = rows.velocity()
-        return rows.columns(
-            [zi * ui for zi, ui in zip(z, up, strict=True)],
-            [zi * (1.0 - ui) for zi, ui in zip(z, up, strict=True)],
-            [vi * ui for vi, ui in zip(v, up, strict=True)],
-            [vi * (1.0 - ui) for vi, ui in zip(v, up, strict=True)],
-        )
+        return [[np.maximum(zi, 0.0) for zi in z], [np.minimum(zi, 0.0) for zi in z]]
 
-    return Term(
-        columns,
-        lambda theta, c: {
-            'coulomb_positive': float(c[0]),
-            'coulomb_negative': float(c[1]),
-            'viscous_positive': float(c[2]),
-            'viscous_negative': float(c[3]),
-            'presliding': theta[0],
-        },
+    def slopes() -> list[Signal]:
+        up = [v >= 0.0 for v in rows.smooth_velocity()]
+        v = rows.velocity()
+        return [
+            [np.where(ui, vi, 0.0) for vi, ui in zip(v, up, strict=True)],
+            [np.where(ui, 0.0, vi) for vi, ui in zip(v, up, strict=True)],
+        ]
+
+    def parameters(theta: Theta, c: Array) -> dict[str, float]:
+        values = dict.fromkeys(SLOPES, 0.0) | dict(zip(LEVELS + SLOPES, c.tolist(), strict=False))
+        return {**values, 'presliding': theta[0]}
+
+    plain = Term(
+        lambda theta: rows.columns(*levels(theta)),
+        parameters,
         grid=tuple((g,) for g in presliding_grid(rows)),
         lower=(0.0,),
         upper=(longest_presliding(rows),),
         admissible=lambda theta, c: bool(
-            min(c[0], c[1]) > 0.0 and min(c[2], c[3]) >= -rows.viscous
+            np.min(c[:2]) > 0.0 and np.min(c[2:], initial=0.0) >= -rows.viscous
+        ),
+    )
+    return replace(
+        plain,
+        richer=lambda: replace(
+            plain, columns=lambda theta: rows.columns(*levels(theta), *slopes())
         ),
     )
