@@ -129,8 +129,8 @@ def term(rows: ForceRows) -> Term | None:
         warm: list[list[Array]] = [[], []]
         forces = zip(rows.commanded(), rows.applied(), rows.periods, strict=True)
         for commanded, acting, period in forces:
-            for heating, lost in zip(((commanded / strongest) ** 2, 1.0), warm, strict=True):
-                heat = np.broadcast_to(heating, acting.shape)
+            heats = (commanded / strongest) ** 2, np.ones_like(acting)
+            for heat, lost in zip(heats, warm, strict=True):
                 lost.append(acting * _warmed(heat, period, math.exp(log_time)))
         return np.column_stack([cold, rows.columns(*warm)])
 
