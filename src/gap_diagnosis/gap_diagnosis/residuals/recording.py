@@ -42,6 +42,9 @@ FOLLOWED = 0.9
 #: Distance (of logarithms) that effort over needed force may have from the factor, over that from
 #: 1, where it is for a controller of other gains: 0.00 to 0.03 of units alone, 0.41 beside a play.
 NEARER = 0.5
+#: Factor beyond which an effort is in another unit whatever moves, such as a spring that hides the
+#: mass on a circle: the gains of 17 other controllers were 0.5 to 1.5 times the twin's.
+NO_GAIN = 3.0
 #: Share by which a unit differs from the newton at least: a position gain wrong by 0.018 makes
 #: 0.002 of it.
 LEAST_UNIT = 0.02
@@ -174,6 +177,7 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimate
         return {}, False
     moved = math.log(max(_moved_by(judged, i, axis, efforts), 1e-300))
     told = abs(moved - math.log(factor)) < NEARER * abs(moved)
+    told = told or abs(math.log(factor)) > math.log(NO_GAIN)
     return values, told and any(r.moving[i] for r in judged)
 
 
