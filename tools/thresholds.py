@@ -10,7 +10,7 @@ from calibrator.models import domain, selection
 from gap_diagnosis import passes
 from gap_diagnosis.closed_loop import held_out, misread, swing
 from gap_diagnosis.evidence import acceptance
-from gap_diagnosis.experiment import design, motions, separation
+from gap_diagnosis.experiment import library, motions, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
 from gap_diagnosis.law import judged, search
 from gap_diagnosis.residuals import kinematics, unrecorded
@@ -30,11 +30,11 @@ from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, checks, clocks, coarse, design, domain, drive, forward, grid,
-                   held_out, imitations, judged, kinematics, lacking, loops, machine, misread,
-                   motions, online, outliers, passes, prepare, rivals, search, selection,
-                   separation, servo_clocks, shape, slow_rows, swing, swinging, temperatures,
-                   thermal, training, unrecorded, windows)
+    for module in (acceptance, checks, clocks, coarse, domain, drive, forward, grid,
+                   held_out, imitations, judged, kinematics, lacking, library, loops, machine,
+                   misread, motions, online, outliers, passes, prepare, rivals, scene, search,
+                   selection, separation, servo_clocks, shape, slow_rows, swing, swinging,
+                   temperatures, thermal, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -113,10 +113,11 @@ mean square by which a curve beats a law, at least | {judged.LEAST:.0%}
     'experiment': """
 speed, at most | {motions.Limits.speed:g} m/s
 acceleration, at most | {motions.Limits.acceleration:g} m/s²
-share of the force limit, at most | {design.SHARE_OF_FORCE:.0%}
-duration of one motion | {design.PIECE:g} s
+share of the force limit, at most | {scene.SHARE_OF_FORCE:.0%}
+duration of one motion | {scene.PIECE:g} s
 share of the mean square of the noise, added to the next one | {separation.OF_NOISE:.0%}
 share of what the effects explain | {rivals.CLOSE:.0%}
+share of the library that a session hides before that is a question | {library.MUCH:.0%}
 """,
 }
 

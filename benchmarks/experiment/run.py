@@ -77,19 +77,19 @@ def run_case(seed: int) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Counts of right names that stand alone."""
+    """How often the right name stands alone: before, and after each motion.
+
+    A session without a question stays as it is, whatever the motion.
+    """
     drawn = [(draw(r['seed']), r) for r in rows]
-    opened = [(c, r) for c, r in drawn if r['after']]
+    asked = sum(bool(r['after']) for r in rows)
     lines = [
-        f'{len(rows)} sessions: alone before {sum(alone(c, r["before"]) for c, r in drawn)}',
-        f'{len(opened)} with a question that an experiment was found for:',
-        f'  before: {sum(alone(c, r["before"]) for c, r in opened)}',
+        f'{len(rows)} sessions, {asked} with a question; the right name alone:',
+        f'  before: {sum(alone(c, r["before"]) for c, r in drawn)}',
     ]
     for name in ('experiment', *STANDARD):
-        lines.append(f'  {name}: {sum(alone(c, r["after"].get(name)) for c, r in opened)}')
-    if opened:
-        expected = np.mean([r['expected'] for _, r in opened])
-        lines.append(f'  expected share decided: {expected:.2f}')
+        said = [(c, r['after'].get(name) if r['after'] else r['before']) for c, r in drawn]
+        lines.append(f'  {name}: {sum(alone(c, s) for c, s in said)}')
     return '\n'.join(lines)
 
 

@@ -5,23 +5,28 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from contour_ctrl.contour_parameters import PARAMETERS, make_timed
 from gap_diagnosis.evidence.judgement import name_beside_unknown
-from gap_diagnosis.experiment import motions
+from gap_diagnosis.experiment import library, motions
 from gap_diagnosis.experiment.design import Experiment, design
-from gap_diagnosis.experiment.motions import Limits
+from gap_diagnosis.experiment.library import Library, left_open
+from gap_diagnosis.experiment.motions import Limits, Motion
 from gap_diagnosis.experiment.prediction import Noise, Predictor
 from gap_diagnosis.experiment.questions import Pair
-from gap_diagnosis.experiment.separation import Predicted, decided, margin
+from gap_diagnosis.experiment.scene import Scene
+from gap_diagnosis.experiment.separation import Predicted, decided, margin, squashed
 from gap_diagnosis.report import experiment as file
 from gap_diagnosis.result import Diagnosis
 from stage_core.errors import StageError
 from stage_core.pages import Page
 from stage_core.twin_file import TwinFile
+from stage_twin.effects import effect_of
 
 PERIOD = 0.001
 AXES = ('x', 'y')
@@ -91,6 +96,80 @@ def test_friction_and_offset_are_told_apart_by_a_motion_that_turns(
     assert rate.max() > 1e-7 and rate.min() < -1e-7
 
 
+def small() -> np.ndarray:
+    """A session of ±1 mm in which both axes move alike."""
+    t = np.arange(4000) * PERIOD
+    wave = 1e-3 * np.sin(2.0 * np.pi * 0.75 * t) * np.clip(np.minimum(t, t[-1] - t), 0.0, 1.0)
+    return np.column_stack([wave, wave])
+
+
+def asked(position: np.ndarray, verdict: list[str], below_noise: list[str]) -> list[str]:
+    """Names that are left open after a session with nothing named."""
+    names = ('scale_error.x', 'torque_sag.x', 'force_offset.x', 'coulomb_friction.x')
+    causes = [
+        SimpleNamespace(effect=n, status='below_noise' if n in below_noise else 'rejected')
+        for n in names
+    ]
+    record = SimpleNamespace(axes=AXES, moving=(True, True), reference=position, tracker=None)
+    found = SimpleNamespace(
+        effects={}, accepted=[], verdict=verdict, causes=causes, records=[record]
+    )
+    scene = Scene(PREDICTOR, LIMITS)
+    left = left_open(cast(Diagnosis, found), scene.shower(position))
+    return [n for n in left.names if n in names]
+
+
+@pytest.fixture
+def turning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All axes turned back."""
+    monkeypatch.setattr(library, 'turns', lambda records: dict.fromkeys(AXES, 9))
+
+
+def test_a_small_session_is_asked_what_it_does_not_show(turning: None) -> None:
+    assert asked(small(), [], []) == ['scale_error.x', 'torque_sag.x']
+    # What remains unknown may be whatever was refused, but nothing that would have shown.
+    refused = asked(small(), ['unknown'], ['force_offset.x'])
+    assert refused == ['scale_error.x', 'torque_sag.x', 'coulomb_friction.x']
+
+
+def test_a_session_that_shows_the_library_is_asked_nothing(turning: None) -> None:
+    bold = motions.sample(Motion('strokes', 1.0, 1.0, (0.5, 0.5), 3), LIMITS, 6.0, PERIOD)
+    assert asked(bold, [], []) == []
+
+
+def in_session(*names: str) -> Library:
+    """A library of a few effects with what they do in the small session."""
+    some = Library({n: ({n: effect_of(n).defaults()}, {}) for n in names})
+    made = some.made(Scene(PREDICTOR, LIMITS).shower(small()))
+    return replace(some, products=made @ made.transpose(0, 2, 1), values=made.shape[-1])
+
+
+def test_what_a_session_hides_is_shown_by_a_bold_motion() -> None:
+    hidden = in_session('scale_error.x', 'scale_error.y')
+    assert np.all(hidden.margins()[:, -1] < 1.0)
+    found = design([], PREDICTOR, LIMITS, small(), library=hidden)
+    assert found is not None
+    assert (found.before, found.expected) == (0.0, 1.0)
+    assert np.ptp(found.position, axis=0).min() > 0.02
+
+
+def test_a_session_that_shows_nothing_weakens_what_a_motion_shows() -> None:
+    hidden = in_session('scale_error.x')
+    alone = replace(hidden, values=0)
+    products = np.full((4, 1, 1), 100.0)
+    assert hidden.margins(products, 200)[0, -1] < 0.6 * alone.margins(products, 200)[0, -1]
+
+
+def test_the_slope_goes_on_where_nothing_decides() -> None:
+    shares = squashed(np.array([1e-3, 1e-2, 1.0, 9.0, np.inf]))
+    np.testing.assert_allclose(shares, [1e-3, 1e-2, 0.5, 0.9, 1.0], rtol=0.02)
+
+
+def test_no_effect_is_asked_to_stand_out_from_one_that_holds_it() -> None:
+    margins = in_session('coulomb_friction.x', 'asymmetric_friction.x').margins()
+    assert np.isinf(margins[0, 1]) and np.isfinite(margins[1, 0])
+
+
 def test_a_motion_that_needs_too_much_force_is_none() -> None:
     pair = Pair(('force_offset.x', 'coulomb_friction.x'), OFFSET, FRICTION, {})
     weak = replace(LIMITS, force=np.array([5.0, 5.0]))
@@ -105,7 +184,7 @@ def test_the_contour_controller_takes_the_motion(experiment: Experiment, tmp_pat
     count = min(len(reference), len(experiment.position))
     assert count > 0.99 * len(experiment.position)
     apart = np.abs(reference.position[:count] - experiment.position[:count]).max()
-    assert apart < 1e-7
+    assert apart < 3e-7
     slow = {**values, 'x.max_velocity': 1e-4, 'y.max_velocity': 1e-4}
     with pytest.raises(StageError, match='exceeds the speed limit'):
         make_timed(slow.__getitem__)

@@ -112,7 +112,7 @@ def test_a_motion_that_decides_nothing_is_not_proposed() -> None:
         verdict=('cyclic_pitch_error.y',),
         experiment=SimpleNamespace(
             pairs=(pair,), expected=0.0, before=0.0, separates=('cyclic_pitch_error.y',),
-            duration=14.0, motions=('a sweep',),
+            library=[], duration=14.0, motions=('a sweep',),
         ),
     )  # fmt: skip
     page = Page('next')
@@ -122,6 +122,12 @@ def test_a_motion_that_decides_nothing_is_not_proposed() -> None:
     found.experiment.expected = 0.6
     section(page, found)  # type: ignore[arg-type]
     assert 'experiment.csv' in page.render()
+    found.experiment.pairs = ()
+    found.experiment.library = [('backlash.x', 0.2, 0.9), ('drive_play.x', 0.5, 0.5)]
+    page = Page('hidden')
+    section(page, found)  # type: ignore[arg-type]
+    shown = page.render()
+    assert 'moves too little' in shown and 'backlash of x' in shown
 
 
 def test_an_effect_that_is_rather_not_there_is_named_apart() -> None:

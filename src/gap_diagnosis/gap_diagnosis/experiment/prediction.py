@@ -74,8 +74,8 @@ class Predictor:
         """Channels (c, m) over their noise of a reference (n, a) [m]; largest force (a,) [N].
 
         Channels are the force of each axis that the nominal motion does not need, then the
-        tracker less the encoder of each. Where an axis rests the force is zero, as a diagnosis
-        passes it over.
+        tracker less the encoder of each, but for the offset of its frame. Where an axis rests the
+        force is zero, as a diagnosis passes it over.
 
         Raises
         ------
@@ -96,7 +96,8 @@ class Predictor:
         if self.tracker:
             clock = np.arange(len(position)) * period
             at = np.array([np.interp(times, clock, column) for column in made.encoder.T])
-            shown.append((made.tracker_points[:, : len(at)].T - at) / self.noise.tracker)
+            apart = made.tracker_points[:, : len(at)].T - at
+            shown.append((apart - apart.mean(axis=1, keepdims=True)) / self.noise.tracker)
         return np.concatenate(shown), np.abs(made.force).max(axis=0)
 
     def times(self, ticks: int) -> Array:

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.experiment.design import Experiment, design
+from gap_diagnosis.experiment.library import left_open
 from gap_diagnosis.experiment.motions import Limits
 from gap_diagnosis.experiment.prediction import Noise, Predictor
 from gap_diagnosis.experiment.questions import open_pairs
+from gap_diagnosis.experiment.scene import Scene
 from gap_diagnosis.residuals.force_rows import ATTENUATION, CUTS, ForceRows
 from gap_diagnosis.result import Diagnosis
 
@@ -34,12 +36,10 @@ def propose(
     if found.twin.kind != 'servo' or found.drives:
         return None
     predictor = predictor_of(found)
-    pairs = open_pairs(found, predictor)
-    if not pairs:
-        return None
     limits = replace(limits_of(found, travel or {}), duration=duration)
     session = found.records[0].reference
-    return design(pairs, predictor, limits, session, seed, progress)
+    library = left_open(found, Scene(predictor, limits).shower(session))
+    return design(open_pairs(found), predictor, limits, session, seed, progress, library)
 
 
 def limits_of(found: Diagnosis, travel: Travel) -> Limits:

@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from gap_diagnosis.evidence.acceptance import SIGMAS, defining
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import Cause
-from gap_diagnosis.experiment import unseen
-from gap_diagnosis.experiment.prediction import Predictor
-from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.selection.model import Selection
 from gap_diagnosis.selection.parts import Part
-from stage_core.quantities import UNKNOWN, split_effect
 from stage_twin.effects import effect_of
 
-#: Rivals of one effect, and candidates for what is unknown, that are simulated.
+Parameters = dict[str, dict[str, tuple[float, float]]]
+
+#: Rivals of one effect that are simulated.
 MOST = 4
 #: Of an effect with more parameters, such as a curve, some are nothing without being a question.
 FEW = 3
@@ -42,17 +40,14 @@ class Pair:
     common: Parameters
 
 
-def open_pairs(found: Diagnosis, predictor: Predictor) -> list[Pair]:
+def open_pairs(found: Diagnosis) -> list[Pair]:
     """Every pair that an experiment should tell apart; empty where no question is open."""
     accepted = {n: found.parameters[n] for n in found.accepted}
     pairs = []
     for cause in found.causes:
         if cause.status == 'accepted' and cause.effect in accepted:
             pairs += list(_rivals(found, cause, accepted))
-            pairs += list(_never_shown(found, predictor, cause.effect, accepted))
             pairs += list(_sizes(cause, accepted))
-    if UNKNOWN in found.verdict:
-        pairs += _unknown(found, predictor, accepted)
     return pairs
 
 
@@ -69,18 +64,6 @@ def _rivals(found: Diagnosis, cause: Cause, accepted: Parameters) -> Iterator[Pa
                 yield Pair((cause.effect, rival), accepted, {**rest, **fitted}, rest)
 
 
-def _never_shown(
-    found: Diagnosis, predictor: Predictor, name: str, accepted: Parameters
-) -> Iterator[Pair]:
-    """The effect beside those of its axis that the session could not show but that imitate it."""
-    axis = split_effect(name)[1]
-    rivals = [n for n in unseen.names(found) if split_effect(n)[1] == axis]
-    rest = {n: v for n, v in accepted.items() if n != name}
-    imitating = sorted(unseen.imitations(found, predictor, rest, rivals), key=lambda c: -c[0])
-    for _, rival, fitted in imitating[:MOST]:
-        yield Pair((name, rival), accepted, fitted, rest)
-
-
 def _sizes(cause: Cause, accepted: Parameters) -> Iterator[Pair]:
     """Both ends of the interval of a parameter that may as well be nothing."""
     own = defining(cause.effect)
@@ -95,29 +78,6 @@ def _sizes(cause: Cause, accepted: Parameters) -> Iterator[Pair]:
             ends.append({**accepted, cause.effect: {**accepted[cause.effect], name: (end, 0.0)}})
         rest = {n: v for n, v in accepted.items() if n != cause.effect}
         yield Pair((f'{cause.effect}: {name} small', LARGE), ends[0], ends[1], rest)
-
-
-def _unknown(found: Diagnosis, predictor: Predictor, accepted: Parameters) -> list[Pair]:
-    """Candidates that would explain most of the remainder, each against all the others.
-
-    They were refused for what the session shows; on another motion the right one stands out.
-    """
-    candidates: list[tuple[float, str, Parameters]] = []
-    for part in found.parts:
-        if not part.structure.structured:
-            continue
-        for name, evidence in part.selection.rejected.items():
-            if evidence.gain > 0.0 and name in part.selector.problem.terms:
-                fit = part.selector.with_effect(part.selection.fit, name)
-                if part.selector.admissible(fit, name):
-                    candidates.append((evidence.share, name, _fitted(part, fit)))
-    candidates += unseen.imitations(found, predictor, accepted, unseen.names(found))
-    best = sorted(candidates, key=lambda c: -c[0])[:MOST]
-    return [
-        Pair((a, b), {**accepted, **one}, {**accepted, **two}, accepted)
-        for i, (_, a, one) in enumerate(best)
-        for _, b, two in best[i + 1 :]
-    ]
 
 
 def _fitted(part: Part, fit: Fit) -> Parameters:

@@ -73,3 +73,12 @@ def _margin(difference: Array, one: Predicted, two: Predicted, common: Array) ->
     gains = [np.mean((p.mean - common) ** 2, axis=1) for p in (one, two)]
     asked = OF_NOISE + CLOSE * np.minimum(*gains)
     return float(np.max(remaining / asked))
+
+
+def squashed(margins: Array) -> Array:
+    """Margins as shares: half where they just decide, 1 where they are infinite.
+
+    The slope goes on on both sides of 1: where nothing decides, the motion that comes closest is
+    the best one.
+    """
+    return np.asarray(1.0 - 1.0 / (1.0 + margins))

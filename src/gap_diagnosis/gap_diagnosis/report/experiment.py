@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ from stage_twin.effects import effect_of
 FILE = 'experiment.csv'
 #: Of the table [s]: the contour controller takes a spline through it.
 SPACING = 0.004
+#: Effects that the session does not show, at most, of which the page says what is expected.
+MOST = 8
 
 
 def as_dict(experiment: Experiment) -> dict[str, Any]:
@@ -32,6 +35,10 @@ def as_dict(experiment: Experiment) -> dict[str, Any]:
         'pairs': [
             {'candidates': list(names), 'before': before, 'expected': expected}
             for names, before, expected in experiment.pairs
+        ],
+        'library': [
+            {'effect': name, 'before': before, 'expected': expected}
+            for name, before, expected in experiment.library
         ],
         'motions': experiment.motions,
         'file': FILE,
@@ -56,10 +63,12 @@ def table(position: NDArray[np.float64], period: float, axes: tuple[str, ...]) -
     return '\n'.join(lines) + '\n'
 
 
-def _words(pair: tuple[str, ...]) -> str:
-    """*nonorthogonality or angular error of x*, *the amplitude in backlash of x*."""
+def _words(pair: Sequence[str]) -> str:
+    """*nonorthogonality or angular error of x*, *the amplitude in backlash of x*, *backlash*."""
+    if isinstance(pair, str):
+        return effect_words(pair)
     name, _, size = pair[0].partition(': ')
-    if pair[1:] == (LARGE,):
+    if tuple(pair[1:]) == (LARGE,):
         return f'the {parameter_name(size.removesuffix(" small"))} in {effect_words(name)}'
     return ' or '.join(map(effect_words, pair))
 
@@ -85,30 +94,43 @@ def section(page: Page, found: Diagnosis) -> None:
             )
         return
     if experiment.expected <= experiment.before:
-        left = '; '.join(_words(pair) for pair, _, _ in experiment.pairs)
+        rows = [*experiment.pairs, *experiment.library]
+        left = '; '.join(_words(names) for names, _, _ in rows)
         page.text(
             f'These data leave open: {left}. No motion that was tried within the limits is '
             'expected to decide it.'
         )
         return
-    names = ', '.join(effect_words(name) for name in experiment.separates)
     page.text(
-        f'These data cannot tell apart: {names}. Of motions within the limits, this one of '
+        f'{_open(experiment)} Of motions within the limits, this one of '
         f'{experiment.duration:.0f} s moves the predictions of the twin with each of them '
         f'furthest apart, whatever their parameters are within their intervals: '
         f'{"; ".join(experiment.motions)}.'
     )
+    shown = sorted(experiment.library, key=lambda row: row[1] - row[2])[:MOST]
     page.table(
         ['candidates', 'decided by this session', 'expected of the experiment'],
         [
-            [_words(pair), f'{100 * before:.0f} %', f'{100 * expected:.0f} %']
-            for pair, before, expected in experiment.pairs
+            [_words(names), f'{100 * before:.0f} %', f'{100 * expected:.0f} %']
+            for names, before, expected in [*experiment.pairs, *shown]
         ],
-        'share of the machines with parameters within the intervals on which a diagnosis would '
-        'prefer the right one',
+        'of two candidates: share of the machines with parameters within the intervals on which a '
+        'diagnosis would prefer the right one; of one effect at a usual size: share of the other '
+        'effects, and of none at all, from which a diagnosis would tell it',
     )
     page.text(
         f'`{FILE}` beside this page is the motion. `ros2 service call /gap_diagnosis/experiment '
         'std_srvs/srv/Trigger` has the stage run it, where the node allows motion, and diagnoses '
         'both sessions together.'
+    )
+
+
+def _open(experiment: Experiment) -> str:
+    """What the session leaves open, in a sentence."""
+    if experiment.pairs:
+        names = ', '.join(effect_words(name) for name in experiment.separates)
+        return f'These data cannot tell apart: {names}.'
+    return (
+        'This session moves too little to show some effects of a usual size, or to tell them '
+        'from others.'
     )

@@ -1,0 +1,136 @@
+"""What a motion does not show: every effect of the library at a usual size, against every other.
+
+The usual size is that at which a twin file switches an effect on. What was named stands with the
+parameters that were found. Of the difference that an effect makes only that part counts which
+no multiple of another effect's makes as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.evidence.acceptance import LEAST_SEEN
+from gap_diagnosis.experiment.separation import apart
+from gap_diagnosis.input.checks import turns
+from gap_diagnosis.result import Diagnosis
+from gap_diagnosis.selection.rivals import CLOSE
+from stage_core.errors import StageError
+from stage_core.quantities import UNKNOWN, split_effect
+from stage_twin.effects import EFFECTS, effect_of
+
+Array = NDArray[np.float64]
+Effects = dict[str, dict[str, float]]
+
+#: Share of the library that a session has to hide before it is asked what it does not show. A
+#: session of strokes over 60 mm and a sweep hides 4 %, one of 2 mm of amplitude 21 %.
+MUCH = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """Effects that a machine may have beside or in place of what was named.
+
+    Attributes
+    ----------
+    sides : name (k) -> effects of the twin with it and without it
+    products : of what the effects do in the session (c, k, k), summed over its values
+    values : how many a channel of the session has
+    """
+
+    sides: dict[str, tuple[Effects, Effects]] = field(default_factory=dict)
+    products: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    values: int = 0
+
+    @property
+    def names(self) -> list[str]:
+        """Names (k,) of the effects."""
+        return list(self.sides)
+
+    def only(self, kept: NDArray[np.bool_]) -> Library:
+        """The library of some (k,) of its effects."""
+        sides = {n: s for (n, s), keep in zip(self.sides.items(), kept, strict=True) if keep}
+        return Library(sides, self.products[:, kept][:, :, kept], self.values)
+
+    def made(self, shown: Callable[[Effects], Array]) -> Array:
+        """Channels (c, k, m) that the effects add to a motion, over their noise.
+
+        `shown` are the channels (c, m) of the motion with any effects.
+        """
+        each = [apart(shown(a), shown(b)) for a, b in self.sides.values()]
+        return np.stack(each, axis=1) if each else np.zeros((0, 0, 0))
+
+    def margins(self, products: Array | float = 0.0, values: int = 0) -> Array:
+        """How far each effect (k,) stands out from each and, last, from nothing (k, k + 1).
+
+        Above 1 a diagnosis of the session and of motions with these products tells it; infinite
+        where none is asked to. One multiple of the other effect holds for all of a channel.
+        """
+        gram = (self.products + products) / max(1, self.values + values)
+        if not self.sides:
+            return np.zeros((0, 1))
+        own = np.einsum('cii->ci', gram)
+        imitated = gram**2 / np.maximum(own, 1e-30)[:, None, :]
+        left = np.concatenate([own[:, :, None] - imitated, own[:, :, None]], axis=2)
+        found = np.max(left / (LEAST_SEEN + CLOSE * own[:, :, None]), axis=0)
+        return np.where(self._asked(), found, np.inf)
+
+    def _asked(self) -> NDArray[np.bool_]:
+        """Pairs that a selection tells apart: an effect is none without its special cases."""
+        kinds = [split_effect(name) for name in self.names]
+        asked = [
+            [a != b and not (a[1] == b[1] and a[0] in EFFECTS[b[0]].holds) for b in kinds]
+            for a in kinds
+        ]
+        return np.column_stack([np.reshape(asked, (len(kinds),) * 2), np.ones(len(kinds), bool)])
+
+
+def left_open(found: Diagnosis, shown: Callable[[Effects], Array]) -> Library:
+    """The effects that a machine may have after a session; `shown` are the channels of that.
+
+    What the session would have told from nothing and from all that was named is not there at its
+    usual size, unless something unknown remains in which it may be. Empty where the session shows
+    nearly all.
+    """
+    library = _simulated(found, shown)
+    told, names = library.margins() > 1.0, np.array(library.names)
+    hidden = ~told[:, -1]
+    unknown = UNKNOWN in found.verdict
+    if not unknown and np.mean(hidden) < MUCH:
+        return Library()
+    named = np.isin(names, found.accepted)
+    like = np.any(~told[:, :-1][:, named], axis=1) | np.any(~told[named, :-1], axis=0)
+    below_noise = [c.effect for c in found.causes if c.status == 'below_noise']
+    return library.only(hidden | named | like | (unknown & ~np.isin(names, below_noise)))
+
+
+def _simulated(found: Diagnosis, shown: Callable[[Effects], Array]) -> Library:
+    """What was named, what was refused, and what needs a reversal that the session has not.
+
+    An effect with which the twin cannot run the session is none of them.
+    """
+    names = [c.effect for c in found.causes if split_effect(c.effect)[0] in EFFECTS]
+    sides = {}
+    for name in dict.fromkeys([*found.effects, *names, *_never_turned(found)]):
+        rest = {n: v for n, v in found.effects.items() if n != name}
+        own = found.effects.get(name, effect_of(name).defaults())
+        try:
+            shown({**rest, name: own}), shown(rest)
+        except StageError:
+            continue
+        sides[name] = ({**rest, name: own}, rest)
+    made = Library(sides).made(shown)
+    return Library(sides, made @ made.transpose(0, 2, 1), made.shape[-1])
+
+
+def _never_turned(found: Diagnosis) -> list[str]:
+    """Effects that need a reversal, of the axes that moved and never turned back."""
+    record = found.records[0]
+    counts = turns(found.records)
+    still = [a for a, moves in zip(record.axes, record.moving, strict=True) if moves]
+    return [
+        f'{e.name}.{a}' for a in still if counts[a] == 0 for e in EFFECTS.values() if e.reverses
+    ]
