@@ -16,7 +16,7 @@ from gap_diagnosis.evidence.judgement import name_beside_unknown
 from gap_diagnosis.experiment import library, motions
 from gap_diagnosis.experiment.design import Experiment, design
 from gap_diagnosis.experiment.library import Library, left_open
-from gap_diagnosis.experiment.motions import Limits, Motion
+from gap_diagnosis.experiment.motions import Limits
 from gap_diagnosis.experiment.prediction import Noise, Predictor
 from gap_diagnosis.experiment.questions import Pair
 from gap_diagnosis.experiment.scene import Scene
@@ -53,7 +53,7 @@ def one_way() -> np.ndarray:
 def experiment() -> Experiment:
     """What separates friction from an offset after a session in one direction."""
     pair = Pair(('force_offset.x', 'coulomb_friction.x'), OFFSET, FRICTION, {})
-    found = design([pair], PREDICTOR, LIMITS, one_way())
+    found = design([pair], PREDICTOR, LIMITS, [one_way()])
     assert found is not None
     return found
 
@@ -103,19 +103,26 @@ def small() -> np.ndarray:
     return np.column_stack([wave, wave])
 
 
-def asked(position: np.ndarray, verdict: list[str], below_noise: list[str]) -> list[str]:
+def bold() -> np.ndarray:
+    """Strokes of the whole travel."""
+    return motions.sample(motions.boldest('strokes', 2), LIMITS, 6.0, PERIOD)
+
+
+def asked(positions: list[np.ndarray], verdict: list[str], below_noise: list[str]) -> list[str]:
     """Names that are left open after a session with nothing named."""
     names = ('scale_error.x', 'torque_sag.x', 'force_offset.x', 'coulomb_friction.x')
     causes = [
         SimpleNamespace(effect=n, status='below_noise' if n in below_noise else 'rejected')
         for n in names
     ]
-    record = SimpleNamespace(axes=AXES, moving=(True, True), reference=position, tracker=None)
+    record = SimpleNamespace(axes=AXES, moving=(True, True))
     found = SimpleNamespace(
         effects={}, accepted=[], verdict=verdict, causes=causes, records=[record]
     )
     scene = Scene(PREDICTOR, LIMITS)
-    left = left_open(cast(Diagnosis, found), scene.shower(position))
+    left = left_open(
+        cast(Diagnosis, found), [scene.shower(p) for p in positions], scene.shower(bold())
+    )
     return [n for n in left.names if n in names]
 
 
@@ -126,15 +133,16 @@ def turning(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_small_session_is_asked_what_it_does_not_show(turning: None) -> None:
-    assert asked(small(), [], []) == ['scale_error.x', 'torque_sag.x']
+    assert asked([small()], [], []) == ['scale_error.x', 'torque_sag.x']
     # What remains unknown may be whatever was refused, but nothing that would have shown.
-    refused = asked(small(), ['unknown'], ['force_offset.x'])
+    refused = asked([small()], ['unknown'], ['force_offset.x'])
     assert refused == ['scale_error.x', 'torque_sag.x', 'coulomb_friction.x']
 
 
 def test_a_session_that_shows_the_library_is_asked_nothing(turning: None) -> None:
-    bold = motions.sample(Motion('strokes', 1.0, 1.0, (0.5, 0.5), 3), LIMITS, 6.0, PERIOD)
-    assert asked(bold, [], []) == []
+    assert asked([bold()], [], []) == []
+    # Nor is one that had little motion, once the stage moved again.
+    assert asked([small(), bold()], [], []) == []
 
 
 def in_session(*names: str) -> Library:
@@ -147,7 +155,7 @@ def in_session(*names: str) -> Library:
 def test_what_a_session_hides_is_shown_by_a_bold_motion() -> None:
     hidden = in_session('scale_error.x', 'scale_error.y')
     assert np.all(hidden.margins()[:, -1] < 1.0)
-    found = design([], PREDICTOR, LIMITS, small(), library=hidden)
+    found = design([], PREDICTOR, LIMITS, [small()], library=hidden)
     assert found is not None
     assert (found.before, found.expected) == (0.0, 1.0)
     assert np.ptp(found.position, axis=0).min() > 0.02
@@ -173,7 +181,7 @@ def test_no_effect_is_asked_to_stand_out_from_one_that_holds_it() -> None:
 def test_a_motion_that_needs_too_much_force_is_none() -> None:
     pair = Pair(('force_offset.x', 'coulomb_friction.x'), OFFSET, FRICTION, {})
     weak = replace(LIMITS, force=np.array([5.0, 5.0]))
-    assert design([pair], PREDICTOR, weak, one_way()) is None
+    assert design([pair], PREDICTOR, weak, [one_way()]) is None
 
 
 def test_the_contour_controller_takes_the_motion(experiment: Experiment, tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +29,7 @@ class Experiment:
     ----------
     separates : the candidates
     expected : mean of what is expected of the pairs and of the library
-    before : the same for the motion of the session itself
+    before : the same for the motions of the sessions
     pairs : names of each pair with the share of its drawn machines that is decided, before and
         expected
     library : effects at their usual size with the share of the others, nothing among them, from
@@ -58,20 +58,20 @@ def design(
     pairs: list[Pair],
     predictor: Predictor,
     limits: Limits,
-    session: Array,
+    sessions: Sequence[Array],
     seed: int = 0,
     progress: Callable[[str], None] = lambda _: None,
     library: Library | None = None,
 ) -> Experiment | None:
     """The experiment that tells the pairs apart; None where no motion within the limits does.
 
-    `session` (n, a) [m] is the motion that left the question open. A pair of which a side is no
+    `sessions` (n, a) [m] are the motions that left the question open. A pair of which a side is no
     machine that could run it is no question. `library` are other effects that may be there.
     """
     generator = np.random.default_rng(seed)
     before = Scene(predictor, limits)
     asked = [Question(pair, generator) for pair in pairs]
-    questions = [q for q in asked if not np.isnan(_decided(before, [q], session)).any()]
+    questions = [q for q in asked if not np.isnan(_before(before, [q], sessions)).any()]
     scene = Scene(predictor, limits, questions, library or Library())
     if not questions and not np.any(scene.library.margins() < 1.0):
         return None
@@ -82,14 +82,16 @@ def design(
     if not chosen:
         return None
     position = joined([c.position for c in chosen], limits, predictor.twin.control_period)
-    found = _told(scene, session, chosen, position)
+    found = _told(scene, sessions, chosen, position)
     return found if questions or found.expected > found.before else None
 
 
-def _told(scene: Scene, session: Array, chosen: list[Tried], position: Array) -> Experiment:
-    """What is expected of a motion, beside the session."""
+def _told(
+    scene: Scene, sessions: Sequence[Array], chosen: list[Tried], position: Array
+) -> Experiment:
+    """What is expected of a motion, beside the sessions."""
     names = [q.names for q in scene.questions]
-    both = [_decided(scene, scene.questions, motion) for motion in (session, position)]
+    both = _before(scene, scene.questions, sessions), _decided(scene, scene.questions, position)
     pairs = list(zip(names, *(np.nan_to_num(b).tolist() for b in both), strict=True))
     margins = scene.library.margins(), scene.after(chosen[0].beside(chosen[1:]).products)
     asked = np.isfinite(margins[0])
@@ -112,6 +114,12 @@ def _told(scene: Scene, session: Array, chosen: list[Tried], position: Array) ->
         period=scene.predictor.twin.control_period,
         axes=axes,
     )
+
+
+def _before(scene: Scene, questions: list[Question], sessions: Sequence[Array]) -> Array:
+    """Share that the session decides which decides most; nan where one of them cannot run."""
+    each = [_decided(scene, questions, session) for session in sessions]
+    return np.asarray(np.max(each, axis=0))
 
 
 def _decided(scene: Scene, questions: list[Question], position: Array) -> Array:

@@ -7,7 +7,7 @@ no multiple of another effect's makes as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,10 +24,13 @@ from stage_twin.effects import EFFECTS, effect_of
 
 Array = NDArray[np.float64]
 Effects = dict[str, dict[str, float]]
+#: Channels (c, m) of a motion with any effects.
+Shown = Callable[[Effects], Array]
 
-#: Share of the library that a session has to hide before it is asked what it does not show. A
-#: session of strokes over 60 mm and a sweep hides 4 %, one of 2 mm of amplitude 21 %.
-MUCH = 0.1
+#: Share of the library that strokes of the whole travel have to show beyond a session, before that
+#: is asked what it does not show. It is 0 to 4 % after strokes over 60 mm and a sweep; after
+#: sessions of little motion 6 to 9 % within their own travel, 19 to 21 % within 80 mm.
+MUCH = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +40,8 @@ class Library:
     Attributes
     ----------
     sides : name (k) -> effects of the twin with it and without it
-    products : of what the effects do in the session (c, k, k), summed over its values
-    values : how many a channel of the session has
+    products : of what the effects do in the sessions (c, k, k), summed over their values
+    values : how many a channel of the sessions has
     """
 
     sides: dict[str, tuple[Effects, Effects]] = field(default_factory=dict)
@@ -55,7 +58,7 @@ class Library:
         sides = {n: s for (n, s), keep in zip(self.sides.items(), kept, strict=True) if keep}
         return Library(sides, self.products[:, kept][:, :, kept], self.values)
 
-    def made(self, shown: Callable[[Effects], Array]) -> Array:
+    def made(self, shown: Shown) -> Array:
         """Channels (c, k, m) that the effects add to a motion, over their noise.
 
         `shown` are the channels (c, m) of the motion with any effects.
@@ -66,7 +69,7 @@ class Library:
     def margins(self, products: Array | float = 0.0, values: int = 0) -> Array:
         """How far each effect (k,) stands out from each and, last, from nothing (k, k + 1).
 
-        Above 1 a diagnosis of the session and of motions with these products tells it; infinite
+        Above 1 a diagnosis of the sessions and of motions with these products tells it; infinite
         where none is asked to. One multiple of the other effect holds for all of a channel.
         """
         gram = (self.products + products) / max(1, self.values + values)
@@ -88,18 +91,18 @@ class Library:
         return np.column_stack([np.reshape(asked, (len(kinds),) * 2), np.ones(len(kinds), bool)])
 
 
-def left_open(found: Diagnosis, shown: Callable[[Effects], Array]) -> Library:
-    """The effects that a machine may have after a session; `shown` are the channels of that.
+def left_open(found: Diagnosis, shown: Sequence[Shown], bold: Shown) -> Library:
+    """The effects that a machine may have after some sessions.
 
-    What the session would have told from nothing and from all that was named is not there at its
-    usual size, unless something unknown remains in which it may be. Empty where the session shows
-    nearly all.
+    What they would have told from nothing and from all that was named is not there at its usual
+    size, unless something unknown remains in which it may be. `shown` are the channels (c, m) of
+    each session, `bold` those of strokes of the whole travel: empty where these show little more.
     """
     library = _simulated(found, shown)
     told, names = library.margins() > 1.0, np.array(library.names)
     hidden = ~told[:, -1]
     unknown = UNKNOWN in found.verdict
-    if not unknown and np.mean(hidden) < MUCH:
+    if not unknown and _share(library, hidden, bold) < MUCH:
         return Library()
     named = np.isin(names, found.accepted)
     like = np.any(~told[:, :-1][:, named], axis=1) | np.any(~told[named, :-1], axis=0)
@@ -107,10 +110,17 @@ def left_open(found: Diagnosis, shown: Callable[[Effects], Array]) -> Library:
     return library.only(hidden | named | like | (unknown & ~np.isin(names, below_noise)))
 
 
-def _simulated(found: Diagnosis, shown: Callable[[Effects], Array]) -> Library:
-    """What was named, what was refused, and what needs a reversal that the session has not.
+def _share(library: Library, hidden: NDArray[np.bool_], shown: Shown) -> float:
+    """Share of the library that is hidden, and that a motion would show beside the sessions."""
+    made = library.made(shown)
+    margins = library.margins(made @ made.transpose(0, 2, 1), made.shape[-1])
+    return float(np.mean(hidden & (margins[:, -1] > 1.0))) if len(hidden) else 0.0
 
-    An effect with which the twin cannot run the session is none of them.
+
+def _simulated(found: Diagnosis, shown: Sequence[Shown]) -> Library:
+    """What was named, what was refused, and what needs a reversal that no session has.
+
+    An effect with which the twin cannot run the sessions is none of them.
     """
     names = [c.effect for c in found.causes if split_effect(c.effect)[0] in EFFECTS]
     sides = {}
@@ -118,11 +128,12 @@ def _simulated(found: Diagnosis, shown: Callable[[Effects], Array]) -> Library:
         rest = {n: v for n, v in found.effects.items() if n != name}
         own = found.effects.get(name, effect_of(name).defaults())
         try:
-            shown({**rest, name: own}), shown(rest)
+            for one in shown:
+                one({**rest, name: own}), one(rest)
         except StageError:
             continue
         sides[name] = ({**rest, name: own}, rest)
-    made = Library(sides).made(shown)
+    made = np.concatenate([Library(sides).made(one) for one in shown], axis=2)
     return Library(sides, made @ made.transpose(0, 2, 1), made.shape[-1])
 
 

@@ -80,6 +80,11 @@ def draw(kind: str, generator: np.random.Generator, axes: int) -> Motion:
     return Motion(kind, size, speed, (x, y), pace, int(generator.integers(1000)))
 
 
+def boldest(kind: str, axes: int) -> Motion:
+    """All of the travel, as fast as may be, each axis at its own pace."""
+    return Motion(kind, 1.0, 1.0, (0.5, 0.5), len(PACES) - 1 if axes == 2 else 0)
+
+
 def amplitude(motion: Motion, limits: Limits) -> Array:
     """Amplitude (a,) [m] of each axis before its pace."""
     largest = 0.5 * (limits.high - limits.low)

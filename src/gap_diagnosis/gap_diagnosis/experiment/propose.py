@@ -11,15 +11,18 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.experiment.design import Experiment, design
 from gap_diagnosis.experiment.library import left_open
-from gap_diagnosis.experiment.motions import Limits
+from gap_diagnosis.experiment.motions import Limits, boldest, sample
 from gap_diagnosis.experiment.prediction import Noise, Predictor
 from gap_diagnosis.experiment.questions import open_pairs
-from gap_diagnosis.experiment.scene import Scene
+from gap_diagnosis.experiment.scene import PIECE, Scene
 from gap_diagnosis.residuals.force_rows import ATTENUATION, CUTS, ForceRows
 from gap_diagnosis.result import Diagnosis
 
 Array = NDArray[np.float64]
 Travel = Mapping[str, tuple[float, float]]
+
+#: Of a session [s], that is simulated with every effect that may be.
+LONGEST = 30.0
 
 
 def propose(
@@ -37,9 +40,14 @@ def propose(
         return None
     predictor = predictor_of(found)
     limits = replace(limits_of(found, travel or {}), duration=duration)
-    session = found.records[0].reference
-    library = left_open(found, Scene(predictor, limits).shower(session))
-    return design(open_pairs(found), predictor, limits, session, seed, progress, library)
+    sessions = [r.reference[: round(LONGEST / r.period)] for r in found.records]
+    bold = sample(boldest('strokes', len(limits.low)), limits, PIECE, found.twin.control_period)
+    library = left_open(
+        found,
+        [Scene(predictor, limits).shower(s) for s in sessions],
+        lambda effects: predictor.channels(effects, bold)[0],
+    )
+    return design(open_pairs(found), predictor, limits, sessions, seed, progress, library)
 
 
 def limits_of(found: Diagnosis, travel: Travel) -> Limits:

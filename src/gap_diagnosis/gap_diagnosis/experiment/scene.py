@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.experiment.library import Library
-from gap_diagnosis.experiment.motions import PACES, Limits, Motion, draw, excess, sample
+from gap_diagnosis.experiment.motions import Limits, Motion, boldest, draw, excess, sample
 from gap_diagnosis.experiment.prediction import STEP, Predictor
 from gap_diagnosis.experiment.questions import Pair, Parameters
 from gap_diagnosis.experiment.separation import Predicted, margin, squashed
@@ -21,9 +21,9 @@ Effects = dict[str, dict[str, float]]
 Runs = tuple[Predicted, Predicted, Array]
 
 PIECE = 6.0  # s, of one motion
-#: Motions of each kind that are judged without draws: as an engineer would choose, large and fast,
-#: as large and fast as may be, and some at random.
-USUAL = ((0.9, 0.8), (1.0, 1.0))
+#: Motions of each kind that are judged without draws: the boldest, a less bold one, as an engineer
+#: would choose, and some at random.
+USUAL = (0.9, 0.8)
 STARTS = 3
 ROUNDS, TRIALS, REACH = 1, 3, 0.15  # the best of a kind is refined: so many moves of that length
 DRAWS = 3  # of the parameters of a candidate
@@ -111,8 +111,8 @@ class Scene:
         """The best motion of a kind: of a few, then refined near the best of them."""
         axes = len(self.limits.low)
         drawn = [draw(kind, generator, axes) for _ in range(STARTS)]
-        pace = len(PACES) - 1 if axes == 2 else 0
-        usual = [Motion(kind, *of, (0.5, 0.5), pace) for of in USUAL]
+        bold = boldest(kind, axes)
+        usual = [replace(bold, size=USUAL[0], speed=USUAL[1]), bold]
         able = [s for s in (self.tried(m, False) for m in (*usual, *drawn)) if s is not None]
         top = self.tried(max(able, key=self.score).motion, True) if able else None
         for _ in range(ROUNDS if top is not None else 0):
