@@ -10,7 +10,7 @@ from calibrator.models import domain, selection
 from gap_diagnosis import passes
 from gap_diagnosis.closed_loop import held_out, misread, swing
 from gap_diagnosis.evidence import acceptance
-from gap_diagnosis.experiment import library, motions, scene, separation
+from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
 from gap_diagnosis.law import judged, search
 from gap_diagnosis.residuals import kinematics, unrecorded
@@ -32,8 +32,8 @@ MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, domain, drive, forward, grid,
                    held_out, imitations, judged, kinematics, lacking, library, loops, machine,
-                   misread, motions, online, outliers, passes, prepare, rivals, scene, search,
-                   selection, separation, servo_clocks, shape, slow_rows, swing, swinging,
+                   misread, motions, online, outliers, passes, prepare, propose, rivals, scene,
+                   search, selection, separation, servo_clocks, shape, slow_rows, swing, swinging,
                    temperatures, thermal, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
@@ -117,7 +117,9 @@ share of the force limit, at most | {scene.SHARE_OF_FORCE:.0%}
 duration of one motion | {scene.PIECE:g} s
 share of the mean square of the noise, added to the next one | {separation.OF_NOISE:.0%}
 share of what the effects explain | {rivals.CLOSE:.0%}
-share of the library that a session hides before that is a question | {library.MUCH:.0%}
+the same for the library: of the noise | {acceptance.LEAST_SEEN:.0%}
+share of the library that only bold strokes show, before that is asked | {library.MUCH:.0%}
+duration of the session that is simulated with the library | {propose.LONGEST:g} s
 """,
 }
 

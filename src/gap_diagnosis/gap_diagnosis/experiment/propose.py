@@ -51,14 +51,15 @@ def propose(
 
 
 def limits_of(found: Diagnosis, travel: Travel) -> Limits:
-    """Travel of the session or wider, and half of each axis' force."""
-    record = found.records[0]
+    """Travel of the sessions or wider, and each axis' force."""
+    axes = found.records[0].axes
+    encoder = np.concatenate([record.encoder for record in found.records])
     ends = [
         travel.get(axis, (float(q.min()), float(q.max())))
-        for axis, q in zip(record.axes, record.encoder.T, strict=True)
+        for axis, q in zip(axes, encoder.T, strict=True)
     ]
     low, high = np.array(ends).T
-    force = np.array([found.twin.servo(axis).force_limit for axis in record.axes])
+    force = np.array([found.twin.servo(axis).force_limit for axis in axes])
     # An axis that stood still stays where it was.
     return Limits(low, np.maximum(high, low + 1e-6), force)
 
