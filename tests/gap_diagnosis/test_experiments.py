@@ -37,6 +37,8 @@ NOISE = Noise(
     (math.inf,), np.full((1, 2), 0.01), np.full((1, 2), 0.2), 1e-3, np.full(2, 0.1), 1e-6
 )
 PREDICTOR = Predictor(TwinFile.nominal_servo(), NOISE, np.zeros(2))
+#: Of the library, that a session is asked about.
+NAMES = ('scale_error.x', 'torque_sag.x', 'force_offset.x', 'coulomb_friction.x')
 OFFSET = {'force_offset.x': {'offset': (-10.0, 0.05)}}
 FRICTION = {'coulomb_friction.x': {'coulomb': (10.0, 0.05), 'presliding': (2e-6, 1e-6)}}
 
@@ -108,22 +110,29 @@ def bold() -> np.ndarray:
     return motions.sample(motions.boldest('strokes', 2), LIMITS, 6.0, PERIOD)
 
 
-def asked(positions: list[np.ndarray], verdict: list[str], below_noise: list[str]) -> list[str]:
-    """Names that are left open after a session with nothing named."""
-    names = ('scale_error.x', 'torque_sag.x', 'force_offset.x', 'coulomb_friction.x')
+def asked(
+    positions: list[np.ndarray],
+    verdict: list[str],
+    below_noise: tuple[str, ...] = (),
+    effects: dict[str, dict[str, float]] | None = None,
+    names: tuple[str, ...] = NAMES,
+) -> list[str]:
+    """What is left open after sessions, of a few effects."""
     causes = [
         SimpleNamespace(effect=n, status='below_noise' if n in below_noise else 'rejected')
         for n in names
     ]
     record = SimpleNamespace(axes=AXES, moving=(True, True))
     found = SimpleNamespace(
-        effects={}, accepted=[], verdict=verdict, causes=causes, records=[record]
+        effects=effects or {},
+        accepted=[*(effects or {})],
+        verdict=verdict,
+        causes=causes,
+        records=[record],
     )
     scene = Scene(PREDICTOR, LIMITS)
-    left = left_open(
-        cast(Diagnosis, found), [scene.shower(p) for p in positions], scene.shower(bold())
-    )
-    return [n for n in left.names if n in names]
+    shown = [scene.shower(p) for p in positions]
+    return left_open(cast(Diagnosis, found), shown, scene.shower(bold())).names
 
 
 @pytest.fixture
@@ -133,16 +142,23 @@ def turning(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_small_session_is_asked_what_it_does_not_show(turning: None) -> None:
-    assert asked([small()], [], []) == ['scale_error.x', 'torque_sag.x']
+    assert asked([small()], []) == ['scale_error.x', 'torque_sag.x']
     # What remains unknown may be whatever was refused, but nothing that would have shown.
-    refused = asked([small()], ['unknown'], ['force_offset.x'])
+    refused = asked([small()], ['unknown'], ('force_offset.x',))
     assert refused == ['scale_error.x', 'torque_sag.x', 'coulomb_friction.x']
 
 
 def test_a_session_that_shows_the_library_is_asked_nothing(turning: None) -> None:
-    assert asked([bold()], [], []) == []
+    assert asked([bold()], []) == []
     # Nor is one that had little motion, once the stage moved again.
-    assert asked([small(), bold()], [], []) == []
+    assert asked([small(), bold()], []) == []
+
+
+def test_what_a_session_shows_as_well_as_what_was_named_is_asked(turning: None) -> None:
+    named = {'force_offset.x': {'offset': -10.0}}
+    names = ('coulomb_friction.x',)
+    found = asked([one_way()], ['force_offset.x'], effects=named, names=names)
+    assert found == ['force_offset.x', 'coulomb_friction.x']
 
 
 def in_session(*names: str) -> Library:

@@ -96,25 +96,27 @@ def left_open(found: Diagnosis, shown: Sequence[Shown], bold: Shown) -> Library:
 
     What they would have told from nothing and from all that was named is not there at its usual
     size, unless something unknown remains in which it may be. `shown` are the channels (c, m) of
-    each session, `bold` those of strokes of the whole travel: empty where these show little more.
+    each session, `bold` those of strokes of the whole travel: empty where these tell little more.
     """
     library = _simulated(found, shown)
-    told, names = library.margins() > 1.0, np.array(library.names)
-    hidden = ~told[:, -1]
-    unknown = UNKNOWN in found.verdict
-    if not unknown and _share(library, hidden, bold) < MUCH:
+    told = library.margins() > 1.0
+    names = np.array(library.names, dtype=str)
+    hidden, named = ~told[:, -1], np.isin(names, found.accepted)
+    like = np.zeros_like(told)
+    like[:, :-1] = ~told[:, :-1] & ~hidden[:, None] & (named[:, None] | named)
+    if UNKNOWN in found.verdict:
+        below_noise = [c.effect for c in found.causes if c.status == 'below_noise']
+        return library.only(hidden | named | ~np.isin(names, below_noise))
+    new = _beside(library, bold) > 1.0
+    if np.sum(new[hidden, -1]) < MUCH * len(names) and not np.any(new[like]):
         return Library()
-    named = np.isin(names, found.accepted)
-    like = np.any(~told[:, :-1][:, named], axis=1) | np.any(~told[named, :-1], axis=0)
-    below_noise = [c.effect for c in found.causes if c.status == 'below_noise']
-    return library.only(hidden | named | like | (unknown & ~np.isin(names, below_noise)))
+    return library.only(hidden | named | like.any(axis=1) | like[:, :-1].any(axis=0))
 
 
-def _share(library: Library, hidden: NDArray[np.bool_], shown: Shown) -> float:
-    """Share of the library that is hidden, and that a motion would show beside the sessions."""
+def _beside(library: Library, shown: Shown) -> Array:
+    """Margins in the sessions and one more motion (k, k + 1)."""
     made = library.made(shown)
-    margins = library.margins(made @ made.transpose(0, 2, 1), made.shape[-1])
-    return float(np.mean(hidden & (margins[:, -1] > 1.0))) if len(hidden) else 0.0
+    return library.margins(made @ made.transpose(0, 2, 1), made.shape[-1])
 
 
 def _simulated(found: Diagnosis, shown: Sequence[Shown]) -> Library:
