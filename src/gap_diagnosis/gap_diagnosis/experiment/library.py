@@ -7,7 +7,7 @@ no multiple of another effect's makes as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gap_diagnosis.evidence.acceptance import LEAST_SEEN
 from gap_diagnosis.experiment.separation import apart
 from gap_diagnosis.input.checks import turns
+from gap_diagnosis.parameters import Effects
 from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.selection.rivals import CLOSE
 from stage_core.errors import StageError
@@ -23,7 +24,6 @@ from stage_core.quantities import UNKNOWN, split_effect
 from stage_twin.effects import EFFECTS, effect_of
 
 Array = NDArray[np.float64]
-Effects = dict[str, dict[str, float]]
 #: Channels (c, m) of a motion with any effects.
 Shown = Callable[[Effects], Array]
 
@@ -44,7 +44,7 @@ class Library:
     values : how many a channel of the sessions has
     """
 
-    sides: dict[str, tuple[Effects, Effects]] = field(default_factory=dict)
+    sides: Mapping[str, tuple[Effects, Effects]] = field(default_factory=dict)
     products: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
     values: int = 0
 

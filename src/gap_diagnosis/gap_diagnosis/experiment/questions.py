@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from gap_diagnosis.evidence.acceptance import SIGMAS, defining
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import Cause
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.selection.model import Selection
 from gap_diagnosis.selection.parts import Part
 from stage_twin.effects import effect_of
-
-Parameters = dict[str, dict[str, tuple[float, float]]]
 
 #: Rivals of one effect that are simulated.
 MOST = 4

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from gap_diagnosis.experiment.library import Library
 from gap_diagnosis.experiment.motions import Limits, Motion, boldest, draw, excess, sample
 from gap_diagnosis.experiment.prediction import STEP, Predictor
-from gap_diagnosis.experiment.questions import Pair, Parameters
+from gap_diagnosis.experiment.questions import Pair
 from gap_diagnosis.experiment.separation import Predicted, margin, squashed
+from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from stage_core.errors import StageError
 from stage_twin.effects import effect_of
 
 Array = NDArray[np.float64]
-Effects = dict[str, dict[str, float]]
 Runs = tuple[Predicted, Predicted, Array]
 
 PIECE = 6.0  # s, of one motion
@@ -36,7 +36,7 @@ class Question:
     def __init__(self, pair: Pair, generator: np.random.Generator) -> None:
         self.names = pair.names
         self._sides = _drawn(pair.one, generator), _drawn(pair.two, generator)
-        self._common = _values(pair.common)
+        self._common = plain_values(pair.common)
 
     def run(self, shown: Callable[[Effects], Array], draws: bool) -> Runs:
         """Predictions of both sides and of what both have, from those of any effects."""
@@ -140,15 +140,11 @@ class Tried:
         return replace(self, pairs=pairs, products=products)
 
 
-def _values(parameters: Parameters) -> Effects:
-    return {n: {k: v for k, (v, _) in of.items()} for n, of in parameters.items()}
-
-
 def _drawn(parameters: Parameters, generator: np.random.Generator) -> list[Effects]:
     """The parameters as they are, then drawn from their intervals within their bounds."""
-    sets = [_values(parameters)]
+    sets: list[Effects] = [plain_values(parameters)]
     for _ in range(DRAWS):
-        drawn: Effects = {}
+        drawn: dict[str, dict[str, float]] = {}
         for name, of in parameters.items():
             known = {p.name: p for p in effect_of(name).parameters}
             drawn[name] = {

@@ -51,6 +51,9 @@ LEAST_UNIT = 0.02
 #: RMS that a unit may leave of the recorded increments over what a controller with other gains
 #: leaves: 0.9 to 1.1 of records in another unit, 3000 and more of controllers with other gains.
 ANOTHER_LAW = 2.0
+#: Share of the recorded increments that rounding may leave: 1e-14 of records in another unit, 6e-3
+#: and more of controllers with other gains.
+ROUNDED = 1e-9
 CORNER = 30.0  # Hz, of the low-pass on forces
 #: Share of ticks of the other sign, from which on a record without signs has lost them.
 BOTH_SIGNS = 0.01
@@ -173,7 +176,8 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimate
     # A loop whose gain has the other sign would run away.
     if factor < 0.0:
         return values, True
-    if math.sqrt(left) > ANOTHER_LAW * _left_by_any_law(judged, i, axis, efforts):
+    rounding = ROUNDED * float(np.sqrt(np.mean(written**2)))
+    if math.sqrt(left) > rounding + ANOTHER_LAW * _left_by_any_law(judged, i, axis, efforts):
         return {}, False
     moved = math.log(max(_moved_by(judged, i, axis, efforts), 1e-300))
     told = abs(moved - math.log(factor)) < NEARER * abs(moved)
