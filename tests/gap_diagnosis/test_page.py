@@ -127,7 +127,7 @@ def test_a_motion_that_decides_nothing_is_not_proposed() -> None:
     page = Page('hidden')
     section(page, found)  # type: ignore[arg-type]
     shown = page.render()
-    assert 'moves too little' in shown and 'backlash of x' in shown
+    assert 'does not show some effects' in shown and 'backlash of x' in shown
 
 
 def test_an_effect_that_is_rather_not_there_is_named_apart() -> None:

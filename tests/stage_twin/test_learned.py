@@ -86,7 +86,16 @@ def test_a_direction_that_drives_the_axis_is_no_friction(size):
     pushed = learned_force.force(0.0, 0.1, 0.0, 1e-3, 0.0, 0.0, 0.0, state, law)
     assert pushed == pytest.approx(max(size, 0.0))
     assert learned_force.sliding(0.0, 0.1, law) == max(-size, 0.0)
-    assert learned_force.stiffness(law) == pytest.approx(1.5e6)
+    assert learned_force.stiffness(law) == pytest.approx(max(-size, 0.0) / 2e-6)
+
+
+def test_a_map_by_the_direction_is_as_stiff_as_its_newtons():
+    law = np.zeros(len(learned_force.EFFECT.parameters))
+    term = law[1 : 1 + lt.KNOT : lt.TERMS]
+    term[[lt.SIZE, lt.FIRST, lt.SHAPE]] = 1.0, 1.0, lt.CURVE
+    term[[lt.SECOND, lt.FORM, lt.REACH]] = lt.DIRECTION, lt.LINEAR, 2e-6
+    law[1 + lt.KNOT :] = -10.0
+    assert learned_force.stiffness(law) == pytest.approx(5e6)
 
 
 def table(effects):

@@ -218,8 +218,8 @@ def untold(name: str, values: Values, nominal: Mapping[str, float] | None = None
     if pairs and not any(apart(values[one], values[other]) for one, other in pairs):
         return True
     told = [p for p in effect_of(name).parameters if p.name in defining(name) & set(values)]
-    # What the session does not show (neutral, and no deviation) says nothing of the effect.
-    told = [p for p in told if values[p.name] != (p.neutral, 0.0)]
+    # What the session does not show (no deviation) says nothing of the effect.
+    told = [p for p in told if values[p.name][1] > 0.0]
     return bool(told) and not any(
         away(values[p.name], stated.get(p.name, p.neutral), p.minimum, p.maximum, p.neutral)
         for p in told

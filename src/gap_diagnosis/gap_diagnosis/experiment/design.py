@@ -63,7 +63,7 @@ def design(
     progress: Callable[[str], None] = lambda _: None,
     library: Library | None = None,
 ) -> Experiment | None:
-    """The experiment that tells the pairs apart; None where no motion within the limits does.
+    """The experiment that tells most of the pairs apart; None where nothing is open or can run.
 
     `sessions` (n, a) [m] are the motions that left the question open. A pair of which a side is no
     machine that could run it is no question. `library` are other effects that may be there.

@@ -96,9 +96,10 @@ def left_open(found: Diagnosis, shown: Sequence[Shown], bold: Shown) -> Library:
 
     What they would have told from nothing and from all that was named is not there at its usual
     size, unless something unknown remains in which it may be. `shown` are the channels (c, m) of
-    each session, `bold` those of strokes of the whole travel: empty where these tell little more.
+    each session, `bold` those of strokes of the whole travel. Where these tell little more, none
+    is asked.
     """
-    library = _simulated(found, shown)
+    library = _simulated(found, shown, bold)
     told = library.margins() > 1.0
     names = np.array(library.names, dtype=str)
     hidden, named = ~told[:, -1], np.isin(names, found.accepted)
@@ -119,10 +120,10 @@ def _beside(library: Library, shown: Shown) -> Array:
     return library.margins(made @ made.transpose(0, 2, 1), made.shape[-1])
 
 
-def _simulated(found: Diagnosis, shown: Sequence[Shown]) -> Library:
+def _simulated(found: Diagnosis, shown: Sequence[Shown], bold: Shown) -> Library:
     """What was named, what was refused, and what needs a reversal that no session has.
 
-    An effect with which the twin cannot run the sessions is none of them.
+    An effect with which the twin cannot run the motions, or that moves no channel, is none.
     """
     names = [c.effect for c in found.causes if split_effect(c.effect)[0] in EFFECTS]
     sides = {}
@@ -130,9 +131,10 @@ def _simulated(found: Diagnosis, shown: Sequence[Shown]) -> Library:
         rest = {n: v for n, v in found.effects.items() if n != name}
         own = found.effects.get(name, effect_of(name).defaults())
         try:
-            for one in shown:
-                one({**rest, name: own}), one(rest)
+            moved = [np.ptp(one({**rest, name: own}) - one(rest)) > 0.0 for one in (*shown, bold)]
         except StageError:
+            continue
+        if not any(moved):
             continue
         sides[name] = ({**rest, name: own}, rest)
     made = np.concatenate([Library(sides).made(one) for one in shown], axis=2)
@@ -141,9 +143,9 @@ def _simulated(found: Diagnosis, shown: Sequence[Shown]) -> Library:
 
 def _never_turned(found: Diagnosis) -> list[str]:
     """Effects that need a reversal, of the axes that moved and never turned back."""
-    record = found.records[0]
+    axes = found.records[0].axes
     counts = turns(found.records)
-    still = [a for a, moves in zip(record.axes, record.moving, strict=True) if moves]
+    still = [a for i, a in enumerate(axes) if any(r.moving[i] for r in found.records)]
     return [
         f'{e.name}.{a}' for a in still if counts[a] == 0 for e in EFFECTS.values() if e.reverses
     ]

@@ -44,8 +44,8 @@ def propose(
     bold = sample(boldest('strokes', len(limits.low)), limits, PIECE, found.twin.control_period)
     library = left_open(
         found,
-        [Scene(predictor, limits).shower(s) for s in sessions],
-        lambda effects: predictor.channels(effects, bold)[0],
+        [Scene(predictor, limits).shower(s, ran=True) for s in sessions],
+        Scene(predictor, limits).shower(bold, ran=True),
     )
     return design(open_pairs(found), predictor, limits, sessions, seed, progress, library)
 

@@ -102,10 +102,9 @@ def section(page: Page, found: Diagnosis) -> None:
         )
         return
     page.text(
-        f'{_open(experiment)} Of motions within the limits, this one of '
+        f'{_open(experiment)} Of the motions within the limits that were tried, this one of '
         f'{experiment.duration:.0f} s moves the predictions of the twin with each of them '
-        f'furthest apart, whatever their parameters are within their intervals: '
-        f'{"; ".join(experiment.motions)}.'
+        f'furthest apart: {"; ".join(experiment.motions)}.'
     )
     shown = sorted(experiment.library, key=lambda row: row[1] - row[2])[:MOST]
     page.table(
@@ -131,6 +130,6 @@ def _open(experiment: Experiment) -> str:
         names = ', '.join(effect_words(name) for name in experiment.separates)
         return f'These data cannot tell apart: {names}.'
     return (
-        'This session moves too little to show some effects of a usual size, or to tell them '
-        'from others.'
+        'This session does not show some effects of a usual size, or does not tell them from '
+        'others.'
     )

@@ -177,7 +177,8 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimate
     if factor < 0.0:
         return values, True
     rounding = ROUNDED * float(np.sqrt(np.mean(written**2)))
-    if math.sqrt(left) > rounding + ANOTHER_LAW * _left_by_any_law(judged, i, axis, efforts):
+    most = rounding + ANOTHER_LAW * _left_by_any_law(judged, i, axis, efforts)
+    if not math.sqrt(left) <= most:  # not a number where each tick that fits is clipped
         return {}, False
     moved = math.log(max(_moved_by(judged, i, axis, efforts), 1e-300))
     told = abs(moved - math.log(factor)) < NEARER * abs(moved)

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 FOLD, FOLDS = 2.0, 6  # s, and number of the folds of cross-validation
 LEAST_BLOCKS = 12  # of which a deviation is told
 SEEN = 1e-10  # least eigenvalue of what the rows show, over the largest: rounding makes 1e-12
-SHARED = 1e-7  # share of a parameter that others may take the place of; rounding makes 1e-9
+SHARED = 1e-7  # share of a parameter that others may take the place of without a trace
 KEPT = 96 << 20  # bytes of columns that a search may need again
 
 
@@ -311,8 +311,10 @@ class Regression:
         scale[scale == 0.0] = np.inf  # what changes nothing here has no deviation
         matrix = matrix / scale
         gram = matrix.T @ matrix
-        inverse = np.linalg.pinv(gram, rcond=SEEN)
-        seen = np.abs(np.diag(inverse @ gram) - 1.0) < SHARED
+        values, vectors = np.linalg.eigh(gram)
+        kept = values > SEEN * values[-1]
+        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+        seen = (vectors[:, ~kept] ** 2).sum(axis=1) < SHARED
         scores = matrix * fit.residual[rows][:, None]
         labels = np.unique(problem.block[rows], return_inverse=True)[1]
         count, variance = int(labels.max()) + 1, np.zeros(matrix.shape[1])

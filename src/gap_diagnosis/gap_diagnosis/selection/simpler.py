@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
+from gap_diagnosis.selection.grow import grow
 from stage_twin.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def merge(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str], Fit]:
-    """Replace two effects by the single one that explains as much as both."""
+    """Replace two effects, and what the single one holds, by one that explains as much."""
     for name in selector.problem.terms:
         effect, _, axis = name.partition('.')
         pair = [f'{other}.{axis}' for other in EFFECTS[effect].merges]
@@ -22,12 +23,14 @@ def merge(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str],
         held = {*pair, *selector.replaced(name, accepted)}
         kept = selector.regression.linear({n: t for n, t in fit.thetas.items() if n not in held})
         thetas = {**kept.thetas, name: selector.regression.warm_start(kept, name)}
-        other = selector.regression.refine(thetas, list(thetas))
+        shape = selector.problem.terms[name]
+        other = grow(selector, selector.regression.refine(thetas, list(thetas)), [name])
         now = fit.mean_square(selector.problem)
         limit = max(1.05 * now, now + 1e-3 * selector.gap)
         reached = other.mean_square(selector.problem)
         if reached < limit and selector.admissible(other, name):
             return [a for a in accepted if a not in held] + [name], other
+        selector.problem.terms[name] = shape
     return accepted, fit
 
 

@@ -22,7 +22,7 @@ VARIABLES: dict[str, tuple[int, str, str]] = {
     '1': (0, '', 'nothing'),
     'p': (1, 'm', 'position of the axis'),
     'v': (2, 'm/s', 'its velocity'),
-    's': (3, '', 'its direction, -1 to 1: of a force over `reach`, of an error in a play so wide'),
+    's': (3, '', 'its direction, -1 to 1; in an error its side in a play `reach` wide'),
     'F': (4, 'N', 'force of the drive'),
     't': (5, 's', 'time since the session began'),
     'q': (6, 'm', 'position of the other axis'),
@@ -137,7 +137,7 @@ def remembered(state: Array, at: int, value: float, memory: float, step: float) 
 def total(
     x: tuple[float, ...], part: int, state: Array, travelled: float, step: float, law: Array
 ) -> float:
-    """Sum of the terms of one `group` at the variables `x`, ordered by number; -1: of a force.
+    """Sum of the terms of one `group` at the variables `x`; all terms of a force, group -1.
 
     `state` holds each term's direction, then what it remembers; both move on by a step [s] in
     which the axis has `travelled` [m]. `law` holds the parameters in their order. Of a force, the

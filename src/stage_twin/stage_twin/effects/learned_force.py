@@ -57,9 +57,15 @@ def sliding(position: float, velocity: float, parameters: Array) -> float:
 
 
 def stiffness(parameters: Array) -> float:
-    """Stiffness before sliding [N/m]: of the sizes, as the level goes with place and speed."""
+    """Stiffness before sliding [N/m] of the terms that brake, at their largest level."""
     count, end = law_terms.TERMS, law_terms.KNOT
-    terms = [parameters[1:][i:end:count] for i in range(count)]
-    reach = [max(term[law_terms.REACH], SHORTEST_PRESLIDING) for term in terms]
-    size = [abs(term[law_terms.SIZE]) * law_terms.rubs(term) for term in terms]
-    return float(np.sum(np.array(size) / np.array(reach)))
+    total = 0.0
+    for term in (parameters[1:][i:end:count] for i in range(count)):
+        size = -term[law_terms.SIZE]
+        if term[law_terms.SHAPE] == law_terms.CURVE:  # a map, whose knots hold the force
+            size = abs(size) * float(np.max(np.abs(parameters[1:][end:])))
+        elif term[law_terms.FIRST] * term[law_terms.SECOND] > 0.0:  # its sign goes with the place
+            size = abs(size)
+        if law_terms.rubs(term):
+            total += size / max(term[law_terms.REACH], SHORTEST_PRESLIDING)
+    return max(total, 0.0)
