@@ -286,7 +286,8 @@ class Regression:
 
         Gauss-Newton covariance over all parameters together; the residual's autocorrelation is
         in it through the sums of blocks (sandwich estimate). The θ of the term `given` is held
-        where it was found: its deviations are zero.
+        where it was found: its deviations are zero. So are those of parameters that others can
+        take the place of, which no rows tell.
         """
         problem, rows = self.problem, self._fit_rows
         jacobian, layout = [], []

@@ -75,8 +75,8 @@ def turn(
 
 def term(rows: TrackerRows) -> Term | None:
     """The place over the travel, times the other coordinate and alone."""
-    if len(rows.axes) == 1:
-        return None if rows.rests else _curved(rows, 2)
+    if len(rows.axes) != 2:
+        return None
     return Term(
         constant(
             rows.along([np.column_stack([y * s[:, 1], s[:, 1]]) for s, y in _shapes(rows, 1)])
@@ -111,11 +111,9 @@ def _shapes(rows: TrackerRows, highest: int) -> list[tuple[Array, Array]]:
     centre, half = rows.travel
     sign = -1.0 if rows.axis == rows.axes[0] else 1.0
     orders = np.eye(highest + 1)
-    alone = len(rows.axes) == 1
-    across = [np.zeros(len(p)) for p in rows.position()] if alone else rows.position_across()
     return [
-        (sign * legval((position - centre) / half, orders).T, other)
-        for position, other in zip(rows.position(), across, strict=True)
+        (sign * legval((position - centre) / half, orders).T, across)
+        for position, across in zip(rows.position(), rows.position_across(), strict=True)
     ]
 
 
