@@ -54,6 +54,12 @@ def test_one_place_across_tells_the_yaw_and_not_how_large_it_is() -> None:
     assert given < 0.01 * abs(value)
 
 
+def test_a_yaw_and_an_arm_that_take_each_others_place_are_stated_without_deviation() -> None:
+    value, whole, given = deviations(0.0)
+    assert whole == 0.0
+    assert 0.0 < given < 0.01 * abs(value)
+
+
 def test_places_far_apart_tell_both() -> None:
     value, whole, given = deviations(0.2)
     assert abs(value - 80e-6) < 4.0 * whole

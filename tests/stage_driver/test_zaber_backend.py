@@ -203,6 +203,13 @@ def late(link, words):
     link.ask_all = ask_all
 
 
+def stall(server, recorder):
+    """The first axis stalls, and the driver says so."""
+    with server._lock:
+        server.chain.axes[0].raise_flag('FS')
+    recorder.wait(lambda: recorder.said('stalled and stopped'))
+
+
 def test_a_stall_whose_question_was_answered_late_is_asked_for_again(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
         backend.home().result()
@@ -218,9 +225,7 @@ def test_a_stall_whose_question_was_answered_late_is_asked_for_again(tmp_path):
 def test_a_reset_that_is_answered_late_blames_no_cable_and_can_be_repeated(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
         backend.home().result()
-        with server._lock:
-            server.chain.axes[0].raise_flag('FS')
-        recorder.wait(lambda: recorder.said('stalled and stopped'))
+        stall(server, recorder)
         with late(backend._stage.link, 'warnings'):
             with pytest.raises(StageError, match='lower the load of this computer$'):
                 backend.reset_fault().result()
@@ -273,9 +278,7 @@ def test_power_cycle_asks_for_homing(tmp_path):
 def test_stall_is_a_latched_fault_in_plain_words(tmp_path):
     with rig(tmp_path) as (server, backend, recorder):
         backend.home().result()
-        with server._lock:
-            server.chain.axes[0].raise_flag('FS')
-        recorder.wait(lambda: recorder.said('stalled and stopped'))
+        stall(server, recorder)
         assert backend.status().state is State.FAULT
         assert 'FS' in backend.status().warnings
         assert backend.reset_fault().result() == 'ready'
