@@ -19,7 +19,7 @@ from stage_twin.kernel import (
     start_plant,
     velocity_loop,
 )
-from stage_twin.packing import KernelArrays, pack
+from stage_twin.packing import KernelArrays, Work, pack
 
 FloatArray = NDArray[np.float64]
 
@@ -27,6 +27,7 @@ FloatArray = NDArray[np.float64]
 @compiled
 def _run(
     machine: KernelArrays,
+    work: Work,
     external: FloatArray,
     force: FloatArray,
     start: FloatArray,
@@ -35,9 +36,7 @@ def _run(
 ) -> None:
     axes, period = machine.axes, machine.period
     count = force.shape[1]
-    state = np.zeros((2, at.STATE_WIDTH))
-    loop = np.zeros((2, at.CONTROLLER_WIDTH))
-    q = np.zeros(2)
+    state, loop, q, _ = work
     start_plant(axes, start, state)
     for axis in range(2):
         q[axis] = encoder(axes[axis], state[axis])
@@ -74,6 +73,7 @@ class Rehearsal:
         controller.restart()
         _run(
             self.machine,
+            Work.of(2),
             np.zeros((count, 2)) if external is None else external,
             np.zeros((2, count)),
             controller.reference.position[0].copy(),

@@ -37,12 +37,11 @@ def data(figure: Any, places: Sequence[Places]) -> str:
 
 
 def places(figure: Any) -> Places:
-    """Where the panels with curves are in the picture, as shares of it.
+    """Where the panels with curves are in a picture that is laid out, as shares of it.
 
     Each has a `box` (left, top, width, height) and with its labels an `outer` one (left, top,
     right, bottom).
     """
-    figure.draw_without_rendering()
     return [_place(axes) for axes in _panels(figure)]
 
 

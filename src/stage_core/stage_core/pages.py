@@ -196,10 +196,11 @@ class Page:
         """
         wide = figure.get_figwidth() > _WIDE
         kind = ' class="wide"' if wide else ''
-        image = f'<img alt="{html.escape(title)}" src="{_address(theme.svg(figure))}">'
-        places = [explore.places(figure)] if curves else []
+        with theme.laid_out(figure):
+            image = f'<img alt="{html.escape(title)}" src="{_address(theme.svg(figure))}">'
+            places = [explore.places(figure)] if curves else []
         if wide:
-            with theme.one_column(figure):
+            with theme.one_column(figure), theme.laid_out(figure):
                 image = f'<source media="{_PHONE}" srcset="{_address(theme.svg(figure))}">{image}'
                 places += [explore.places(figure)] if curves else []
         self._row.append(

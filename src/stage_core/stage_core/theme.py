@@ -84,6 +84,19 @@ def svg(figure: Any) -> str:
 
 
 @contextlib.contextmanager
+def laid_out(figure: Any) -> Iterator[None]:
+    """Inside the block everything in a figure stays where one layout has put it.
+
+    To lay it out takes as long as to draw it, and is done at each use otherwise.
+    """
+    figure.draw_without_rendering()
+    engine = figure.get_layout_engine()
+    figure.set_layout_engine('none')
+    yield
+    figure.set_layout_engine(engine)
+
+
+@contextlib.contextmanager
 def one_column(figure: Any) -> Iterator[None]:
     """Inside the block the panels of a wide figure stand in one column, as a phone shows them."""
     panels = [axes for axes in figure.axes if axes.get_subplotspec() is not None]

@@ -1,5 +1,9 @@
 """Compiles what depends on the effects, and keeps the code per state of the library.
 
+A compiled loop allocates nothing: what it works in comes from its caller, and one that allocates
+does not compile. So no row of an array that it looks at is counted, which would take three
+quarters of a tick.
+
 Numba's cache on disk knows a function by its own file only. What a kernel calls stands in other
 files: the effects', and those that `STAGE_EFFECTS` names. So the cache has one folder per content
 of all of them.
@@ -33,16 +37,16 @@ _STATE = _state()
 
 
 def compiled(function: Function) -> Function:
-    """`njit` with a cache of its own for each state of the library of effects.
+    """`njit` without allocation, with a cache of its own for each state of the library of effects.
 
     Without NUMBA_CACHE_DIR the code lies beside the sources, as Numba has it; an effect from
     outside is then compiled by each process.
     """
     outer = config.CACHE_DIR
     if not outer:
-        return njit(cache=not EXTRA_FILES)(function)  # type: ignore[no-any-return]
+        return njit(cache=not EXTRA_FILES, _nrt=False)(function)  # type: ignore[no-any-return]
     config.CACHE_DIR = os.path.join(outer, f'twin-{_STATE}')
     try:
-        return njit(cache=True)(function)  # type: ignore[no-any-return]
+        return njit(cache=True, _nrt=False)(function)  # type: ignore[no-any-return]
     finally:
         config.CACHE_DIR = outer

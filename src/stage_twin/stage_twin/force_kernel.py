@@ -11,7 +11,7 @@ from stage_twin import layout as at
 from stage_twin.compiled import compiled
 from stage_twin.friction import slide_bristle
 from stage_twin.kernel import advance, start_plant
-from stage_twin.packing import KernelArrays
+from stage_twin.packing import KernelArrays, Work
 
 
 @compiled
@@ -113,14 +113,14 @@ def _step_mass(row: np.ndarray, period: float, acceleration: float, state: np.nd
 
 @compiled
 def needed_force(
-    arrays: KernelArrays, motion: np.ndarray, states: np.ndarray, out: np.ndarray
+    arrays: KernelArrays, own: np.ndarray, motion: np.ndarray, states: np.ndarray, out: np.ndarray
 ) -> None:
     """Force of the drive that the recorded motion needs, (n, n_axes) [N], written to `out`.
 
-    `motion` and `states` as in :func:`follow_hidden_states`; the states are left as they are.
+    `motion` and `states` as in :func:`follow_hidden_states`; the states are left as they are
+    and copied to `own` (STATE_WIDTH,).
     """
     axes, period = arrays.axes, arrays.period
-    own = np.zeros(at.STATE_WIDTH)
     for axis in range(axes.shape[0]):
         row = axes[axis]
         stiffness = arrays.schedule[axis, at.BRISTLES]
@@ -142,6 +142,7 @@ def needed_force(
 @compiled
 def run_windows(
     arrays: KernelArrays,
+    work: Work,
     states: np.ndarray,
     force: np.ndarray,
     window: int,
@@ -159,8 +160,7 @@ def run_windows(
     simulated, simulated_velocity : (n, n_axes), written
     """
     width = states.shape[1]
-    state = np.zeros((width, at.STATE_WIDTH))
-    external = np.zeros(width)
+    state, _, _, external = work
     for k in range(states.shape[0]):
         for axis in range(width):
             if k % window == 0:

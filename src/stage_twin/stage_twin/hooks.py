@@ -105,14 +105,14 @@ def _compose(hook: str, signals: tuple[str, ...], body: str, start: str, end: st
     lines += [f'    if row[{slots["", hook]}] == 0.0:', f'        return {end}']
     for effect, function in _taking_part(hook):
         own = f'{effect.name}_{hook}'
-        namespace[own] = njit(function, inline='always')
+        namespace[own] = njit(function, inline='always', _nrt=False)
         call = ', '.join(_argument(effect, n, signals, hook) for n in _asked(function))
         lines.append(f'    if row[{slots[effect.name, ""]}] != 0.0:')
         lines.append('        ' + body.format(f'{own}({call})'))
     lines.append(f'    return {end}')
     exec(compile('\n'.join(lines), f'<effects: {hook}>', 'exec'), namespace)
     # No division raises: a function that cannot fail is taken into its caller.
-    return njit(namespace[hook], error_model='numpy')
+    return njit(namespace[hook], error_model='numpy', _nrt=False)
 
 
 def _sum(hook: str, *signals: str) -> Any:

@@ -9,19 +9,22 @@ from stage_twin import hooks, layout
 from stage_twin.compiled import compiled
 from stage_twin.geometry import table_path
 from stage_twin.kernel import start_plant
-from stage_twin.packing import KernelArrays, columns, pack
+from stage_twin.packing import KernelArrays, Work, columns, pack
 
 
 @compiled
 def play_and_heat(
-    arrays: KernelArrays, motor: np.ndarray, played: np.ndarray, rise: np.ndarray
+    arrays: KernelArrays,
+    state: np.ndarray,
+    motor: np.ndarray,
+    played: np.ndarray,
+    rise: np.ndarray,
 ) -> None:
     """Play and screw temperature along a motor path (n, n_axes), written to the last two.
 
     The play starts centred; the screw heats with the mean speed of each tick.
     """
     axes, period = arrays.axes, arrays.period
-    state = np.zeros((axes.shape[0], layout.STATE_WIDTH))
     start_plant(axes, motor[0], state)
     for axis in range(axes.shape[0]):
         row = axes[axis]
@@ -36,18 +39,18 @@ def play_and_heat(
 
 
 @compiled
-def read_path(axes: np.ndarray, motor: np.ndarray, read: np.ndarray) -> None:
+def read_path(axes: np.ndarray, state: np.ndarray, motor: np.ndarray, read: np.ndarray) -> None:
     """What the encoders read, free of their steps, along a motor path (n, n_axes); to `read`."""
-    state = np.zeros(layout.STATE_WIDTH)
     for axis in range(axes.shape[0]):
         for k in range(motor.shape[0]):
-            read[k, axis] = hooks.read(axes[axis], state, motor[k, axis])
+            read[k, axis] = hooks.read(axes[axis], state[axis], motor[k, axis])
 
 
 def motor_path(twin: TwinFile, encoder: np.ndarray) -> np.ndarray:
     """Motor path (n, n_axes) [m] behind an encoder (n, n_axes) [m] that errs by little."""
     read = np.empty_like(encoder)
-    read_path(pack(twin).axes, encoder, read)
+    axes = pack(twin).axes
+    read_path(axes, Work.of(len(axes)).state, encoder, read)
     return 2.0 * encoder - read
 
 
@@ -69,7 +72,7 @@ def carry(twin: TwinFile, motor: np.ndarray, temperatures: np.ndarray | None = N
     arrays = pack(twin)
     motor = columns('motor', motor, None, arrays)
     played, rise, table = (np.zeros_like(motor) for _ in range(3))
-    play_and_heat(arrays, motor, played, rise)
+    play_and_heat(arrays, Work.of(len(arrays.axes)).state, motor, played, rise)
     if temperatures is not None:
         recorded = columns('temperatures', temperatures, motor.shape[0], arrays)
         rise = recorded - twin.temperature_reference

@@ -16,7 +16,7 @@ from stage_core.errors import StageError
 from stage_core.twin_file import ForceAxis, TwinFile
 from stage_twin import hooks, layout
 from stage_twin.force_kernel import follow_hidden_states, needed_force, run_windows
-from stage_twin.packing import KernelArrays, columns, pack
+from stage_twin.packing import KernelArrays, Work, columns, pack
 
 #: Length of a window of the forward simulation [s].
 WINDOW = 0.1
@@ -136,6 +136,7 @@ def simulate_measured_force(
     velocity = np.zeros_like(position)
     run_windows(
         arrays,
+        Work.of(len(arrays.axes)),
         states,
         np.ascontiguousarray(force.T),
         ticks,
@@ -158,7 +159,7 @@ def _hidden_states(arrays: KernelArrays, motion: Motion, force: np.ndarray) -> n
 
 def _required(arrays: KernelArrays, motion: Motion, states: np.ndarray) -> np.ndarray:
     out = np.zeros_like(motion.position)
-    needed_force(arrays, np.stack(motion), states, out)
+    needed_force(arrays, np.zeros(layout.STATE_WIDTH), np.stack(motion), states, out)
     ticks = np.arange(out.shape[0], dtype=float)
     for axis, row in enumerate(arrays.axes):
         wanted = hooks.command(row, out[:, axis], motion.velocity[:, axis], arrays.period)

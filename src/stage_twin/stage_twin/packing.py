@@ -40,6 +40,29 @@ class KernelArrays(NamedTuple):
         return int(self.schedule[:, layout.DELAY_TICKS].max())
 
 
+class Work(NamedTuple):
+    """What a compiled loop over a machine works in, as it allocates nothing.
+
+    Attributes
+    ----------
+    state : (n_axes, STATE_WIDTH), controller : (n_axes, CONTROLLER_WIDTH)
+        See :mod:`stage_twin.layout`.
+    encoders, external : (n_axes,)
+        Readings [m], and forces from outside [N].
+    """
+
+    state: np.ndarray
+    controller: np.ndarray
+    encoders: np.ndarray
+    external: np.ndarray
+
+    @classmethod
+    def of(cls, axes: int) -> Work:
+        """For a machine of so many axes."""
+        widths = (layout.STATE_WIDTH,), (layout.CONTROLLER_WIDTH,), (), ()
+        return cls(*(np.zeros((axes, *width)) for width in widths))
+
+
 def effect_values(name: str, given: dict[str, float]) -> tuple[Effect, str | None, dict]:
     """Check one entry of a twin file's `effects`.
 

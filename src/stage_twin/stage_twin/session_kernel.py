@@ -15,12 +15,13 @@ from stage_twin.kernel import (
     velocity_command,
     velocity_loop,
 )
-from stage_twin.packing import KernelArrays
+from stage_twin.packing import KernelArrays, Work
 
 
 @compiled
 def run_session(
     arrays: KernelArrays,
+    work: Work,
     start: np.ndarray,
     reference: np.ndarray,
     reference_velocity: np.ndarray,
@@ -41,10 +42,7 @@ def run_session(
     """
     axes, period = arrays.axes, arrays.period
     count, width = reference.shape
-    state = np.zeros((width, at.STATE_WIDTH))
-    controller = np.zeros((width, at.CONTROLLER_WIDTH))
-    encoders = np.zeros(width)
-    external = np.zeros(width)
+    state, controller, encoders, external = work
     start_plant(axes, start, state)
     for axis in range(width):
         encoders[axis] = encoder(axes[axis], state[axis])

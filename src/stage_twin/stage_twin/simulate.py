@@ -10,7 +10,7 @@ from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 from stage_twin import hooks
 from stage_twin.geometry import table_path
-from stage_twin.packing import KernelArrays, columns, pack
+from stage_twin.packing import KernelArrays, Work, columns, pack
 from stage_twin.session_kernel import run_session
 from stage_twin.tracker import measure
 
@@ -58,6 +58,7 @@ def _run(
     force = np.zeros(reference.shape[::-1])
     run_session(
         arrays,
+        Work.of(len(arrays.axes)),
         reference[0].copy(),
         reference,
         velocity,
