@@ -9,7 +9,6 @@ from contour_ctrl.figures import Figures, figures
 from contour_ctrl.learning import Learner
 from contour_ctrl.tick import EX, QX, Controller, tick
 from stage_core.twin_file import TwinFile
-from stage_twin import layout as at
 from stage_twin.compiled import compiled
 from stage_twin.kernel import (
     advance,

@@ -32,16 +32,17 @@ def smooth(signal: Array, period: float, corner: float) -> Array:
     return columns.reshape(signal.shape)
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={'contract'})
 def _both_ways(columns: Array, decay: float) -> None:
     """Smooth columns (n, k) in place, forwards and then backwards, each from its first value."""
     rows, count = columns.shape
+    new = 1.0 - decay
     for i in range(1, rows):
         for j in range(count):
-            columns[i, j] += decay * (columns[i - 1, j] - columns[i, j]) + TINY
+            columns[i, j] = decay * columns[i - 1, j] + (new * columns[i, j] + TINY)
     for i in range(rows - 2, -1, -1):
         for j in range(count):
-            columns[i, j] += decay * (columns[i + 1, j] - columns[i, j]) + TINY
+            columns[i, j] = decay * columns[i + 1, j] + (new * columns[i, j] + TINY)
 
 
 def second_difference(position: Array, period: float) -> Array:

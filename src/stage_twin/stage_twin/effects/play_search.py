@@ -32,7 +32,7 @@ WITHIN = ((1e-8, 2e-4), (0.03, 0.7), (0.02, 2.0), (100.0, 800.0))
 LEAST = 0.03
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={'contract'})
 def push(apart: float, rate: float, width: float, stiffness: float, damping: float) -> float:
     """Force [N] of the edge that a drive touches `apart` [m] from the middle; it never pulls."""
     if abs(apart) <= 0.5 * width:
@@ -41,7 +41,7 @@ def push(apart: float, rate: float, width: float, stiffness: float, damping: flo
     return max(pressed, 0.0) if apart > 0.0 else min(pressed, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={'contract'})
 def crossed(
     force: Array,
     path: Array,
@@ -60,6 +60,7 @@ def crossed(
     stiffness, damping = mass * natural * natural, 2.0 * contact * mass * natural
     count = int(period * natural / REACH) + 1
     short = period / count
+    moves = short / mass
     out = np.zeros(len(force))
     place, rate = path[0], 0.0
     for k in range(len(force) - 1):
@@ -68,7 +69,7 @@ def crossed(
         for i in range(count):
             apart = place - path[k] - speed * short * i
             edge = push(apart, rate - speed, width, stiffness, damping)
-            rate += short * (force[k] + slope * (i + 0.5) - edge) / mass
+            rate += moves * (force[k] + slope * (i + 0.5) - edge)
             place += short * rate
         out[k + 1] = place - path[k + 1]
     return out
