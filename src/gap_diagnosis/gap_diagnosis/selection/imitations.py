@@ -32,7 +32,8 @@ def imitations(
     The right effect exhausts its condition: what a friction leaves is no function of the speed.
     Where structure remains and a general curve over the effect's own condition explains more than
     `UNEXHAUSTED` of what the effect does, something else of that kind was imitated. So was it
-    where an offset does what the effect does: what is unknown has a mean, too.
+    where an offset does what the effect does: what is unknown has a mean, too. Nothing speaks for
+    a curve `alone` where structure remains.
 
     Parameters
     ----------
@@ -41,6 +42,9 @@ def imitations(
     """
     if not left.structured:
         return []
+    alone = [name for name in selection.accepted if problem.terms[name].alone]
+    if alone:  # beside it the others cannot be judged
+        return alone
     rows, fit, found = problem.judged, selection.fit, []
     # What is given, as the alignment of a stepper's rests, is there whatever it explains.
     for name in [n for n in selection.accepted if n not in selector.rules.given]:

@@ -85,6 +85,7 @@ def fit_part(
             if axis is None or term == effect:
                 del problem.terms[term]
     kept = tuple(effect for effect in problem.before if effect in problem.terms)
+    shapes = dict(problem.terms)
     while True:
         part = _fit_whole(name, problem, rules, seed, known_noise, kept)
         imitated = imitations(
@@ -97,7 +98,10 @@ def fit_part(
             return part
         for effect in imitated:
             if effect not in kept:
-                del problem.terms[effect]
+                del shapes[effect]
+        # The others start anew in their plain shapes: they may have grown beside an imitation.
+        problem.terms.clear()
+        problem.terms.update(shapes)
 
 
 def _count_whole(part: Part, effect: str) -> None:

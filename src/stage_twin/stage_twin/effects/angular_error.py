@@ -75,8 +75,8 @@ def turn(
 
 def term(rows: TrackerRows) -> Term | None:
     """The place over the travel, times the other coordinate and alone."""
-    if len(rows.axes) != 2:
-        return None
+    if len(rows.axes) == 1:
+        return None if rows.rests else _curved(rows, 2)
     return Term(
         constant(
             rows.along([np.column_stack([y * s[:, 1], s[:, 1]]) for s, y in _shapes(rows, 1)])
@@ -103,6 +103,7 @@ def _curved(rows: TrackerRows, highest: int) -> Term:
         admissible=lambda theta, c: float(np.max(np.abs(c))) < 5e-3 and abs(theta[0]) < 0.99,
         richer=partial(_curved, rows, highest + 1) if highest < ORDERS else None,
         holds=False,
+        alone=len(rows.axes) == 1,
     )
 
 
@@ -111,9 +112,11 @@ def _shapes(rows: TrackerRows, highest: int) -> list[tuple[Array, Array]]:
     centre, half = rows.travel
     sign = -1.0 if rows.axis == rows.axes[0] else 1.0
     orders = np.eye(highest + 1)
+    alone = len(rows.axes) == 1
+    across = [np.zeros(len(p)) for p in rows.position()] if alone else rows.position_across()
     return [
-        (sign * legval((position - centre) / half, orders).T, across)
-        for position, across in zip(rows.position(), rows.position_across(), strict=True)
+        (sign * legval((position - centre) / half, orders).T, other)
+        for position, other in zip(rows.position(), across, strict=True)
     ]
 
 

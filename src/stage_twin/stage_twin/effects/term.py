@@ -37,6 +37,8 @@ class Term:
         own grid where it has more of them or they are its `own`; taken where the data bear it
     own : whether θ says something else than in the plainer shape
     holds : whether this shape holds the effect's special cases
+    alone : whether nothing but its explaining all that is no noise speaks for it: a curve that
+        other errors could have, and that no second channel shows
     answer : θ -> columns (n, k) that the encoder's noise alone makes, where a resonance lifts it
     follows : largest share of an error that goes with the axis' own force that the columns follow
     acting : (θ, coefficients) -> force that acts per force that is asked for; residuals are
@@ -59,6 +61,7 @@ class Term:
     richer: Callable[[], Term] | None = None
     own: bool = False
     holds: bool = True
+    alone: bool = False
     answer: Callable[[Theta], Array] | None = None
     follows: float = 1.0
     acting: Callable[[Theta, Array], float] = lambda theta, coefficients: 1.0
