@@ -69,7 +69,8 @@ class Shrink:
     `unit` is N for an effect whose force the controller takes up so that no position shows it,
     else m; `interval` is that of 95 %, of which the lower end has to be above `least`; `worse`
     names the channels that grow by the effect; `closes` is its share of the squared gap of its
-    axis, and `explained` tells that its encoder shows noise alone with all effects.
+    axis; `explained` tells that its encoder shows noise alone with all effects, and `clear` that
+    the squared gap of one channel shrinks by more than its own noise.
     """
 
     unit: str
@@ -81,6 +82,7 @@ class Shrink:
     worse: tuple[str, ...] = ()
     closes: float = 1.0
     explained: bool = False
+    clear: bool = False
     own: Shrink | None = None  # of the channels that it moves, where others hide it
 
     @property
@@ -95,7 +97,8 @@ class Shrink:
         if self.own is not None:
             # A gap that is left below the floor shows that the noise was taken for too large.
             noise = min(self.floor, self.after)
-            return self.own.matters and (self.least > 0.0 or closed > LEAST_SEEN * noise**2)
+            seen = self.clear or closed > LEAST_SEEN * noise**2
+            return self.own.matters and (self.least > 0.0 or seen)
         if self.least > 0.0 and self.closes < LEAST_CLOSED and not self.explained:
             return False
         beyond_noise = self.unit == 'm' and closed > self.floor**2
@@ -135,7 +138,8 @@ def shrink_of(
     least = LEAST_SHRINK if servo and not shown_twice else 0.0
     closes = _closes(positions, _gaps_of_axis(sides, name[-1]))
     own = replace(_shrink(moved, least, worse, seed, closes), explained=explained)
-    seen = replace(_shrink(positions, least, worse, seed, closes), own=own)
+    clear = any(np.mean(s.without - s.with_it) > s.floor**2 for s in positions)
+    seen = replace(_shrink(positions, least, worse, seed, closes), own=own, clear=clear)
     if seen.matters or force is None or not servo:
         return seen
     taken_up = _shrink([force], LEAST_SHRINK, worse, seed, _closes([force], [_gap(force)]))
