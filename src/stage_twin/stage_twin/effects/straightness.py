@@ -13,7 +13,7 @@ from stage_twin.effects.shared import CENTRE, HALF_RANGE
 from stage_twin.effects.term import Array, Term, Theta
 
 #: Highest order of the curve.
-ORDERS = 10
+ORDERS = 20
 #: Largest travel of the guide over that of the session, on which the guide's line may be defined.
 WIDEST = 1.5
 #: Largest offset of the reference line as a share of the curve's largest factor: that of a bow
