@@ -34,8 +34,9 @@ MISREADS = EFFECT.name
 #: Hz, up to which the motion is, and times as fast as which a wave is passed.
 MOTION, FASTER = 30.0, 1.5
 #: Mean square that a force's wave leaves of what is fast in a reading, over that which a read wave
-#: leaves: 1.7 to 14 on nine axes whose encoders err, and 1.07 at most on 510 others of five foreign
-#: simulators, rounding apart, which the next rule keeps out.
+#: leaves: 1.7 to 7.5 on seven axes whose encoders err (1.0 to 1.2 on three of smaller waves), and
+#: 1.07 at most on 510 others of five foreign simulators, rounding apart, which the next rule keeps
+#: out.
 RATHER = 1.4
 #: Least amplitude over that of the rounding's own wave (step / pi), which reached 0.95.
 LEAST_STEPS = 2.0
