@@ -63,6 +63,19 @@ def test_the_noise_of_other_channels_hides_no_effect() -> None:
     assert found.matters
 
 
+@pytest.mark.parametrize(('closed', 'stands'), [(1.5, True), (0.5, False)])
+def test_what_closes_more_than_the_noise_of_one_channel_is_seen(
+    closed: float, stands: bool
+) -> None:
+    """A wave of an encoder of 44 nm of noise beside a tracker of 1.9 µm."""
+    quiet, loud = np.full(6000, 44e-9**2), np.full(6000, 1.9e-6**2)
+    sides = {
+        'encoder.y': Sides((1.0 + closed) * quiet, quiet, 'm', 44e-9),
+        'tracker.y': Sides(loud, loud, 'm', 1.9e-6),
+    }
+    assert shrink_of('encoder_interpolation.y', sides, seed=0).matters is stands
+
+
 @pytest.mark.parametrize(
     ('closed', 'explained', 'stands'),
     [(0.004, False, False), (0.02, False, True), (0.004, True, True)],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.problem import Problem
@@ -48,6 +49,16 @@ def test_a_scale_error_beside_something_unknown_is_named() -> None:
     part = beside_unknown(0.1)
     assert part.selection.accepted == [SCALE]
     assert part.structure.structured
+
+
+@pytest.mark.parametrize('unknown', [0.0, 6e-7])
+def test_a_curve_for_which_nothing_else_speaks_has_to_explain_all(unknown: float) -> None:
+    place = np.sin(3.1 * TIME)
+    curve = Term(constant((place**2)[:, None]), lambda theta, c: {}, alone=True)
+    target = 8e-6 * place**2 + unknown * np.sin(0.5 * TIME)
+    part = fit_part('tracker', problem(target, {YAW: curve}), KINEMATIC_RULES, 0, ())
+    assert part.selection.accepted == ([] if unknown else [YAW])
+    assert part.structure.structured is (unknown > 0.0)
 
 
 def test_of_two_curves_as_long_the_likelier_one_is_named() -> None:

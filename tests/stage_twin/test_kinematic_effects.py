@@ -71,6 +71,15 @@ def test_straightness_displaces_the_other_axis(axis, own, other):
     np.testing.assert_allclose(result.table[:, own], motor[:, own], atol=1e-12)
 
 
+def test_straightness_has_twenty_orders():
+    values = {f'p{k}': 1e-6 / k for k in range(4, 21)}
+    result = run({'straightness.x': {**values, 'quadratic': 0.0, 'half_range': 0.05}})
+    x, y = result.encoder.T
+    bend = sum(1e-6 / k * legendre(k, x, 0.0, 0.05) for k in range(4, 21))
+    assert np.ptp(bend) > 2e-7
+    np.testing.assert_allclose(result.table[:, 1], y + bend, atol=1e-11)
+
+
 def test_straightness_has_no_reference_line():
     # Least-squares line through the displacement over the whole travel: nothing is left.
     s = np.linspace(-1.0, 1.0, 20001)
