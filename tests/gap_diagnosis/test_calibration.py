@@ -18,6 +18,7 @@ from benchmarks.calibrate.page import markdown, write_weights
 from benchmarks.calibrate.sessions import own_truth, samples
 from benchmarks.calibrate.spread import spread_of, widened
 from benchmarks.calibrate.truth import in_report_terms
+from gap_diagnosis.evidence import probability as evidence
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from stage_core.twin_file import TwinFile
@@ -71,6 +72,14 @@ def test_what_was_never_seen_false_is_not_certain() -> None:
     certain = [{'true': True, 'generator': 'own', 'features': {}}] * 9
     assert stated(weights_of(certain, []), certain)[0] == pytest.approx(0.95)
     assert stated(weights_of([], []), certain)[0] == pytest.approx(0.5)
+
+
+def test_no_name_is_surer_than_names_were_on_machines_first_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(evidence, 'WEIGHTS', {k: {'1': 6.0} for k in ('named', 'unknown')})
+    assert evidence.probability('named', {}) == evidence.FIRST_SEEN < 0.95
+    assert evidence.probability('unknown', {}) > 0.99
 
 
 def test_one_statement_leaves_its_rest_to_the_others() -> None:
