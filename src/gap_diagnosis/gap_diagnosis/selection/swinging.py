@@ -2,8 +2,8 @@
 
 A play before the encoder makes the loop swing at 20 to 100 Hz. The rows of a force balance show
 little of that where a cut keeps the encoder's noise out of the accelerations, so it is judged in
-rows without the cut. Beside it stand forces of place and speed alone: what follows the
-acceleration or the force would take up the noise that these rows hold.
+rows without the cut. Beside it stand what the balance has shown, and forces of place and speed:
+what else follows the acceleration or the force would take up the noise that these rows hold.
 """
 
 from __future__ import annotations
@@ -43,17 +43,18 @@ def swinging_part(part: Part, rows: Servo, seed: int, barred: Sequence[str]) -> 
     names = [n for n in everything if effect_of(n).swings and _free(n, barred)]
     if not names or not (set(names) & set(part.selection.accepted) or _fast(problem, part)):
         return None
+    shown = [n for n in part.selection.accepted if n not in names and not _rival(n)]
     beside = [n for n in everything if split_effect(n)[0] in BESIDE and _free(n, barred)]
     for name in names:
         problem.terms.clear()
-        problem.terms.update({n: everything[n] for n in (name, *beside)})
+        problem.terms.update({n: everything[n] for n in (name, *shown, *beside)})
         selector = Selector(problem, SERVO_RULES, seed)
-        selection = selector.select((name,))
+        selection = selector.select((*shown, name))
         found = selection.evidence.get(name)
         problem.terms.update({**everything, **problem.terms})
         if found is None or found.share < LEAST_SHARE:
             continue
-        rivals = [n for n in everything if split_effect(n)[0] in RIVALS and _free(n, barred)]
+        rivals = [n for n in everything if _rival(n) and _free(n, barred)]
         if all(_better(selector, selection.fit, name, rival) for rival in rivals):
             find_rivals(selector, selection.accepted, selection.fit, selection.evidence)
             return _part(part, selector, selection, name)
@@ -68,6 +69,10 @@ def _fast(problem: Problem, part: Part) -> bool:
 
 def _free(name: str, barred: Sequence[str]) -> bool:
     return name not in barred and split_effect(name)[0] not in barred
+
+
+def _rival(name: str) -> bool:
+    return split_effect(name)[0] in RIVALS
 
 
 def _better(selector: Selector, fit: Fit, name: str, rival: str) -> bool:
