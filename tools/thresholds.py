@@ -18,7 +18,6 @@ from gap_diagnosis.selection import (
     forward,
     imitations,
     lacking,
-    rivals,
     shape,
     slow_rows,
     swinging,
@@ -32,8 +31,8 @@ MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, domain, drive, forward, grid,
                    held_out, imitations, judged, kinematics, lacking, library, loops, machine,
-                   misread, motions, online, outliers, passes, prepare, propose, rivals, scene,
-                   search, selection, separation, servo_clocks, shape, slow_rows, swing, swinging,
+                   misread, motions, online, outliers, passes, prepare, propose, scene, search,
+                   selection, separation, servo_clocks, shape, slow_rows, swing, swinging,
                    temperatures, thermal, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
@@ -116,8 +115,9 @@ acceleration, at most | {motions.Limits.acceleration:g} m/s²
 share of the force limit, at most | {scene.SHARE_OF_FORCE:.0%}
 duration of one motion | {scene.PIECE:g} s
 share of the mean square of the noise, added to the next one | {separation.OF_NOISE:.0%}
-share of what the effects explain | {rivals.CLOSE:.0%}
+share of what the effects explain | {separation.OF_GAP:.2%}
 the same for the library: of the noise | {acceptance.LEAST_SEEN:.0%}
+the same for the library: of what the effect does | {library.ALIKE:.1%}
 share of the library that only bold strokes show, before that is asked | {library.MUCH:.0%}
 duration of the session that is simulated with the library | {propose.LONGEST:g} s
 """,

@@ -18,7 +18,6 @@ from gap_diagnosis.experiment.separation import apart
 from gap_diagnosis.input.checks import turns
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.result import Diagnosis
-from gap_diagnosis.selection.rivals import CLOSE
 from stage_core.errors import StageError
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_twin.effects import EFFECTS, effect_of
@@ -27,6 +26,10 @@ Array = NDArray[np.float64]
 #: Channels (c, m) of a motion with any effects.
 Shown = Callable[[Effects], Array]
 
+#: Share of what an effect does that another one may do with other parameters than the usual ones:
+#: only multiples are compared. Strokes one way leave 0.016 of an offset beside a Coulomb friction,
+#: strokes of the whole travel 0.037 of that beside Stribeck friction.
+ALIKE = 0.025
 #: Share of the library that strokes of the whole travel have to show beyond a session, before that
 #: is asked what it does not show. It is 0 to 4 % after strokes over 60 mm and a sweep; after
 #: sessions of little motion 6 to 9 % within their own travel, 19 to 21 % within 80 mm.
@@ -78,7 +81,7 @@ class Library:
         own = np.einsum('cii->ci', gram)
         imitated = gram**2 / np.maximum(own, 1e-30)[:, None, :]
         left = np.concatenate([own[:, :, None] - imitated, own[:, :, None]], axis=2)
-        found = np.max(left / (LEAST_SEEN + CLOSE * own[:, :, None]), axis=0)
+        found = np.max(left / (LEAST_SEEN + ALIKE * own[:, :, None]), axis=0)
         return np.where(self._asked(), found, np.inf)
 
     def _asked(self) -> NDArray[np.bool_]:

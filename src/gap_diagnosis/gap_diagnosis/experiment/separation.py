@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.selection.rivals import CLOSE
+from gap_diagnosis.selection.parts import SERVO_RULES
 
 Array = NDArray[np.float64]
 
-#: What a selection asks before it prefers one of two effects: a share of the noise's mean square
-#: (`Rules.of_noise` of the force balance), beside a share of what the effect itself explains.
-OF_NOISE = 0.05
+#: What a selection asks before it prefers one of two effects (`rivals.find_rivals`): a share of
+#: the noise's mean square and one of what the effects explain, those of the force balance.
+OF_NOISE, OF_GAP = SERVO_RULES.of_noise, SERVO_RULES.of_gap
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def _margin(difference: Array, one: Predicted, two: Predicted, common: Array) ->
         left = left - spread @ np.linalg.solve(gram, spread.T @ left)
     remaining = np.mean(left.reshape(difference.shape) ** 2, axis=1)
     gains = [np.mean((p.mean - common) ** 2, axis=1) for p in (one, two)]
-    asked = OF_NOISE + CLOSE * np.minimum(*gains)
+    asked = OF_NOISE + OF_GAP * np.minimum(*gains)
     return float(np.max(remaining / asked))
 
 

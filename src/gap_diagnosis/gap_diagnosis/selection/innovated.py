@@ -19,16 +19,19 @@ from stage_twin.effects import effect_of
 def told_by_innovations(selector: Selector, selection: Selection, rows: Servo) -> Selection:
     """The selection in which the innovations decide between a delay and a lag, and say how large.
 
-    Only effects without free coefficients are compared: one that scales a mass or a force scales
-    the noise of the rows, too, and squares of different units say nothing. Of a loop that swings
-    no noise model holds.
+    The one that leaves more of them for certain is no alternative. Only effects without free
+    coefficients are compared: one that scales a mass or a force scales the noise of the rows,
+    too, and squares of different units say nothing. Of a loop that swings no noise model holds.
     """
     terms = selector.problem.terms
     for name in [n for n in selection.accepted if terms[n].fixed and not effect_of(n).swings]:
-        for rival in selection.evidence[name].alternatives:
+        for rival in list(selection.evidence[name].alternatives):
             if terms[rival].fixed and not effect_of(rival).swings:
                 other = _exchanged(selector, selection, name, rival)
-                if _favoured(selector, selection, other, rows):
+                low, high = _gain(selector, selection, other, rows)
+                if high < 0.0:
+                    selection.evidence[name].alternatives.remove(rival)
+                elif low > 0.0:
                     selection, name = other, rival
                     break
         selection = _surer(selector, selection, name, rows)
@@ -41,18 +44,22 @@ def _exchanged(selector: Selector, selection: Selection, name: str, rival: str) 
     thetas = selector.with_effect(less, rival).thetas
     fit = selector.regression.refine(thetas, list(thetas))
     evidence = {n: e for n, e in selection.evidence.items() if n != name}
-    # An alternative does about as well by definition.
-    evidence[rival] = replace(selection.evidence[name], name=rival, alternatives=[name])
+    # An alternative does about as well by definition, and so do the others.
+    own = selection.evidence[name]
+    others = [a for a in own.alternatives if a != rival]
+    evidence[rival] = replace(own, name=rival, alternatives=others)
     accepted = [rival if n == name else n for n in selection.accepted]
     rejected = {n: e for n, e in selection.rejected.items() if n != rival}
     return Selection(accepted, fit, evidence, rejected)
 
 
-def _favoured(selector: Selector, named: Selection, other: Selection, rows: Servo) -> bool:
-    """Whether another selection leaves less of the innovations for certain."""
+def _gain(
+    selector: Selector, named: Selection, other: Selection, rows: Servo
+) -> tuple[float, float]:
+    """Interval of how much less another selection leaves of the innovations."""
     problem, fit = innovations(rows, named.fit)
     gains = block_rms_gains(problem, fit, innovations(rows, other.fit)[1])
-    return bootstrap_interval(gains, selector.seed, level=selector.rules.level)[0] > 0.0
+    return bootstrap_interval(gains, selector.seed, level=selector.rules.level)
 
 
 def _surer(selector: Selector, selection: Selection, name: str, rows: Servo) -> Selection:

@@ -46,7 +46,7 @@ EFFECT = Effect(
     'principle revisited", Precision Engineering 1 (1979); paper 1, section 2.',
     sentence='the carriage yaws by {linear} from the middle of the travel to its end',
     excited_by='the same line along the axis at two far coordinates of the other axis',
-    holds=('scale_error',),
+    holds=('scale_error', 'nonorthogonality'),
 )
 
 
