@@ -12,14 +12,24 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.experiment.machine import PERIOD, Array, Case, draw, nominal, poor_motion, record
+from benchmarks.experiment.machine import (
+    MOTIONS,
+    PERIOD,
+    Array,
+    Case,
+    draw,
+    nominal,
+    poor_motion,
+    record,
+)
 from benchmarks.rows import cases, commit
+from benchmarks.rows import table as markdown
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.experiment.motions import Limits, Motion, sample
 from gap_diagnosis.experiment.propose import limits_of, propose
@@ -32,6 +42,7 @@ DURATION = 14.0
 #: Size and speed of the standard motions, of the range that the experiment has too.
 SIZE, SPEED = 0.9, 0.8
 STANDARD = ('sweep', 'raster', 'multisine')
+MOVED = ('experiment', *STANDARD)
 
 
 def standard(kind: str, limits: Limits, duration: float) -> Array:
@@ -45,11 +56,14 @@ def answer(found: Diagnosis) -> dict[str, Any]:
     return {'verdict': found.verdict, 'alternatives': named}
 
 
+def named(case: Case, said: dict[str, Any] | None) -> bool:
+    """Whether the right name is there and no other one."""
+    return said is not None and said['verdict'] == [case.effect]
+
+
 def alone(case: Case, said: dict[str, Any] | None) -> bool:
-    """Whether the right name stands alone."""
-    if said is None or said['verdict'] != [case.effect]:
-        return False
-    return not said['alternatives'].get(case.effect)
+    """Whether no rival stands beside it either."""
+    return said is not None and named(case, said) and not said['alternatives'].get(case.effect)
 
 
 def run_case(seed: int) -> dict[str, Any]:
@@ -82,15 +96,24 @@ def table(rows: list[dict[str, Any]]) -> str:
     A session without a question stays as it is, whatever the motion.
     """
     drawn = [(draw(r['seed']), r) for r in rows]
+
+    def counts(label: str, right: Callable[..., bool], motion: str = '') -> list[str]:
+        own = [(c, r) for c, r in drawn if motion in ('', c.motion)]
+        before = [right(c, r['before']) for c, r in own]
+        after = [
+            [right(c, r['after'].get(name) if r['after'] else r['before']) for c, r in own]
+            for name in MOVED
+        ]
+        return [f'{label} ({len(own)})', *(str(sum(hits)) for hits in (before, *after))]
+
     asked = sum(bool(r['after']) for r in rows)
+    head = [f'of {len(rows)} sessions, {asked} with a question', 'before', *MOVED]
     lines = [
-        f'{len(rows)} sessions, {asked} with a question; the right name alone:',
-        f'  before: {sum(alone(c, r["before"]) for c, r in drawn)}',
+        counts('the right name alone, no rival beside it', alone),
+        *(counts(f'the same after `{motion}`', alone, motion) for motion in MOTIONS),
+        counts('the right name and no other one, rivals aside', named),
     ]
-    for name in ('experiment', *STANDARD):
-        said = [(c, r['after'].get(name) if r['after'] else r['before']) for c, r in drawn]
-        lines.append(f'  {name}: {sum(alone(c, s) for c, s in said)}')
-    return '\n'.join(lines)
+    return markdown(head, lines)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -101,7 +124,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--out', type=Path, default=Path('build/experiment'))
     options = parser.parse_args(arguments)
     rows = cases(options.out, range(options.first, options.first + options.cases), run_case)
-    print(f'code {commit()}\n{table(rows)}')
+    print(f'code {commit()}\n\n{table(rows)}')
     return 0
 
 
