@@ -1,6 +1,6 @@
 """Weights of the probabilities; `make calibrate-diagnosis` writes them."""
 
-CODE = '895c421a09d8'
+CODE = '722204b66b4b'
 DATE = '2026-11-26'
 SESSIONS = {
     'own': 72,
@@ -10,13 +10,15 @@ SESSIONS = {
 SEEDS = '1 to 18'
 WEIGHTS: dict[str, dict[str, float]] = {
     'named': {
-        '1': 4.49312,
+        '1': -0.00904343,
+        'turns': 0.541631,
+        'away': 0.583243,
     },
     'passed': {
-        '1': -6.23354,
+        '1': -6.18872,
     },
     'unknown': {
-        '1': 1.88031,
+        '1': 2.13163,
     },
     'none': {
         '1': 3.55535,
