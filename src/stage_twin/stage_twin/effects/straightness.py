@@ -12,8 +12,8 @@ from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import CENTRE, HALF_RANGE
 from stage_twin.effects.term import Array, Term, Theta
 
-#: Highest order of the curve, and up to which orders are added one by one: a path that couples both
-#: axes tells many orders badly from a yaw.
+#: Highest order of the curve, and up to which orders are added one by one: a path that couples
+#: both axes tells many orders badly from a yaw.
 ORDERS, SINGLY = 20, 10
 #: Largest travel of the guide over that of the session, on which the guide's line may be defined.
 WIDEST = 1.5
