@@ -150,7 +150,20 @@ def test_an_axis_that_stands_in_the_windows_that_judge_it_is_not_judged() -> Non
     assert found.verdict == ['coulomb_friction.x']
     assert not any(name.endswith('.y') for part in found.parts for name in part.problem.terms)
     (note,) = (w for w in found.warnings if 'axis y' in w)
-    assert 'does not move in the windows that judge it' in note
+    assert 'hardly moves in the windows that judge it' in note
+
+
+def test_an_axis_that_moves_within_a_few_steps_of_its_encoder_is_not_judged() -> None:
+    whole = TwinFile.nominal_servo()
+    coarse = replace(whole.axes['y'], encoder_resolution=5e-5)
+    twin = replace(whole, axes={**whole.axes, 'y': coarse})
+    path = reference(12.0, twin.control_period, 2)
+    path[:, 1] = 2e-4 * np.sin(np.arange(len(path)) * twin.control_period)
+    real = twin.with_effects({'coulomb_friction.x': {'coulomb': 6.0}})
+    found = diagnose([session(real, twin, path, np.full(len(path), 20.0), 0)], [], twin)
+    assert 'coulomb_friction.x' in found.verdict
+    assert [part.name for part in found.parts if part.name.startswith('servo')] == ['servo.x']
+    assert any('axis y hardly moves' in warning for warning in found.warnings)
 
 
 def test_an_encoder_without_any_noise_is_diagnosed() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -91,10 +92,11 @@ class Prepared:
     def notes(self) -> list[str]:
         """What a reader has to know of the forces and the motion."""
         still = [
-            f'axis {axis} does not move in the windows that judge it: its effects are not judged; '
+            f'axis {axis} hardly moves in the windows that judge it: its forces are not judged; '
             'record a longer session with `ros2 run contour_ctrl excite`'
             for i, axis in enumerate(self.records[0].axes)
-            if any(r.moving[i] for r in self.records) and not moves_while_judged(self.records, i)
+            if any(r.moving[i] for r in self.records) and not self.stepper
+            if axis not in self.moves
         ]
         if not self.laws:
             return still
@@ -119,11 +121,18 @@ class Prepared:
     @property
     def moving_axes(self) -> list[str]:
         """Axes whose force balance can be judged."""
-        axes = self.records[0].axes
-        if self.stepper:
-            return []
+        return [a for a in self.moves if a not in self.laws or self.laws[a].known]
+
+    @cached_property
+    def moves(self) -> list[str]:
+        """Axes that move, and not within a few steps of their encoder alone."""
+        axes = [] if self.stepper else self.records[0].axes
         moving = [a for i, a in enumerate(axes) if moves_while_judged(self.records, i)]
-        return [a for a in moving if a not in self.laws or self.laws[a].known]
+        return [a for a in moving if self._rows(a) >= sum(LEAST_ROWS)]
+
+    def _rows(self, axis: str) -> int:
+        """Number of rows of a force balance in which the axis slides."""
+        return int(sum(keep.sum() for keep in Servo(self.records, self.stepped, axis).keep))
 
 
 def prepare(
@@ -185,7 +194,10 @@ def prepare(
     seen = with_simulated(with_mean_points(with_noise(stepped, records), records), records)
     direct = {**quantisation, **conventions, **controller_findings(records, twin)}
     direct.update(waves_read(records, twin))
-    return Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart))
+    out = Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart))
+    if not (out.stepper or out.moves) and any(r.tracker is None for r in records):
+        raise StageError(f'{records[0].name}: hardly any sample is in motion; {EXCITATION_HINT}')
+    return out
 
 
 def _load(sessions: Sequence[Session], twin: TwinFile, held_out: bool = False) -> list[Record]:
