@@ -195,9 +195,16 @@ def prepare(
     direct = {**quantisation, **conventions, **controller_findings(records, twin)}
     direct.update(waves_read(records, twin))
     out = Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart))
-    if not (out.stepper or out.moves) and any(r.tracker is None for r in records):
-        raise StageError(f'{records[0].name}: hardly any sample is in motion; {EXCITATION_HINT}')
+    _check_moves(out)
     return out
+
+
+def _check_moves(before: Prepared) -> None:
+    """Refuse sessions that show neither forces nor, to a tracker, positions."""
+    unseen = any(r.tracker is None for r in before.records)
+    if unseen and not (before.stepper or before.moves):
+        name = before.records[0].name
+        raise StageError(f'{name}: hardly any sample is in motion; {EXCITATION_HINT}')
 
 
 def _load(sessions: Sequence[Session], twin: TwinFile, held_out: bool = False) -> list[Record]:
