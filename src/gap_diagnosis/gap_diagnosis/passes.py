@@ -184,9 +184,7 @@ def prepare(
         counted_twin = with_counted_steps(twin)
     records, conventions = in_newtons(records, twin, without)
     if simulated:
-        runs = _load(simulated, twin)
-        for run in runs:
-            _check_run(run)
+        runs = [_checked(run) for run in _load(simulated, twin)]
         records = [beside(r, run, twin) for r, run in zip(records, runs, strict=True)]
     counted = twin.kind == 'stepper' or 'encoder_quantisation' in without
     quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
@@ -194,17 +192,18 @@ def prepare(
     seen = with_simulated(with_mean_points(with_noise(stepped, records), records), records)
     direct = {**quantisation, **conventions, **controller_findings(records, twin)}
     direct.update(waves_read(records, twin))
-    out = Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart))
-    _check_moves(out)
-    return out
+    return _moving(
+        Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart))
+    )
 
 
-def _check_moves(before: Prepared) -> None:
+def _moving(before: Prepared) -> Prepared:
     """Refuse sessions that show neither forces nor, to a tracker, positions."""
     unseen = any(r.tracker is None for r in before.records)
     if unseen and not (before.stepper or before.moves):
         name = before.records[0].name
         raise StageError(f'{name}: hardly any sample is in motion; {EXCITATION_HINT}')
+    return before
 
 
 def _load(sessions: Sequence[Session], twin: TwinFile, held_out: bool = False) -> list[Record]:
@@ -221,12 +220,14 @@ def _check_without_forces(records: list[Record]) -> None:
         )
 
 
-def _check_run(run: Record) -> None:
+def _checked(run: Record) -> Record:
+    """The run of a simulator, if it has forces."""
     if not run.effort_recorded:
         raise StageError(
             f'{run.name} holds no effort: a simulator knows its forces, record them as the effort '
             f'of {topics.COMMAND}'
         )
+    return run
 
 
 def _apart(axis: str, machine: TwinFile, simulator: TwinFile) -> str:
