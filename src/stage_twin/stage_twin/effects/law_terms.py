@@ -137,7 +137,7 @@ def remembered(state: Array, at: int, value: float, memory: float, step: float) 
 def total(
     x: tuple[float, ...], part: int, state: Array, travelled: float, step: float, law: Array
 ) -> float:
-    """Sum of the terms of one `group` at the variables `x`; all terms of a force, group -1.
+    """Sum of the terms of group 0 at the variables `x`; all terms of a force, group -1.
 
     `state` holds each term's direction, then what it remembers; both move on by a step [s] in
     which the axis has `travelled` [m]. `law` holds the parameters in their order. Of a force, the
@@ -147,20 +147,27 @@ def total(
     brakes = part < 0 and level(x, law) >= 0.0
     for i in range(TERMS):
         term = law[i:KNOT:TERMS]
-        first, second = term[FIRST], term[SECOND]
-        if term[SIZE] == 0.0 or (part >= 0 and group(first, second) != part):
+        if term[SIZE] == 0.0 or (part == 0 and group(term[FIRST], term[SECOND]) != part):
             continue
-        way = 0.0
         if part < 0:
-            way = state[i] = direction(state[i], travelled, term[REACH])
-        elif part == 0:
-            way = state[i] = side(state[i], travelled, term[REACH])
+            state[i] = direction(state[i], travelled, term[REACH])
+        else:
+            state[i] = side(state[i], travelled, term[REACH])
         if brakes and rubs(term):
             continue
-        value = product(term, x, way, law)
-        if part <= 0:
-            value = remembered(state, TERMS + i, value, term[MEMORY], step)
-        out += term[SIZE] * value
+        value = product(term, x, state[i], law)
+        out += term[SIZE] * remembered(state, TERMS + i, value, term[MEMORY], step)
+    return out
+
+
+@njit(cache=True)
+def stateless(x: tuple[float, ...], part: int, law: Array) -> float:
+    """Sum of the terms of group 1 or 2 at the variables `x`: they have no direction, no memory."""
+    out = 0.0
+    for i in range(TERMS):
+        term = law[i:KNOT:TERMS]
+        if term[SIZE] != 0.0 and group(term[FIRST], term[SECOND]) == part:
+            out += term[SIZE] * product(term, x, 0.0, law)
     return out
 
 

@@ -40,10 +40,10 @@ def follow(
 def turn(position: float, other: float, parameters: Array) -> float:
     """Displacement along by what goes with the place of the other axis [m], without a state."""
     x = (1.0, position, 0.0, 0.0, 0.0, 0.0, other, 0.0, 0.0, 0.0)
-    return law_terms.total(x, 1, parameters, 0.0, 0.0, parameters)
+    return law_terms.stateless(x, 1, parameters)
 
 
 def along(motor: float, rise: float, parameters: Array) -> float:
     """Displacement along by what goes with the temperature [m], without a state."""
     x = (1.0, motor, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, rise)
-    return law_terms.total(x, 2, parameters, 0.0, 0.0, parameters)
+    return law_terms.stateless(x, 2, parameters)
