@@ -160,6 +160,10 @@ def test_stall_slip_knob_and_power(chain):
     assert 5000 <= position < 20000 and encoder == position + 7
     chain.axes[1].turn_knob(500)
     assert ask(chain, '/2 1 get pos', time + 10) == ['@02 1 OK IDLE NC 500']
+    # A hand that turns back to the home sensor does not home the axis.
+    ask(chain, '/2 1 set pos 0', time + 10)
+    chain.axes[1].turn_knob(-500)
+    assert ask(chain, '/2 1 get pos', time + 20) == ['@02 1 OK IDLE NC -500']
     chain.power_cycle()
     assert ask(chain, '/2 1 get pos', time + 10) == ['@02 1 OK IDLE WR 0']
 

@@ -119,11 +119,9 @@ class ZaberAxis:
         if self.busy or not self._moving:
             return False
         self._moving = False
-        if self._homing:
-            self._homing = False
-            if motor == 0:
-                self._offset = 0
-                self.flags -= {'WR', 'WH'}
+        if self._homing and motor == 0:
+            self._offset = 0
+            self.flags -= {'WR', 'WH'}
         return True
 
     def raise_flag(self, flag: str) -> None:
@@ -137,7 +135,7 @@ class ZaberAxis:
         """Move by hand; the axis notes it."""
         self.flags.add('NC')
         self.plant.move_abs(self.index, self.plant.position_steps(self.index) + steps)
-        self._moving = True
+        self._homing, self._moving = False, True
 
     def clear_warnings(self) -> None:
         """Remove what `warnings clear` removes."""
@@ -248,8 +246,7 @@ class ZaberAxis:
             self.flags.add('NI')
         else:
             self.flags -= UNTIL_NEXT_MOVE
-        self._homing = False
-        self._moving = True
+        self._homing, self._moving = False, True
 
     def _acceleration(self) -> float:
         return self.values['motion.accelonly'] / ACCELERATION_UNIT
