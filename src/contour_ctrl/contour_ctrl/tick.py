@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit, typeof
 from numpy.typing import NDArray
 
 from contour_ctrl import cmac
@@ -208,7 +208,7 @@ class Controller:
             *(self.table, self.path, self.settings, self.learned, self.weights),
             *(self.friction, self.memory, self.record, self.command),
         )
-        self._warm_up()
+        tick.compile((int64, float64, float64, *map(typeof, self.arrays)))
 
     def __len__(self) -> int:
         """Return the number of ticks."""
@@ -232,9 +232,3 @@ class Controller:
         """Forget the last run's states; what was learned stays."""
         self.memory[:] = 0.0
         self.record[:] = np.nan
-
-    def _warm_up(self) -> None:
-        kept = self.weights.copy()
-        self.tick(0, *self.reference.position[0])
-        self.weights[:] = kept
-        self.restart()
