@@ -200,8 +200,8 @@ def _over_path(page: Page, found: list[Run], best: int, seen: list[Tracking]) ->
             return
         points = known[1]
         if circle is None:
-            steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-            place = np.concatenate([[0.0], np.cumsum(steps)]) * 1e3
+            steps = np.diff(points, axis=0, prepend=points[:1])
+            place = 1e3 * np.cumsum(np.linalg.norm(steps, axis=1))
         else:
             offset = points - circle[0]
             place = np.degrees(np.unwrap(np.arctan2(offset[:, 1], offset[:, 0])))
