@@ -23,7 +23,8 @@ def stage_map(command, direction):
     """A smooth 50 mm stage: scale, squareness, straightness, lead error and backlash."""
     x, y = command.T
     measured = np.empty_like(command)
-    measured[:, 0] = x * (1 + 2e-4) - 1e-4 * y + 4e-6 * np.sin(2 * np.pi * x / 0.004)
+    turn = 2 * np.pi * x / 0.004
+    measured[:, 0] = x * (1 + 2e-4) - 1e-4 * y + 4e-6 * np.sin(turn) + 1e-6 * np.cos(2 * turn)
     measured[:, 1] = y * (1 - 1e-4) + 0.05 * x**2
     return measured + 0.5 * direction * np.array([8e-6, 3e-6])
 
@@ -158,6 +159,7 @@ def test_structured_recovers_physical_parameters(fitted):
         ('y', 'reversal width'): 3e-6,
         ('x', 'P1(y)'): -1e-4 * 0.025,
         ('x', 'sin 1/lead'): 4e-6,
+        ('x', 'cos 2/lead'): 1e-6,
     }.items():
         row = rows[key]
         assert abs(row['value'] - truth) < max(4 * row['std'], 1e-8), key

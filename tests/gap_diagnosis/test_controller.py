@@ -11,6 +11,7 @@ import pytest
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.residuals.controller import controller_findings
+from gap_diagnosis.residuals.recording import _path
 from gap_diagnosis.result import Diagnosis
 from stage_core import topics
 from stage_core.session import Series, Session
@@ -125,6 +126,11 @@ def test_an_effort_that_is_no_force_in_newtons_is_said_and_mended(
     assert values['factor'][0] == pytest.approx(factor, rel=1e-3)
     assert values['magnitude'][0] == magnitude
     assert result.parameters['coulomb_friction.x']['coulomb'][0] == pytest.approx(15.0, rel=0.05)
+
+
+def test_the_signs_of_magnitudes_are_those_whose_increments_follow_the_law() -> None:
+    force = 3.0 * np.sin(np.arange(1.0, 60.0))
+    np.testing.assert_array_equal(_path(np.abs(force), np.diff(force)), np.sign(force))
 
 
 def test_an_effort_that_the_twin_says_of_itself_is_no_finding(planted: Maker) -> None:

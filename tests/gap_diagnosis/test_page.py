@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.closed_loop.channels import Channel, axis_shares
 from gap_diagnosis.evidence.describe import not_seen
+from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.report.causes import causes_section, effect_sentence, parameter_words
 from gap_diagnosis.report.experiment import section
 from gap_diagnosis.report.hysteresis import hysteresis, hysteresis_plot, since_reversal
@@ -57,6 +58,17 @@ def test_a_count_of_the_encoder_is_no_event() -> None:
     counts = np.zeros(4000)
     counts[::400] = 1e-6
     assert found_in(counts) == []
+
+
+def test_an_axis_has_its_share_of_the_squared_gaps_above_the_floor() -> None:
+    twin = TwinFile.nominal_servo()
+    channels = {}
+    for name, gap in {'encoder.x': 2e-6, 'encoder.y': 0.0, 'tracker.y': 4e-6}.items():
+        rows = [np.full(3, np.hypot(gap, channel_floor(twin, name)))]
+        channels[name] = Channel(name, 'm', [], rows, [])
+    shares, link = axis_shares(('x', 'y'), channels, twin)
+    np.testing.assert_allclose([shares['x'], shares['y']], [0.2, 0.8])
+    assert link == 'kinematic'
 
 
 def test_travel_begins_anew_at_each_reversal_and_noise_is_none() -> None:

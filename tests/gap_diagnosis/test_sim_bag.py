@@ -119,8 +119,9 @@ def shifted(session: Session, ticks: int, epoch: int) -> Session:
 
 
 def test_a_run_may_begin_elsewhere_and_at_another_time(planted: Maker) -> None:
-    real, run = planted(LACKS), planted({})
-    twin = nominal()
+    axes = ('x', 'y')
+    real, run = planted(LACKS, axes=axes), planted({}, axes=axes)
+    twin = nominal(axes)
     record = load_record(real, twin)
     late = load_record(shifted(run, 250, 10**15), twin)
     both = beside(record, late, twin)
