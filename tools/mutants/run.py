@@ -83,9 +83,9 @@ class Trial:
             deselected.append(f'--deselect={test}')
 
     def _tests(self, mutant: Mutant) -> list[str]:
-        """Test files of the package that name the function or the module; all if none does.
+        """Test files of the package: those that name the function or the module come first.
 
-        Those that name more of it come first, then the shorter ones.
+        Then come the shorter ones.
         """
         folders = FOLDERS.get(mutant.package, [mutant.package])
         own = [p for name in folders for p in (self.root / 'tests' / name).glob('test_*.py')]
@@ -95,9 +95,8 @@ class Trial:
             text = path.read_text()
             return sum(bool(re.search(rf'\b{word}\b', text)) for word in words)
 
-        covering = [path for path in own if named(path)] or own
-        covering.sort(key=lambda path: (-named(path), path.stat().st_size))
-        return [str(path.relative_to(self.root)) for path in covering]
+        own.sort(key=lambda path: (-named(path), path.stat().st_size))
+        return [str(path.relative_to(self.root)) for path in own]
 
     def _pytest(self, words: list[str], cache: str, end: float) -> tuple[str, str]:
         """Run the tests until one fails or the time is up."""

@@ -18,8 +18,8 @@ the mutant. If none fails, the mutant has survived, and a test is missing there.
     python -m tools.mutants draw --seed 15    # four mutants from every package, 40 in all
     python -m tools.mutants run               # tries them
 
-The command runs each mutant against the test files of its package that name its function or
-module, until a test fails, for at most {seconds:.0f} s. A test that fails without the mutant as
+The command runs each mutant against the tests of its package, those first that name its function
+or module, until a test fails, for at most {seconds:.0f} s. A test that fails without the mutant as
 well does not count. `not finished` says that the time was up. `tools/mutants/drawn.json` holds the
 mutants.
 
