@@ -15,13 +15,13 @@ HEAD = """# What the tests catch
 A *mutant* is the source with one operator or number changed. If a test then fails, it has caught
 the mutant. If none fails, the mutant has survived, and a test is missing there.
 
-    python -m tools.mutants draw --seed 15    # four mutants from every package, 40 in all
-    python -m tools.mutants run               # tries them
+    python -m tools.mutants draw --seed 15         # four mutants from every package, 40 in all
+    python -m tools.mutants run --seconds {seconds:.0f}     # tries them
 
 The command runs each mutant against the tests of its package, those first that name its function
 or module, until a test fails, for at most {seconds:.0f} s. A test that fails without the mutant as
-well does not count. `not finished` says that the time was up. `tools/mutants/drawn.json` holds the
-mutants.
+well does not count. `not finished` says that the time was up, `no such place` that the source no
+longer has what was to be changed. `tools/mutants/drawn.json` holds the mutants.
 
 {summary}
 The table was written on {date}; its last column is the commit of each run.
