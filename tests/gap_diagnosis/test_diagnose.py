@@ -17,6 +17,7 @@ from gap_diagnosis.report import document as report
 from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.service import run
 from session_bags.writer import write_session
+from stage_core import topics
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
@@ -164,6 +165,18 @@ def test_an_axis_that_moves_within_a_few_steps_of_its_encoder_is_not_judged() ->
     assert 'coulomb_friction.x' in found.verdict
     assert [part.name for part in found.parts if part.name.startswith('servo')] == ['servo.x']
     assert any('axis y hardly moves' in warning for warning in found.warnings)
+
+
+def test_an_axis_at_rest_that_the_other_one_pushes_is_judged() -> None:
+    whole = nominal(('x', 'y'))
+    fine = replace(whole.axes['y'], encoder_resolution=1e-7)
+    twin = replace(whole, axes={**whole.axes, 'y': fine})
+    path = reference(12.0, twin.control_period, 2)
+    path[:, 1] = 0.0
+    real = twin.with_effects({'axis_crosstalk.y': {'mass': 5.0}})
+    made = session(real, twin, path, np.full(len(path), 20.0), 0)
+    assert np.ptp(made.series[topics.JOINT_STATES].values['position.y']) < 2e-4
+    assert diagnose([made], [], twin).verdict == ['axis_crosstalk.y']
 
 
 def test_an_encoder_without_any_noise_is_diagnosed() -> None:

@@ -68,6 +68,21 @@ def test_no_error_of_an_integrator_follows_another_axis(planted: Maker) -> None:
     assert together > 0.9
 
 
+def test_a_torque_sags_down_to_a_fifth_and_no_further(planted: Maker) -> None:
+    record, twin = load_record(planted({}, duration=8.0), nominal()), nominal()
+    rows = Servo([record], twin, 'x')
+    term = rows.problem().terms['torque_sag.x']
+    deep, plain = (1.0, 1.0, 0.25), (1.0, 1.0, 1.0)
+    force = np.abs(rows.applied()[0])
+    assert np.abs(term.columns(deep)).max() < 0.3 * np.abs(term.columns(plain)).max()
+    assert term.admissible(deep, np.array([0.8 / 0.25]))
+    assert not term.admissible(deep, np.array([0.4 / 0.25]))
+    assert not term.admissible(plain, np.array([1.2]))
+    # At a quarter of the largest force the loss has come to four fifths.
+    sag = term.parameters(deep, np.array([0.8 / 0.25]))['sag_force']
+    assert sag * 0.25 * force.max() == pytest.approx(0.8)
+
+
 def test_friction_that_goes_with_the_position_is_named_with_its_curve(planted: Maker) -> None:
     name = 'position_dependent_friction.x'
     ends = {'start': -0.03, 'stop': 0.03}

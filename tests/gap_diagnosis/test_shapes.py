@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
+from benchmarks.experiment.machine import session as run_of
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.result import Diagnosis
 from stage_core.session import Session
+from stage_twin.effects.shared import within_seen
 
-from .conftest import nominal
+from .conftest import nominal, reference
 
 Maker = Callable[..., Session]
 TWIN, ALONE = nominal(('x', 'y')), nominal()
@@ -97,6 +100,21 @@ def test_a_guide_that_is_bent_in_high_orders_alone(planted: Maker) -> None:
     found = diagnose([session], [], TWIN)
     assert found.verdict == ['straightness.x']
     assert found.after < 1.2 * found.noise_floor
+
+
+def test_a_curve_is_not_larger_where_nothing_was_measured() -> None:
+    bow = np.array([0.0, 0.0, 1.0])
+    assert within_seen(bow, np.linspace(-1.0, 1.0, 300))
+    assert not within_seen(bow, np.array([-1.0, -0.95, -0.9, 0.9, 0.95, 1.0]))
+
+
+def test_a_wave_of_which_a_tenth_is_travelled_is_none() -> None:
+    twin = nominal()
+    path = 0.02 * reference(12.0, twin.control_period, 1)
+    assert np.ptp(path) < 0.2 * twin.axes['x'].lead
+    real = twin.with_effects({'cyclic_pitch_error.x': {'amplitude': 5e-5}})
+    found = diagnose([run_of(real, twin, path, np.full(len(path), 20.0), 0)], [], twin)
+    assert 'cyclic_pitch_error.x' not in found.verdict
 
 
 def test_the_load_that_the_tracker_sees_swing(planted: Maker) -> None:

@@ -95,7 +95,7 @@ class Prepared:
             f'axis {axis} hardly moves in the windows that judge it: its forces are not judged; '
             'record a longer session with `ros2 run contour_ctrl excite`'
             for i, axis in enumerate(self.records[0].axes)
-            if any(r.moving[i] for r in self.records) and not self.stepper
+            if any(np.ptp(r.reference[:, i]) > 0.0 for r in self.records) and not self.stepper
             if axis not in self.moves
         ]
         if not self.laws:
@@ -125,14 +125,15 @@ class Prepared:
 
     @cached_property
     def moves(self) -> list[str]:
-        """Axes that move, and not within a few steps of their encoder alone."""
+        """Axes that move, and slide often enough to judge their forces."""
         axes = [] if self.stepper else self.records[0].axes
         moving = [a for i, a in enumerate(axes) if moves_while_judged(self.records, i)]
-        return [a for a in moving if self._rows(a) >= sum(LEAST_ROWS)]
+        return [a for a in moving if self._slides(a)]
 
-    def _rows(self, axis: str) -> int:
-        """Number of rows of a force balance in which the axis slides."""
-        return int(sum(keep.sum() for keep in Servo(self.records, self.stepped, axis).keep))
+    def _slides(self, axis: str) -> bool:
+        """Whether a force balance has enough rows in which the axis slides."""
+        rows = Servo(self.records, self.stepped, axis).split()
+        return all(own.sum() >= least for own, least in zip(rows, LEAST_ROWS, strict=True))
 
 
 def prepare(

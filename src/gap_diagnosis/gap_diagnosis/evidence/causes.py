@@ -182,5 +182,5 @@ def _refuted(name: str, parts: list[Part], shrink: Shrink, values: Values, twin:
     if any(isinstance(p.rows, Kinematics) and p.rows.rests for p in parts):
         return False
     if any(name in p.problem.before for p in parts):
-        return untold(name, values, twin.effects.get(name))
+        return bool(shrink.worse) or untold(name, values, twin.effects.get(name))
     return refuted(name, shrink, values, twin.effects.get(name))

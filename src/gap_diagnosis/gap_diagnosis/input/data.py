@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from gap_diagnosis.input.checks import (
-    MINIMUM_TRAVEL,
     check_excitation,
     check_forces,
     check_tracker_moves,
     finite,
+    least_travel,
 )
 from gap_diagnosis.input.grid import Grid, control_period
 from gap_diagnosis.input.noise import (
@@ -213,7 +213,6 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         tracker_time=None,
         tracker=None,
         held_out_session=held_out,
-        moving=tuple(bool(m) for m in np.ptp(encoder, axis=0) > MINIMUM_TRAVEL),
         warnings=(*session.warnings, *grid.warnings),
         clock=grid.clock,
         gaps=grid.gaps,
@@ -221,6 +220,9 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
     )
     record = replace(record, waves=_waves(record, resolution))
     record = replace(record, noise=_noise(record, resolution, grid.offset))
+    travel = np.ptp(encoder, axis=0).tolist()
+    moving = tuple(path > least_travel(record, i) for i, path in enumerate(travel))
+    record = replace(record, moving=moving)
     check_excitation(record)
     if recorded:
         check_forces(record)

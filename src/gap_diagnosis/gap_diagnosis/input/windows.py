@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.input.checks import MINIMUM_TRAVEL
+from gap_diagnosis.input.checks import least_travel
 
 if TYPE_CHECKING:
     from gap_diagnosis.input.data import Record
@@ -57,5 +57,5 @@ def scored_ticks(record: Record) -> Mask:
 def moves_while_judged(records: Sequence[Record], i: int) -> bool:
     """Whether an axis moves in the held-out windows of any record that is judged."""
     judged = [r for r in records if r.held_out_session] or records
-    paths = [r.encoder[scored_ticks(r), i] for r in judged if r.moving[i]]
-    return any(len(q) > 0 and float(np.ptp(q)) > MINIMUM_TRAVEL for q in paths)
+    paths = [(r, r.encoder[scored_ticks(r), i]) for r in judged if r.moving[i]]
+    return any(len(q) > 0 and float(np.ptp(q)) > least_travel(r, i) for r, q in paths)

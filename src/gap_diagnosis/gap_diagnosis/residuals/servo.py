@@ -25,6 +25,7 @@ from stage_twin import effects
 from stage_twin.effects.term import Term
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 #: Factor within which a mass that no force tells may be another one: so far viscous friction
 #: over mass says nothing.
@@ -51,15 +52,10 @@ class Servo(ForceRows):
             terms = re_estimated(
                 terms, self._predictions[0].names('servo', self.axis), self._share
             )
-        fit, held, block, time, number = [], [], [], [], []
+        fit, held = self.split()
+        block, time, number = [], [], []
         offset = 0
-        any_held_session = any(r.held_out_session for r in self.records)
         for session, (record, keep) in enumerate(zip(self.records, self.keep, strict=True)):
-            mask = inside(record.time, held_out_windows(record))
-            if any_held_session and not record.held_out_session:
-                mask[:] = False
-            held.append(mask[keep])
-            fit.append((~mask & (not record.held_out_session))[keep])
             labels = (record.time / BLOCK).astype(np.int64) + offset
             offset = int(labels.max()) + 1
             block.append(labels[keep])
@@ -67,14 +63,14 @@ class Servo(ForceRows):
             number.append(np.full(int(np.count_nonzero(keep)), session))
         problem = Problem(
             target,
-            np.concatenate(fit),
-            np.concatenate(held),
+            fit,
+            held,
             np.concatenate(block),
             np.concatenate(time),
             np.concatenate(number),
             terms,
             self.floor(),
-            not any_held_session,
+            not any(r.held_out_session for r in self.records),
             signatures=effects.signatures(candidates),
             signal=float(np.var(self.columns(self.applied()))),
             speed=np.abs(self.used(self.smooth_velocity())),
@@ -85,6 +81,16 @@ class Servo(ForceRows):
             problem = without_nuisances(problem, starts.astype(np.float64))
             self._bar_masses(problem.terms)
         return problem
+
+    def split(self) -> tuple[Mask, Mask]:
+        """Rows that fit and rows that are held out, (n,) each."""
+        any_held_session = any(r.held_out_session for r in self.records)
+        fit, held = [], []
+        for record, keep in zip(self.records, self.keep, strict=True):
+            mask = inside(record.time, held_out_windows(record))
+            fit.append((~mask & (not record.held_out_session))[keep])
+            held.append((mask & (record.held_out_session or not any_held_session))[keep])
+        return np.concatenate(fit), np.concatenate(held)
 
     def _bar_masses(self, terms: dict[str, Term]) -> None:
         """No viscous friction that a machine of another mass would have, too."""

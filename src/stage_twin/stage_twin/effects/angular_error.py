@@ -9,8 +9,8 @@ from numpy.polynomial.legendre import legval
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.shared import CENTRE, HALF_RANGE
-from stage_twin.effects.term import Array, Term, constant
+from stage_twin.effects.shared import CENTRE, HALF_RANGE, within_seen
+from stage_twin.effects.term import Array, Term, Theta, constant
 
 #: Highest order of the yaw.
 ORDERS = 10
@@ -94,13 +94,19 @@ def _curved(rows: TrackerRows, highest: int) -> Term:
     the point as well, no arm makes a scale error of a yaw.
     """
     shapes = _shapes(rows, highest)
+    places = np.concatenate([s[:, 1] for s, _ in _shapes(rows, 1)])
+
+    def admissible(theta: Theta, c: Array) -> bool:
+        small = float(np.max(np.abs(c))) < 5e-3 and abs(theta[0]) < 0.99
+        return small and within_seen(c, places)
+
     return Term(
         lambda theta: rows.along([(y + theta[0])[:, None] * s for s, y in shapes]),
         lambda theta, c: _parameters(rows, c, theta[0]),
         grid=tuple((arm,) for arm in (-0.6, -0.3, -0.1, 0.0, 0.1, 0.3, 0.6)),
         lower=(-1.0,),
         upper=(1.0,),
-        admissible=lambda theta, c: float(np.max(np.abs(c))) < 5e-3 and abs(theta[0]) < 0.99,
+        admissible=admissible,
         richer=partial(_curved, rows, highest + 1) if highest < ORDERS else None,
         holds=False,
         alone=len(rows.axes) == 1,

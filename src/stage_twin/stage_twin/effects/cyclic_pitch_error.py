@@ -53,12 +53,12 @@ def along(
     )
 
 
-def term(rows: TrackerRows) -> Term:
+def term(rows: TrackerRows) -> Term | None:
     """Sine and cosine; θ is the spatial frequency [1/m], that of the screw where rests are few."""
     path = np.concatenate(rows.position())
     low, high = periodic.bounds(path)
     high = min(high, 1.0 / USUAL)
-    if rows.rests or low > 2.0 / rows.lead:
+    if rows.rests:
         return Term(
             lambda theta: _columns(rows, 1, (1.0 / rows.lead,)),
             lambda theta, c: periodic.found((1.0 / rows.lead,), c),
@@ -66,6 +66,8 @@ def term(rows: TrackerRows) -> Term:
             nuisances=(0, 1),
             phase=True,
         )
+    if low >= high:
+        return None
     own = rows.along([np.ones(len(p)) for p in rows.position()])[:, 0] > 0.0
     peaks = periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead))
     often = periodic.own_or_turning(path, rows.lead)

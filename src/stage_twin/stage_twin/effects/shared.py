@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.polynomial.legendre import legval
 
 from stage_twin.effects.definition import Parameter
 from stage_twin.effects.term import Array
@@ -32,6 +33,24 @@ HALF_RANGE = Parameter(
 
 #: Spatial periods below this [m] stand for the lead.
 SHORTEST_LENGTH = 1e-9
+
+
+#: Range of a curve over the travel in that at the places that were visited: 1.00 in 35 sessions
+#: with such a curve, 1.12 and 722 in two without one.
+BEYOND = 1.05
+
+
+def within_seen(curve: Array, places: Array) -> bool:
+    """Whether a sum of Legendre polynomials goes no further than where it was seen.
+
+    Parameters
+    ----------
+    curve : factors of P0, P1 and so on (k,)
+    places : visited ones (n,), -1 to 1 over the travel; a curve in between is the fit's invention
+    """
+    visited = np.unique(np.round(places, 2))
+    whole = np.linspace(-1.0, 1.0, 201)
+    return bool(np.ptp(legval(whole, curve)) <= BEYOND * np.ptp(legval(visited, curve)))
 
 
 @njit

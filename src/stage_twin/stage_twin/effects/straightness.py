@@ -9,7 +9,7 @@ from numpy.polynomial.legendre import leg2poly, legval
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.shared import CENTRE, HALF_RANGE
+from stage_twin.effects.shared import CENTRE, HALF_RANGE, within_seen
 from stage_twin.effects.term import Array, Term, Theta
 
 #: Highest order of the curve, and up to which orders are added one by one: a path that couples
@@ -87,7 +87,7 @@ def _term(rows: TrackerRows, highest: int) -> Term:
     orders = np.eye(highest + 1)[2:]
     curves = [legval(s, orders.T).T for s in places]
     slope = np.polyfit(np.concatenate(places), np.concatenate(curves), 1)[0]  # (k,)
-    between = not rows.rests
+    between, visited = not rows.rests, np.concatenate(places)
 
     def removed(theta: Theta) -> Array:
         return np.asarray(theta[0] * slope + _slopes(theta[1], highest))
@@ -114,7 +114,10 @@ def _term(rows: TrackerRows, highest: int) -> Term:
 
     def admissible(theta: Theta, c: Array) -> bool:
         largest = float(np.max(np.abs(c[: len(slope)])))
-        return largest < 1e-3 and (not between or abs(c[-1]) <= FARTHEST * largest)
+        if largest >= 1e-3 or not between:
+            return largest < 1e-3
+        curve = np.concatenate([[0.0, -float(removed(theta) @ c[: len(slope)])], c[: len(slope)]])
+        return abs(c[-1]) <= FARTHEST * largest and within_seen(curve, visited)
 
     return Term(
         columns,

@@ -24,7 +24,7 @@ EFFECT = Effect(
     link='servo',
     parameters=(
         Parameter('sag_force', '1/N', 0.0, 1.0, 5e-4, 'share of the force lost per force'),
-        Parameter('sag_square', '1/N^2', 0.0, 0.1, 0.0, 'share lost per squared force'),
+        Parameter('sag_square', '1/N^2', 0.0, 1.0, 0.0, 'share lost per squared force'),
         Parameter('sag_speed', 's/m', 0.0, 100.0, 0.0, 'share of the force lost per speed'),
         Parameter('sag_heat', '1/N^2', 0.0, 1.0, 0.0, 'share lost per mean squared force'),
         Parameter('sag_time', '', 0.0, 0.75, 0.0, 'share lost once what runs by itself is warm'),
@@ -106,10 +106,17 @@ TOGETHER = tuple(
 ALONE, HIGHEST = len(NAMES) - 1, len(NAMES) - 1 + len(TOGETHER)
 TIMES = (4.0, 12.0, 36.0)  # s, starts for that of the warming
 LEAST_TIME, MOST_TIME = 1.5, 250.0  # s
+#: Shares of the largest loss beyond which no more is lost: that of `LEAST`, starts where it shows.
+WHOLE, KNEES = 1.0, (0.1, 0.3, 0.6)
+#: Share of the force by which the loss at a knee may miss that of `LEAST`.
+NEAR = 0.1
 
 
 def term(rows: ForceRows) -> Term | None:
-    """The force times what it loses; θ says by which ways, and the log time of the warming."""
+    """The force times what it loses.
+
+    θ says by which ways, the log time of the warming, and the knee beyond which no more is lost.
+    """
     speed = [np.abs(v) for v in rows.smooth_velocity()]
     strongest = max(float(np.abs(f).max()) for f in rows.applied())
     fastest = max(float(v.max()) for v in speed)
@@ -122,6 +129,7 @@ def term(rows: ForceRows) -> Term | None:
     )
     scale = np.array([strongest**2, strongest, fastest, strongest**2, 1.0])
     force = rows.columns(rows.applied())[:, 0]
+    records = range(len(relative))
 
     @lru_cache(maxsize=2 * len(TIMES))
     def ways(log_time: float) -> Array:
@@ -135,34 +143,49 @@ def term(rows: ForceRows) -> Term | None:
         return np.column_stack([cold, rows.columns(*warm)])
 
     def columns(theta: Theta) -> Array:
-        return np.asarray(ways(theta[1]) @ _mixed(theta[0]))
+        return deep(theta) if _knees(theta) else np.asarray(ways(theta[1]) @ _mixed(theta[0]))
+
+    def deep(theta: Theta) -> Array:
+        weights = _mixed(theta[0])[:COLD, 0]
+        lost = [sum(w * s[i] for w, s in zip(weights, shares, strict=True)) for i in records]
+        most = theta[2] * max(float(one.max()) for one in lost)
+        clipped = (np.minimum(one, most) for one in lost)
+        return rows.columns([f * one for f, one in zip(rows.applied(), clipped, strict=True)])
 
     def parameters(theta: Theta, c: Array) -> dict[str, float]:
         values = (_mixed(theta[0]) @ c / scale).tolist()
         return {**dict(zip(NAMES, values, strict=True)), 'heat_time': math.exp(theta[1])}
 
     def admissible(theta: Theta, c: Array) -> bool:
-        lost = float(np.abs(columns(theta) @ c).max())
-        return bool(np.min(c) > 0.0) and lost < (1.0 - LEAST) * strongest
+        lost = float(np.abs(columns(theta) @ c).max()) / strongest
+        told = abs(lost - (1.0 - LEAST)) < NEAR if _knees(theta) else lost < 1.0 - LEAST
+        return bool(np.min(c) > 0.0) and told
 
     def acting(theta: Theta, c: Array) -> float:
         return 1.0 - float(force @ columns(theta) @ c) / float(force @ force)
 
     times = [math.log(time) for time in TIMES]
-    cold_ways = tuple((k, times[1]) for k in (0.0, 0.5, 1.0, 1.5, 1.95))
-    warm_ways = tuple((float(way), time) for way in (COLD, COLD + 1) for time in times)
-    several = tuple((float(k), time) for k in range(ALONE + 1, HIGHEST + 1) for time in times)
+    cold_ways = tuple((k, times[1], WHOLE) for k in (0.0, 0.5, 1.0, 1.5, 1.95))
+    deep_ways = tuple((k, times[1], knee) for k in (0.0, 0.5, 1.0) for knee in KNEES)
+    warm_ways = tuple((float(way), time, WHOLE) for way in (COLD, COLD + 1) for time in times)
+    sets = range(ALONE + 1, HIGHEST + 1)
+    several = tuple((float(k), time, WHOLE) for k in sets for time in times)
     plain = Term(
         columns,
         parameters,
-        grid=cold_ways + warm_ways,
-        lower=(0.0, math.log(LEAST_TIME)),
-        upper=(float(ALONE), math.log(MOST_TIME)),
+        grid=cold_ways + deep_ways + warm_ways,
+        lower=(0.0, math.log(LEAST_TIME), 0.01),
+        upper=(float(ALONE), math.log(MOST_TIME), WHOLE),
         admissible=admissible,
         acting=acting,
     )
-    highest = (float(HIGHEST), math.log(MOST_TIME))
+    highest = (float(HIGHEST), math.log(MOST_TIME), WHOLE)
     return replace(plain, richer=lambda: replace(plain, grid=several, upper=highest, own=True))
+
+
+def _knees(theta: Theta) -> bool:
+    """Whether so much is lost that the loss ends at that of `LEAST`."""
+    return theta[0] < COLD - 1 and theta[2] < 0.99 * WHOLE
 
 
 def _mixed(way: float) -> Array:
