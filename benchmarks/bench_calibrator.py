@@ -3,9 +3,8 @@
 The swarm: PyIT2FLS (membership functions and type reduction, sample by sample) with pseudo-inverse
 consequents inside pyswarms, on a small problem, and the compiled fitness on the same one; then one
 iteration of the paper's setting (1000 particles, 2000 samples, 5 rules, both axes), from which 200
-are extrapolated (`--full` runs them), and the same swarm by plain compiled loops. Inference per
-sample. Stepwise regression of paper 2's size beside a loop of ordinary regressions (one step of it
-is timed and multiplied).
+are extrapolated (`--full` runs them). Inference per sample. Stepwise regression of paper 2's size
+beside a loop of ordinary regressions (one step of it is timed and multiplied).
 
     python benchmarks/bench_calibrator.py [--full]
 """
@@ -18,7 +17,6 @@ import time
 import numpy as np
 import pyswarms
 import statsmodels.api as sm
-from plain_swarm import PlainFitness
 from pyit2fls import EIASC_algorithm
 
 from calibrator import pso
@@ -54,29 +52,6 @@ def peer_error(vector: np.ndarray, inputs: np.ndarray, target: np.ndarray) -> fl
         left, right = EIASC_algorithm(table)
         total += (target[k] - 0.5 * (left + right)) ** 2
     return total / len(inputs)
-
-
-def bench_plain_loop() -> None:
-    """The whole swarm with and without loops for vector registers, in turn, one thread."""
-    inputs, targets = stage(2000)
-    low, high = vector_bounds(RULES, 2)
-    swarm = np.random.default_rng(0).uniform(low, high, (1000, len(low)))
-    for reduction in ('nie_tan', 'maclaurin'):
-        hand = SwarmFitness(inputs, targets, reduction, 1)
-        plain = PlainFitness(inputs, targets, reduction, RULES)
-        np.testing.assert_allclose(hand(swarm[:50]), plain(swarm[:50]), 1e-5)
-        seconds = np.empty((5, 2))
-        for row in seconds:
-            started = time.process_time()
-            hand(swarm)
-            between = time.process_time()
-            plain(swarm)
-            row[:] = between - started, time.process_time() - between
-        ours, loop = seconds.min(axis=0)
-        print(
-            f'1000 particles, 2000 samples, {reduction}, least of 5: plain compiled loops '
-            f'{loop:.3f} s, here {ours:.3f} s, ratio {loop / ours:.2f}'
-        )
 
 
 def bench_swarm(full: bool) -> None:
@@ -184,7 +159,6 @@ def main() -> int:
     parser.add_argument('--full', action='store_true', help='run the 1000 x 200 swarm in full')
     options = parser.parse_args()
     bench_swarm(options.full)
-    bench_plain_loop()
     bench_inference()
     bench_stepwise()
     return 0

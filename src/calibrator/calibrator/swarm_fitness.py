@@ -5,10 +5,10 @@ were solved by normal equations with a ridge of 1e-10 of their mean diagonal (in
 are scaled, so that this regularises only what the rules cannot tell apart). Same readings as
 `consequents`, with one sign pass. The final refit of the best particle uses `consequents`.
 
-The loops are written for vector registers: plain ones (`benchmarks/plain_swarm.py`) take 1.9 to
-2.3 times as long for `maclaurin`. Rows of a block of samples lie one after the other in flat
-arrays, row j from j·BLOCK. The numbers of rules and inputs come as the lengths of tuples, which
-the compiler knows: it unrolls the loops over them, keeps a sample's rules in registers, and
+The loops are written for vector registers: plain ones took 1.9 to 2.3 times as long for
+`maclaurin` (docs/results/calibration.md#speed). Rows of a block of samples lie one after the other
+in flat arrays, row j from j·BLOCK. The numbers of rules and inputs come as the lengths of tuples,
+which the compiler knows: it unrolls the loops over them, keeps a sample's rules in registers, and
 vectorises over samples. It does so only while the offsets of rows are constants and indices
 unsigned (a signed one is tested for counting from the end). Reassociation lets sums run in vector
 registers; NaN and infinity keep their meaning, which full fast-math would take away.
