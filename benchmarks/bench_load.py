@@ -16,8 +16,8 @@ import sys
 import tempfile
 import threading
 import time
-from contextlib import ExitStack
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -30,48 +30,36 @@ from benchmarks.processor_gaps import ProcessorGaps
 from stage_bringup.graph import Options
 from stage_core.errors import StageError
 from tests.domains import reserve_domain
-from tests.reliability.rig import Watch, running
+from tests.reliability.rig import Nodes, Watch, running
 
 PERIOD = 1e-3
 #: Limits that the figures stand beside.
 STOP_LIMIT = 0.02
 MISSED_LIMIT = 0.001
+#: What the nodes count of it.
+COUNTED = (
+    ('stage_driver: state', ('missed_ticks', 'late_ticks', 'watchdog_stops')),
+    (
+        'stage_twin: plant',
+        ('held_ticks', 'late_forces', 'missed_ticks', 'pauses', 'worst_lateness'),
+    ),
+    ('contour_ctrl: timing', ('missed_ticks', 'interval_p99_ms', 'callback_p99_us')),
+)
 TICKS_PER_SECOND = os.sysconf('SC_CLK_TCK')
-#: A circle of 3 s, again and again, wherever the contour controller runs.
-CIRCLE = {'radius': 0.01, 'feed': 0.02, 'iterations': 3, 'approach_timeout': 3.0}
-CIRCLES: dict[str, dict[str, object]] = {
-    'contour_ctrl': {**CIRCLE},
-    'control': {f'contour_ctrl:{name}': value for name, value in CIRCLE.items()},
-}
+#: A circle of 3 s, again and again.
+CIRCLE: dict[str, object] = {
+    'radius': 0.01, 'feed': 0.02, 'iterations': 3, 'approach_timeout': 3.0,
+}  # fmt: skip
 
 
-@dataclass
-class Cpu:
-    """CPU time of a process and of its children [s] at the begin."""
-
-    pid: int
-    begin: float
-
-    @classmethod
-    def of(cls, pid: int) -> Cpu:
-        """Begin to count."""
-        return cls(pid, cls.read(pid))
-
-    @staticmethod
-    def read(pid: int) -> float:
-        """User and system time so far, ended children included [s]."""
-        fields = Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()
-        return sum(int(fields[i]) for i in (11, 12, 13, 14)) / TICKS_PER_SECOND
-
-    @property
-    def used(self) -> float:
-        """CPU time since the begin [s]."""
-        return self.read(self.pid) - self.begin
+def processor_time(pid: int) -> float:
+    """User and system time of a process so far, ended children included [s]."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()
+    return sum(int(fields[i]) for i in (11, 12, 13, 14)) / TICKS_PER_SECOND
 
 
 def record(watch: Watch) -> str:
     """Record a bag of moves to train and diagnose from; its path."""
-    watch.home()
     bag = watch.client.trigger('/session_recorder/start').split()[-1]
     for x in np.linspace(-0.03, 0.03, 4):
         for y in np.linspace(-0.03, 0.03, 4):
@@ -82,16 +70,89 @@ def record(watch: Watch) -> str:
     return str(bag)
 
 
-def repeat(ended: threading.Event, counts: dict[str, list[int]], watch: Watch, name: str) -> None:
-    """Call a long service again and again; count answers and failures."""
-    while not ended.is_set():
-        try:
-            watch.client.trigger(name, 600.0)
-            counts[name][0] += 1
-        except StageError as error:
-            counts[name][1] += 1
-            print(f'  {name}: {error}')
-            time.sleep(1.0)
+class Load:
+    """Services that are called again and again while a bag is recorded, and what that costs."""
+
+    def __init__(self, nodes: Nodes, watch: Watch, services: Sequence[str]) -> None:
+        self.watch = watch
+        #: Of each service the answers and the failures.
+        self.counts = {name: [0, 0] for name in services}
+        self.ended = threading.Event()
+        watch.client.trigger('/session_recorder/start')
+        pids = {name: process.pid for name, process in nodes.running.items()}
+        pids['(this benchmark)'] = os.getpid()
+        self.begun = {name: (pid, processor_time(pid)) for name, pid in pids.items()}
+        watch.encoder.clear()
+        self.begin = time.monotonic()
+        for name in services:
+            # Daemons: a call may still wait for an answer when the time is over.
+            threading.Thread(target=self._repeat, args=(name,), daemon=True).start()
+
+    def _repeat(self, name: str) -> None:
+        while not self.ended.is_set():
+            try:
+                self.watch.client.trigger(name, 600.0)
+                self.counts[name][0] += 1
+            except StageError as error:
+                self.counts[name][1] += 1
+                print(f'  {name}: {error}')
+                time.sleep(1.0)
+
+    def last(self, seconds: float) -> None:
+        """Let time pass; prints what the machine itself left out."""
+        with ProcessorGaps() as gaps:
+            time.sleep(seconds)
+        print(gaps.text)
+
+    def told(self, keys: Sequence[tuple[str, Sequence[str]]]) -> None:
+        """Print values of statuses on /diagnostics, and what driver and recorder say."""
+        for status, names in keys:
+            shown = ', '.join(f'{n} {self.watch.value(status, n) or "-"}' for n in names)
+            print(f'{status:22s} {shown}')
+        print(f'driver                 {self.watch.text("stage_driver: state")}')
+        print(f'recording              {self.watch.text("session_recorder: recording")}')
+
+    def end(self) -> None:
+        """Print the processor time of each node and what was answered; nothing more is asked."""
+        self.ended.set()
+        seconds, total = time.monotonic() - self.begin, 0.0
+        for name, (pid, before) in self.begun.items():
+            used = processor_time(pid) - before
+            total += used
+            print(f'CPU {name:18s} {100 * used / seconds:5.0f} % of a core')
+        print(f'CPU of all             {100 * total / seconds:5.0f} % of {os.cpu_count()} cores')
+        for name, (done, failed) in self.counts.items():
+            print(f'{name:26s} {done} answered, {failed} failed')
+
+
+@contextmanager
+def homed(
+    services: Sequence[str], circle: dict[str, object], **options: object
+) -> Iterator[tuple[Nodes, Watch]]:
+    """The graph of a session in real time; the contour controller follows a circle when asked."""
+    reserve_domain()
+    prefixed = {f'contour_ctrl:{name}': value for name, value in circle.items()}
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / 'out'
+        # The emulated Zaber chain links its terminal there.
+        out.mkdir()
+        given = Options(clock='realtime', out=out, **options)  # type: ignore[arg-type]
+        with running(given, lean=True, contour_ctrl=circle, control=prefixed) as (nodes, watch):
+            for service in ('/stage_driver/home', '/session_recorder/start', *services):
+                watch.client.wait_for_service(service, 180.0)
+            watch.wait(lambda: len(watch.encoder) > 0, 'the stage', 180.0)
+            watch.home()
+            yield nodes, watch
+
+
+def arguments(description: str) -> argparse.ArgumentParser:
+    """The arguments that every load has."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser.add_argument('--seconds', type=float, default=60.0)
+    parser.add_argument(
+        '--composed', action='store_true', help='driver and contour controller in one process'
+    )
+    return parser
 
 
 def intervals(rows: list[tuple[int, float, float]]) -> np.ndarray:
@@ -99,8 +160,8 @@ def intervals(rows: list[tuple[int, float, float]]) -> np.ndarray:
     return 1e-9 * np.diff(np.array([row[0] for row in rows], dtype=np.int64))
 
 
-def report(watch: Watch, cpu: dict[str, Cpu], stops: np.ndarray, seconds: float) -> None:
-    """Print the table."""
+def report(watch: Watch, stops: np.ndarray, seconds: float) -> None:
+    """Print what the ticks and the stops say."""
     steps = intervals(list(watch.encoder))
     missed = int(np.sum(np.rint(steps / PERIOD) - 1))
     print(f'\n{seconds:.0f} s; {len(steps)} ticks on /stage/joint_states')
@@ -115,67 +176,25 @@ def report(watch: Watch, cpu: dict[str, Cpu], stops: np.ndarray, seconds: float)
         'answer of ~/stop       median {:.1f} ms, 95 % {:.1f} ms, 99 % {:.1f} ms, worst {:.1f} ms'
         '; limit {:.0f} ms'.format(*values, 1e3 * STOP_LIMIT)
     )
-    for status, keys in (
-        ('stage_driver: state', ('missed_ticks', 'late_ticks', 'watchdog_stops')),
-        (
-            'stage_twin: plant',
-            ('held_ticks', 'late_forces', 'missed_ticks', 'pauses', 'worst_lateness'),
-        ),
-        ('contour_ctrl: timing', ('missed_ticks', 'interval_p99_ms', 'callback_p99_us')),
-    ):
-        shown = ', '.join(f'{key} {watch.value(status, key) or "-"}' for key in keys)
-        print(f'{status:22s} {shown}')
-    print(f'driver                 {watch.text("stage_driver: state")}')
-    print(f'recording              {watch.text("session_recorder: recording")}')
-    total = 0.0
-    for name, used in cpu.items():
-        total += used.used
-        print(f'CPU {name:18s} {100 * used.used / seconds:5.0f} % of a core')
-    print(f'CPU of all             {100 * total / seconds:5.0f} % of {os.cpu_count()} cores')
 
 
 def main() -> int:
     """Run the load."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=60.0)
-    parser.add_argument(
-        '--composed', action='store_true', help='driver and contour controller in one process'
-    )
+    parser = arguments(__doc__)
     parser.add_argument('--untrained', action='store_true', help='neither training nor diagnosis')
     given = parser.parse_args()
-    seconds = given.seconds
-    reserve_domain()
     busy = () if given.untrained else ('/calibrator/retrain', '/gap_diagnosis/diagnose')
-    counts = {name: [0, 0] for name in (*busy, '/contour_ctrl/run')}
-    ended = threading.Event()
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        options = Options(clock='realtime', composed=given.composed, out=Path(folder) / 'out')
-        nodes, watch = stack.enter_context(running(options, lean=True, **CIRCLES))
-        stack.callback(ended.set)
-        watch.wait(lambda: len(watch.encoder) > 0, 'the stage', 180.0)
-        client = watch.client
-        for service in ('/session_recorder/start', *counts):
-            client.wait_for_service(service, 90.0)
+    services = (*busy, '/contour_ctrl/run')
+    with homed(services, CIRCLE, composed=given.composed) as (nodes, watch):
         bag = record(watch)
-        client.set_parameters('/calibrator', bag=bag)
-        client.set_parameters('/gap_diagnosis', bag=bag)
-        client.trigger('/session_recorder/start')
-        cpu = {name: Cpu.of(p.pid) for name, p in nodes.running.items()}
-        cpu['(this benchmark)'] = Cpu.of(os.getpid())
-        watch.encoder.clear()
-        begin = time.monotonic()
-        for name in counts:
-            # Daemons: a call may still wait for an answer when the time is over.
-            calls = (ended, counts, watch, name)
-            threading.Thread(target=repeat, args=calls, daemon=True).start()
-        with ProcessorGaps() as gaps:
-            time.sleep(seconds)
+        for node in ('/calibrator', '/gap_diagnosis'):
+            watch.client.set_parameters(node, bag=bag)
+        load = Load(nodes, watch, services)
+        load.last(given.seconds)
         stops = stop_times(watch)
-        print(gaps.text)
-        report(watch, cpu, stops, time.monotonic() - begin)
-        ended.set()
-        for name, (done, failed) in counts.items():
-            print(f'{name:26s} {done} answered, {failed} failed')
+        report(watch, stops, time.monotonic() - load.begin)
+        load.told(COUNTED)
+        load.end()
     return 0
 
 
