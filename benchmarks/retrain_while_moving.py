@@ -12,27 +12,22 @@ the two are printed with the ticks that were missed.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'tests'))
-
-from domains import reserve_domain
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from session_bags.writer import write_session
-from stage_bringup.graph import Options, commands
-from stage_bringup.processes import Processes
+from stage_bringup.graph import Options
 from stage_core import topics
-from stage_core.ros.client_node import GraphClient
 from stage_core.session import Series, Session
+from tests.domains import reserve_domain
+from tests.reliability.rig import Watch, running
 
 NODES = ('stage_twin', 'stage_driver', 'calibrator', 'contour_ctrl')
 COUNTED = ('missed_ticks', 'held_ticks', 'watchdog_stops')
@@ -69,50 +64,43 @@ def training_bag(folder: Path) -> Path:
     )
 
 
-class _Told:
-    """What the nodes say of themselves: what they counted, and how far the training is."""
-
-    def __init__(self) -> None:
-        self.counts: dict[str, int] = {}
-        self._training = ''
-
-    def keep(self, message: DiagnosticArray) -> None:
-        """Take what a node has published."""
-        for part in message.status:
-            node = part.name.split(':')[0]
-            for pair in part.values:
-                if pair.key in COUNTED and node in NODES:
-                    self.counts[f'{node} {pair.key}'] = int(float(pair.value))
-                if part.name == 'calibrator: model' and pair.key == 'training':
-                    self._training = pair.value
-
-    def step(self) -> int:
-        """Iteration of the training, of its status `(iteration, error)`; 0 where there is none."""
-        digits = self._training.strip('(').split(',')[0]
-        return int(digits) if digits.isdigit() else 0
+def _step(watch: Watch) -> int:
+    """Iteration of the training, of its status `(iteration, error)`; 0 where there is none."""
+    digits = watch.value('calibrator: model', 'training').strip('(').split(',')[0]
+    return int(digits) if digits.isdigit() else 0
 
 
-def _begin_training(client: GraphClient, bag: Path, told: _Told) -> Future:
+def _counts(watch: Watch) -> dict[str, int]:
+    """What the nodes have counted."""
+    return {
+        f'{name.split(":")[0]} {key}': int(float(state[2][key]))
+        for name, state in list(watch.states.items())
+        for key in COUNTED
+        if key in state[2]
+    }
+
+
+def _begin_training(watch: Watch, bag: Path) -> Future:
     """A training that would last for hours, once it has done an iteration."""
-    client.set_parameters(
+    watch.client.set_parameters(
         '/calibrator',
         bag=str(bag),
         method='it2fls',
         target='encoder',
         options='{"rules": 5, "particles": 200, "iterations": 1000000}',
     )
-    retrain = client.node.create_client(Trigger, '/calibrator/retrain')
+    retrain = watch.client.node.create_client(Trigger, '/calibrator/retrain')
     answer = retrain.call_async(Trigger.Request())
-    client.wait_for(lambda: told.step() > 0, PATIENCE, 'the training')
+    watch.wait(lambda: _step(watch) > 0, 'the training')
     return answer
 
 
-def _end_training(client: GraphClient, answer: Future, told: _Told, begun: int) -> int:
+def _end_training(watch: Watch, answer: Future, begun: int) -> int:
     """A later iteration of the training than `begun`, 0 if it had ended by itself."""
-    client.wait_for(lambda: told.step() > begun, PATIENCE, 'a later iteration')
-    later = 0 if answer.done() else told.step()
-    client.trigger('/calibrator/abort', PATIENCE)
-    client.wait_for(answer.done, PATIENCE, 'the abort')
+    watch.wait(lambda: _step(watch) > begun, 'a later iteration')
+    later = 0 if answer.done() else _step(watch)
+    watch.client.trigger('/calibrator/abort', PATIENCE)
+    watch.wait(answer.done, 'the abort')
     return later
 
 
@@ -121,32 +109,21 @@ def follow(
 ) -> tuple[str, dict[str, int], tuple[int, int]]:
     """Result of the run, what the nodes counted, and the swarm's iteration before and after it."""
     folder.mkdir()
-    told = _Told()
-    processes = Processes(folder / 'log')
     options = Options(clock=clock, out=folder / 'out', iterations=iterations)
-    try:
-        for command in commands(options):
-            if command.name in NODES:
-                changed = {**command.parameters, **CHANGED.get(command.name, {})}
-                processes.start(replace(command, parameters=changed))
-        with GraphClient('retrain_while_moving', use_sim_time=clock == 'lockstep') as client:
-            client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=told.keep)
-            for service in ('/contour_ctrl/run', '/stage_driver/home', '/calibrator/retrain'):
-                client.wait_for_service(service, PATIENCE)
-            client.wait_for(
-                lambda: client.node.get_clock().now().nanoseconds > 0, PATIENCE, 'a plant'
-            )
-            client.trigger('/stage_driver/home', PATIENCE)
-            answer = _begin_training(client, bag, told) if retrain else None
-            begun = told.step()
-            message = client.trigger('/contour_ctrl/run', PATIENCE)
-            later = 0 if answer is None else _end_training(client, answer, told, begun)
-        for line in (folder / 'log' / 'stage_driver.log').read_text(errors='replace').splitlines():
+    with running(options, *NODES, lean=True, **CHANGED) as (nodes, watch):
+        client = watch.client
+        for service in ('/contour_ctrl/run', '/stage_driver/home', '/calibrator/retrain'):
+            client.wait_for_service(service, PATIENCE)
+        watch.wait(lambda: client.node.get_clock().now().nanoseconds > 0, 'a plant')
+        client.trigger('/stage_driver/home', PATIENCE)
+        answer = _begin_training(watch, bag) if retrain else None
+        begun = _step(watch)
+        message = client.trigger('/contour_ctrl/run', PATIENCE)
+        later = 0 if answer is None else _end_training(watch, answer, begun)
+        for line in nodes.log('stage_driver').splitlines():
             if 'stream ended' in line:
                 print(f'  driver: {line}')
-        return message, told.counts, (begun, later)
-    finally:
-        processes.end()
+        return message, _counts(watch), (begun, later)
 
 
 def main() -> int:
@@ -157,7 +134,6 @@ def main() -> int:
     given = parser.parse_args()
     clock = 'realtime' if given.realtime else 'lockstep'
     reserve_domain()
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     with tempfile.TemporaryDirectory() as name:
         bag = training_bag(Path(name))
         results = []
