@@ -22,7 +22,7 @@ from distributed import LocalCluster
 from calibrator import model_file
 from session_bags.writer import write_session
 from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 
 START = 1_700_000_000_000_000_000
 RESTS = 20
@@ -35,15 +35,13 @@ def session(seed: int) -> Session:
     stamps = START + np.arange(len(command)) * 2_000_000
     table = command * (1.0 + 2e-4) + 4e-6 * np.sin(2.0 * np.pi * command / 0.004)
     points = table[::5] + generator.normal(0.0, 5e-7, table[::5].shape)
-    motion = {'position.x': command[:, 0], 'position.y': command[:, 1]}
-    columns = {'x': points[:, 0], 'y': points[:, 1], 'z': np.zeros(len(points))}
     return Session(
         'archive',
-        {
-            topics.REFERENCE: Series(topics.REFERENCE, stamps, motion),
-            topics.JOINT_STATES: Series(topics.JOINT_STATES, stamps, motion),
-            topics.TRACKER_POINT: Series(topics.TRACKER_POINT, stamps[::5], columns),
-        },
+        by_topic(
+            Series.per_axis(topics.REFERENCE, stamps, position=command),
+            Series.per_axis(topics.JOINT_STATES, stamps, position=command),
+            Series.points(topics.TRACKER_POINT, stamps[::5], points),
+        ),
     )
 
 

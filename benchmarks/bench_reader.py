@@ -24,7 +24,7 @@ from session_bags.bulk import session_blocks
 from session_bags.reader import read_session
 from session_bags.writer import SessionWriter
 from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 
 #: The other two readers get the first part of the session only; their rate does not depend on it.
 PEER_SECONDS = 10.0
@@ -36,19 +36,17 @@ def session(seconds: float, start: float = 0.0) -> Session:
     first = 1_700_000_000_000_000_000 + round(start * 1e9)
     stamps = first + np.arange(int(seconds * 1000)) * 1_000_000
 
-    def joint(*quantities: str) -> dict[str, np.ndarray]:
-        names = (f'{quantity}.{axis}' for quantity in quantities for axis in 'xy')
-        return {name: np.cumsum(rng.normal(size=len(stamps))) * 1e-6 for name in names}
+    def walks(*quantities: str) -> dict[str, np.ndarray]:
+        return {q: np.cumsum(rng.normal(size=(len(stamps), 2)), axis=0) * 1e-6 for q in quantities}
 
-    series = {
-        topics.SETPOINT: Series(topics.SETPOINT, stamps, joint('position', 'velocity')),
-        topics.REFERENCE: Series(topics.REFERENCE, stamps, joint('position', 'velocity')),
-        topics.JOINT_STATES: Series(topics.JOINT_STATES, stamps, joint('position', 'velocity')),
-        topics.COMMAND: Series(topics.COMMAND, stamps, joint('velocity', 'effort')),
-    }
-    slow = stamps[::10]
-    points = {axis: rng.normal(size=len(slow)) for axis in 'xyz'}
-    series[topics.TRACKER_POINT] = Series(topics.TRACKER_POINT, slow, points)
+    per_axis, slow = Series.per_axis, stamps[::10]
+    series = by_topic(
+        per_axis(topics.SETPOINT, stamps, **walks('position', 'velocity')),
+        per_axis(topics.REFERENCE, stamps, **walks('position', 'velocity')),
+        per_axis(topics.JOINT_STATES, stamps, **walks('position', 'velocity')),
+        per_axis(topics.COMMAND, stamps, **walks('velocity', 'effort')),
+        Series.points(topics.TRACKER_POINT, slow, rng.normal(size=(len(slow), 3))),
+    )
     for sensor in ('screw_x', 'screw_y'):
         stamps_here = stamps[::1000]
         series[topics.temperature_key(sensor)] = Series(

@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from session_bags.writer import write_session
 from stage_bringup.graph import Options
 from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 from tests.domains import reserve_domain
 from tests.reliability.rig import Watch, running
 
@@ -46,22 +46,11 @@ def training_bag(folder: Path) -> Path:
     stamps = 10**18 + times * 2_000_000
     path = 0.05 * np.sin(np.outer(times * 0.002, (1.9, 3.1)))
     table = path + 2e-5 * np.sin(90.0 * path)
-    return write_session(
-        folder / 'bag',
-        Session(
-            'moving',
-            {
-                topics.REFERENCE: Series(
-                    topics.REFERENCE, stamps, {'position.x': path[:, 0], 'position.y': path[:, 1]}
-                ),
-                topics.JOINT_STATES: Series(
-                    topics.JOINT_STATES,
-                    stamps,
-                    {'position.x': table[:, 0], 'position.y': table[:, 1]},
-                ),
-            },
-        ),
+    series = by_topic(
+        Series.per_axis(topics.REFERENCE, stamps, position=path),
+        Series.per_axis(topics.JOINT_STATES, stamps, position=table),
     )
+    return write_session(folder / 'bag', Session('moving', series))
 
 
 def _step(watch: Watch) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.blind.cases import Case
 from benchmarks.blind.machine import Recording, record
 from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 
 EPOCH = 1_760_000_000_000_000_000
 
@@ -43,37 +43,18 @@ def as_session(
 
     ticks = stamps(recording.time, 20e-6)
 
-    def joints(topic: str, **columns: np.ndarray) -> Series:
-        return Series(
-            topic,
-            ticks,
-            {
-                f'{name}.{axis}': column[:, i]
-                for name, column in columns.items()
-                for i, axis in enumerate(recording.axes)
-            },
-        )
-
-    points = np.zeros((len(recording.tracker), 3))
-    points[:, : len(recording.axes)] = recording.tracker
-    series = {
-        topics.REFERENCE: joints(
-            topics.REFERENCE,
-            position=recording.reference,
-            velocity=recording.reference_velocity,
-        ),
-        topics.COMMAND: joints(
-            topics.COMMAND, velocity=recording.velocity_command, effort=recording.force
-        ),
-        topics.JOINT_STATES: joints(
-            topics.JOINT_STATES, position=recording.encoder, velocity=recording.filtered_velocity
-        ),
-    }
+    axes = recording.axes
+    motion = {'position': recording.reference, 'velocity': recording.reference_velocity}
+    command = {'velocity': recording.velocity_command, 'effort': recording.force}
+    state = {'position': recording.encoder, 'velocity': recording.filtered_velocity}
+    series = by_topic(
+        Series.per_axis(topics.REFERENCE, ticks, axes, **motion),
+        Series.per_axis(topics.COMMAND, ticks, axes, **command),
+        Series.per_axis(topics.JOINT_STATES, ticks, axes, **state),
+    )
     if tracker:
-        series[topics.TRACKER_POINT] = Series(
-            topics.TRACKER_POINT,
-            stamps(recording.tracker_time, 0.0),
-            {'x': points[:, 0], 'y': points[:, 1], 'z': points[:, 2]},
+        series[topics.TRACKER_POINT] = Series.points(
+            topics.TRACKER_POINT, stamps(recording.tracker_time, 0.0), recording.tracker
         )
     for i, axis in enumerate(recording.axes if temperature else ()):
         series[topics.temperature_key(f'screw_{axis}')] = Series(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import TrackerSpec, TwinFile
 from stage_twin.effects import EFFECTS
 from stage_twin.simulate import SimulationResult, simulate
@@ -141,16 +141,15 @@ def as_session(
     def stamps(seconds: Array) -> NDArray[np.int64]:
         return start + np.rint(seconds * 1e9).astype(np.int64)
 
-    def joints(topic: str, **columns: Array) -> Series:
-        axes = tuple(carried.axes)
-        values = {f'{k}.{a}': c[:, i] for k, c in columns.items() for i, a in enumerate(axes)}
-        return Series(topic, stamps(made.times), values)
-
-    points = dict(zip('xyz', made.tracker_points.T, strict=True))
-    found = [
-        joints(topics.REFERENCE, position=position, velocity=rate),
-        joints(topics.COMMAND, velocity=made.velocity_command, effort=made.force),
-        joints(topics.JOINT_STATES, position=made.encoder, velocity=made.velocity),
-        Series(topics.TRACKER_POINT, stamps(made.tracker_stamps), points),
-    ]
-    return Session(name, {one.topic: one for one in found}, carried.to_dict(), None)
+    ticks, axes = stamps(made.times), tuple(carried.axes)
+    found = by_topic(
+        Series.per_axis(topics.REFERENCE, ticks, axes, position=position, velocity=rate),
+        Series.per_axis(
+            topics.COMMAND, ticks, axes, velocity=made.velocity_command, effort=made.force
+        ),
+        Series.per_axis(
+            topics.JOINT_STATES, ticks, axes, position=made.encoder, velocity=made.velocity
+        ),
+        Series.points(topics.TRACKER_POINT, stamps(made.tracker_stamps), made.tracker_points),
+    )
+    return Session(name, found, carried.to_dict(), None)

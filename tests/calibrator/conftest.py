@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import TwinFile
 from stage_twin.kinematics import carry
 
@@ -59,18 +59,10 @@ def make_grid_session(
     every = 5
     stamps = EPOCH + np.rint(np.arange(len(reference)) * period * 1e9).astype(np.int64)
     measured = table[::every] + generator.normal(0, noise, table[::every].shape)
-    series = {
-        topics.REFERENCE: Series(
-            topics.REFERENCE,
-            stamps,
-            {'position.x': reference[:, 0], 'position.y': reference[:, 1]},
-        ),
-        topics.TRACKER_POINT: Series(
-            topics.TRACKER_POINT,
-            stamps[::every] + int(latency * 1e9),
-            {'x': measured[:, 0], 'y': measured[:, 1], 'z': np.zeros(len(measured))},
-        ),
-    }
+    series = by_topic(
+        Series.per_axis(topics.REFERENCE, stamps, position=reference),
+        Series.points(topics.TRACKER_POINT, stamps[::every] + int(latency * 1e9), measured),
+    )
     if sensor is not None:
         key = topics.temperature_key('screw_x')
         values = np.resize(np.asarray(sensor, float), len(stamps[::500]))
@@ -113,12 +105,10 @@ def warming_session():
     table = carry(WARM, command, screws)
     table = table + generator.normal(0.0, 2e-7, table.shape)
     stamps = 10**18 + (times * 1e9).astype(np.int64)
-    reference = {f'position.{a}': command[:, i] for i, a in enumerate('xy')}
-    points = {'x': table[:, 0], 'y': table[:, 1], 'z': np.zeros(len(table))}
-    series = {
-        topics.REFERENCE: Series(topics.REFERENCE, stamps, reference),
-        topics.TRACKER_POINT: Series(topics.TRACKER_POINT, stamps, points),
-    }
+    series = by_topic(
+        Series.per_axis(topics.REFERENCE, stamps, position=command),
+        Series.points(topics.TRACKER_POINT, stamps, table),
+    )
     for i, sensor in enumerate(SENSORS):
         key = topics.temperature_key(sensor)
         # Frame and air stay: sensors that tell nothing are left out of the model.

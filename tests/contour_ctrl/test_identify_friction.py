@@ -10,7 +10,7 @@ from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.identify_friction import identify, identify_session, main
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import SimulationResult, simulate
 
@@ -41,16 +41,10 @@ def record() -> SimulationResult:
 
 def session_of(record: SimulationResult) -> Session:
     stamps = (np.rint(record.times * 1e9)).astype(np.int64) + 5_000_000_000
-
-    def columns(quantity: str, values: np.ndarray) -> dict[str, np.ndarray]:
-        return {f'{quantity}.{axis}': values[:, i] for i, axis in enumerate(('x', 'y'))}
-
-    series = {
-        topics.JOINT_STATES: Series(
-            topics.JOINT_STATES, stamps, columns('position', record.encoder)
-        ),
-        topics.COMMAND: Series(topics.COMMAND, stamps, columns('effort', record.force)),
-    }
+    series = by_topic(
+        Series.per_axis(topics.JOINT_STATES, stamps, position=record.encoder),
+        Series.per_axis(topics.COMMAND, stamps, effort=record.force),
+    )
     return Session('memory', series)
 
 

@@ -15,7 +15,7 @@ from session_bags.check import ERROR, OK, WARNING, check_bag
 from session_bags.drops import DropCounter
 from session_bags.writer import SessionWriter, write_session
 from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import TwinFile
 
 from .conftest import START
@@ -27,26 +27,18 @@ def smooth_session() -> Session:
     stamps = START + np.arange(count) * 1_000_000
     angle = np.linspace(0, 6, count)
     turn = 6 / (count - 1) * 1000.0
-    columns = {
-        'position.x': 0.01 * np.cos(angle),
-        'position.y': 0.01 * np.sin(angle),
-        'velocity.x': -0.01 * turn * np.sin(angle),
-        'velocity.y': 0.01 * turn * np.cos(angle),
-    }
+    path = 0.01 * np.column_stack([np.cos(angle), np.sin(angle)])
+    rate = turn * path[:, ::-1] * [-1.0, 1.0]
     slow = stamps[::10]
-    points = {'x': columns['position.x'][::10], 'y': columns['position.y'][::10]}
-    command = {k: v for k, v in columns.items() if k.startswith('velocity')}
-    series = {
-        topics.REFERENCE: Series(topics.REFERENCE, stamps, dict(columns)),
-        topics.JOINT_STATES: Series(topics.JOINT_STATES, stamps, dict(columns)),
-        topics.COMMAND: Series(topics.COMMAND, stamps, command),
-        topics.TRACKER_POINT: Series(
-            topics.TRACKER_POINT, slow, {**points, 'z': np.zeros(len(slow))}
-        ),
-        topics.temperature_key('air'): Series(
-            topics.TEMPERATURE, slow, {'temperature': np.full(len(slow), 20.5)}
-        ),
-    }
+    series = by_topic(
+        Series.per_axis(topics.REFERENCE, stamps, position=path, velocity=rate),
+        Series.per_axis(topics.JOINT_STATES, stamps, position=path, velocity=rate),
+        Series.per_axis(topics.COMMAND, stamps, velocity=rate),
+        Series.points(topics.TRACKER_POINT, slow, path[::10]),
+    )
+    series[topics.temperature_key('air')] = Series(
+        topics.TEMPERATURE, slow, {'temperature': np.full(len(slow), 20.5)}
+    )
     return Session('smooth', series, TwinFile.nominal_servo().to_dict())
 
 

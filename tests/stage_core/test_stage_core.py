@@ -17,7 +17,7 @@ from stage_core.errors import StageError, command_line
 from stage_core.frames import RigidTransform, fit_rigid
 from stage_core.parameters import Parameter, check
 from stage_core.quantities import split_effect
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import ServoAxis, TwinFile
 
 SMALL = settings(max_examples=40, deadline=None)
@@ -176,6 +176,16 @@ def test_session_names_what_is_missing() -> None:
         session.table_points()
     with pytest.raises(StageError, match='velocity'):
         series.columns('velocity', ('x',))
+
+
+def test_series_of_arrays_have_a_column_for_each_axis():
+    stamps, rows = np.arange(3), np.arange(6.0).reshape(3, 2)
+    joints = Series.per_axis('/stage/command', stamps, ('y', 'x'), velocity=rows, effort=-rows)
+    assert list(joints.values) == ['velocity.y', 'velocity.x', 'effort.y', 'effort.x']
+    np.testing.assert_array_equal(joints.columns('effort', ('y', 'x')), -rows)
+    points = Series.points('/tracker/point', stamps, rows[:, :1])
+    assert [column.tolist() for column in points.values.values()] == [[0, 2, 4], [0] * 3, [0] * 3]
+    assert by_topic(joints, points) == {'/stage/command': joints, '/tracker/point': points}
 
 
 def test_command_line_prints_one_line(capsys: pytest.CaptureFixture[str]) -> None:

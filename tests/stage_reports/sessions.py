@@ -5,13 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 
 START = 1_700_000_000_000_000_000
-
-
-def joint(topic: str, stamps: np.ndarray, **columns: np.ndarray) -> Series:
-    return Series(topic, stamps, {key.replace('_', '.'): v for key, v in columns.items()})
 
 
 def circle_session(error: float = 2e-6, temperature: bool = True) -> Session:
@@ -20,22 +16,18 @@ def circle_session(error: float = 2e-6, temperature: bool = True) -> Session:
     stamps = START + np.arange(2 * count, dtype=np.int64) * 1_000_000
     turn = 2.0 * np.pi * np.arange(count) / (count - 1)
     angle = np.concatenate([turn, turn[::-1]])
-    x, y = 0.01 * np.cos(angle), 0.01 * np.sin(angle)
+    path = 0.01 * np.column_stack([np.cos(angle), np.sin(angle)])
     growth = 1.0 + np.where(np.arange(2 * count) < count, error, -error) / 0.01
-    zeros = np.zeros_like(x)
-    series = {
-        topics.REFERENCE: joint(
-            topics.REFERENCE, stamps, position_x=x, position_y=y, velocity_x=zeros,
-            velocity_y=zeros,
+    still, zeros = np.zeros_like(path), np.zeros(2 * count)
+    series = by_topic(
+        Series.per_axis(topics.REFERENCE, stamps, position=path, velocity=still),
+        Series.per_axis(
+            topics.JOINT_STATES, stamps, position=growth[:, None] * path, velocity=still
         ),
-        topics.JOINT_STATES: joint(
-            topics.JOINT_STATES, stamps, position_x=growth * x, position_y=growth * y,
-            velocity_x=zeros, velocity_y=zeros,
+        Series.points(
+            topics.CONTOUR_ERROR, stamps, np.column_stack([zeros, zeros, zeros + error])
         ),
-        topics.CONTOUR_ERROR: Series(
-            topics.CONTOUR_ERROR, stamps, {'x': zeros, 'y': zeros, 'z': zeros + error}
-        ),
-    }  # fmt: skip
+    )
     if temperature:
         key = topics.temperature_key('screw_x')
         series[key] = Series(
@@ -56,17 +48,12 @@ def rest_session() -> Session:
     r, m = np.vstack(reference), np.vstack(measured)
     m += 1e-7 * rng.standard_normal(m.shape)
     stamps = START + np.arange(len(r), dtype=np.int64) * 10_000_000
-    zeros = np.zeros(len(r))
     return Session(
         'rests',
-        {
-            topics.REFERENCE: joint(
-                topics.REFERENCE, stamps, position_x=r[:, 0], position_y=r[:, 1]
-            ),
-            topics.TRACKER_POINT: Series(
-                topics.TRACKER_POINT, stamps, {'x': m[:, 0], 'y': m[:, 1], 'z': zeros}
-            ),
-        },
+        by_topic(
+            Series.per_axis(topics.REFERENCE, stamps, position=r),
+            Series.points(topics.TRACKER_POINT, stamps, m),
+        ),
     )
 
 

@@ -14,7 +14,7 @@ from calibrator.models import make_model
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 from stage_reports import circular, positioning
 from stage_reports.command import main, session_page
 from stage_reports.contour_page import _more_runs
@@ -25,7 +25,7 @@ from stage_reports.trials_page import trials_page
 from stage_reports.uncertainty import positioning_uncertainty
 
 from .reading import words
-from .sessions import START, circle_session, joint, rest_session, staircase
+from .sessions import START, circle_session, rest_session, staircase
 
 
 def test_rests_and_positioning_runs_are_found() -> None:
@@ -123,9 +123,8 @@ def two_ways() -> dict[str, Series]:
     values = {name: column[kept] for name, column in contour.values.items()}
     series[topics.CONTOUR_ERROR] = replace(contour, stamps=contour.stamps[kept], values=values)
     encoder = series[topics.JOINT_STATES]
-    x, y = (encoder.values[f'position.{axis}'] for axis in 'xy')
-    point = {'x': x + 3e-6, 'y': y, 'z': 0.0 * x}
-    series[topics.TRACKER_POINT] = Series(topics.TRACKER_POINT, encoder.stamps, point)
+    points = encoder.columns('position', ('x', 'y')) + [3e-6, 0.0]
+    series[topics.TRACKER_POINT] = Series.points(topics.TRACKER_POINT, encoder.stamps, points)
     return series
 
 
@@ -188,12 +187,11 @@ def test_a_positioning_test_gets_a_page_of_its_own() -> None:
     reference = staircase([0.02, 0.05, 0.08, 0.11, 0.14], cycles=5)
     stamps = START + np.arange(reference.size, dtype=np.int64) * 10_000_000
     noise = 1e-6 * np.random.default_rng(0).standard_normal(reference.size)
-    zeros = np.zeros(reference.size)
-    point = {'x': 1.001 * reference + noise, 'y': zeros, 'z': zeros}
-    series = {
-        topics.REFERENCE: joint(topics.REFERENCE, stamps, position_x=reference),
-        topics.TRACKER_POINT: Series(topics.TRACKER_POINT, stamps, point),
-    }
+    points = (1.001 * reference + noise)[:, None]
+    series = by_topic(
+        Series.per_axis(topics.REFERENCE, stamps, position=reference[:, None]),
+        Series.points(topics.TRACKER_POINT, stamps, points),
+    )
     page = session_page(Session('test', series))
     # A scale of 1 mm/m over 0.12 m, and 2 s of 0.2 µm of noise at either end.
     accuracy = float(page.brief.split()[2])
@@ -204,16 +202,13 @@ def test_a_positioning_test_gets_a_page_of_its_own() -> None:
 def test_friction_and_play_are_the_branches_of_a_contour() -> None:
     whole = circle_session()
     stamps = whole.series[topics.REFERENCE].stamps
-    x = whole.series[topics.REFERENCE].values['position.x']
-    y = whole.series[topics.REFERENCE].values['position.y']
-    way = np.sign(np.gradient(x))
-    series = {
-        topics.JOINT_STATES: joint(topics.JOINT_STATES, stamps, position_x=x, position_y=y),
-        topics.TRACKER_POINT: Series(
-            topics.TRACKER_POINT, stamps, {'x': x - 4e-6 * way, 'y': y, 'z': 0.0 * x}
-        ),
-        topics.COMMAND: joint(topics.COMMAND, stamps, effort_x=6.0 * way, effort_y=0.0 * x),
-    }
+    path = whole.series[topics.REFERENCE].columns('position', ('x', 'y'))
+    way = np.sign(np.gradient(path[:, :1], axis=0))
+    series = by_topic(
+        Series.per_axis(topics.JOINT_STATES, stamps, position=path),
+        Series.points(topics.TRACKER_POINT, stamps, path - [4e-6, 0.0] * way),
+        Series.per_axis(topics.COMMAND, stamps, effort=[6.0, 0.0] * way),
+    )
     page = session_page(Session('contour', {**whole.series, **series}))
     (figure,) = (f for title, f in page.figures if title.startswith('What each axis does'))
     for panel, forwards in zip(figure.axes, (-4.0, 0.0, 6.0, 0.0), strict=True):
@@ -241,23 +236,14 @@ def test_trials_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 def test_one_axis_and_motor_steps() -> None:
     session = circle_session()
     reference = session.series[topics.REFERENCE]
-    one = joint(topics.REFERENCE, reference.stamps, position_x=reference.values['position.x'])
-    steps = joint(
-        topics.JOINT_STATES, reference.stamps, position_x=reference.values['position.x'] * 1e6
-    )
-    stepper = Session('steps', {topics.REFERENCE: one, topics.JOINT_STATES: steps})
+    stamps, x = reference.stamps, reference.columns('position', ('x',))
+    one = Series.per_axis(topics.REFERENCE, stamps, position=x)
+    steps = Series.per_axis(topics.JOINT_STATES, stamps, position=1e6 * x)
+    stepper = Session('steps', by_topic(one, steps))
     assert tracking_errors(stepper) == []
     assert 'no error can be stated' in session_page(stepper).render()
-    tracker = Series(
-        topics.TRACKER_POINT,
-        reference.stamps,
-        {
-            'x': reference.values['position.x'] + 3e-6,
-            'y': np.zeros(len(reference)),
-            'z': np.zeros(len(reference)),
-        },
-    )
-    measured = Session('one', {topics.REFERENCE: one, topics.TRACKER_POINT: tracker})
+    tracker = Series.points(topics.TRACKER_POINT, stamps, x + 3e-6)
+    measured = Session('one', by_topic(one, tracker))
     (tracking,) = tracking_errors(measured)
     np.testing.assert_allclose(tracking.errors, -3e-6, atol=1e-15)
     assert 'Tracking error, tracker' in session_page(measured).render()

@@ -13,7 +13,7 @@ from calibrator.temperatures import LiveTemperatures
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 from stage_core.whole_file import replacing
 
 
@@ -63,17 +63,11 @@ class LiveBuffer:
                 'the live buffer holds no pair of reference and tracker point: move the stage '
                 'with the tracker connected, or set the parameter bag'
             )
-        stamps, rows = self._reference.content(newest)
-        series = {
-            topics.REFERENCE: Series(
-                topics.REFERENCE,
-                stamps,
-                {f'position.{axis}': rows[:, i] for i, axis in enumerate(self._axes)},
-            )
-        }
-        stamps, rows = self._points.content(newest)
-        series[topics.TRACKER_POINT] = Series(
-            topics.TRACKER_POINT, stamps, {a: rows[:, i] for i, a in enumerate('xyz')}
+        reference, rows = self._reference.content(newest)
+        points, places = self._points.content(newest)
+        series = by_topic(
+            Series.per_axis(topics.REFERENCE, reference, self._axes, position=rows),
+            Series.points(topics.TRACKER_POINT, points, places),
         )
         series.update(self.temperatures.series(newest, sensors))
         return Session('the live buffer', series, None, self.alignment)

@@ -6,9 +6,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from session_bags.measured import DAY, EPOCH, Array, converter, drive_session, load, series
+from session_bags.measured import DAY, EPOCH, Array, converter, drive_session, load
 from stage_core import topics
-from stage_core.session import Session
+from stage_core.clocks import to_stamps
+from stage_core.session import Series, Session
 from stage_core.twin_file import ServoAxis, TwinFile
 
 #: Bag -> file; the second is the run with force pulses.
@@ -56,8 +57,8 @@ def sessions(folder: Path) -> dict[str, Session]:
         pushed = pulses[:, 0] != 0.0
         if pushed.any():
             wanted = {'position': reference[pushed], 'velocity': velocity[pushed]}
-            session.series[topics.SETPOINT] = series(
-                topics.SETPOINT, seconds[pushed], start, wanted
+            session.series[topics.SETPOINT] = Series.per_axis(
+                topics.SETPOINT, to_stamps(seconds[pushed], start), **wanted
             )
         found[name] = replace(session, twin=nominal(record).to_dict())
     return found

@@ -13,7 +13,7 @@ import numpy as np
 from session_bags.measured import DAY, EPOCH, Array, converter, derivative, load
 from stage_core import topics
 from stage_core.clocks import to_stamps
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
 
 #: Least step of the recorded encoder [rad]; the motor's count has finer ones.
@@ -39,18 +39,16 @@ def session_of(
     tracker's x the encoder's, whose zero is that of the motor on average. Both keep their own
     time axis.
     """
-    velocity = derivative(motor[:, None], motor_time)[:, 0]
     stamps = to_stamps(motor_time, start)
-    columns = {'position.x': motor, 'velocity.x': velocity}
-    zeros = np.zeros(len(encoder))
-    zero = np.mean(encoder - np.interp(time, motor_time, motor))
-    points = {'x': encoder - zero, 'y': zeros, 'z': zeros}
-    found = {
-        topics.REFERENCE: Series(topics.REFERENCE, stamps, columns),
-        topics.JOINT_STATES: Series(topics.JOINT_STATES, stamps, dict(columns)),
-        topics.COMMAND: Series(topics.COMMAND, stamps, {'velocity.x': velocity}),
-        topics.TRACKER_POINT: Series(topics.TRACKER_POINT, to_stamps(time, start), points),
-    }
+    motor = motor[:, None]
+    velocity = derivative(motor, motor_time)
+    zero = np.mean(encoder - np.interp(time, motor_time, motor[:, 0]))
+    found = by_topic(
+        Series.per_axis(topics.REFERENCE, stamps, position=motor, velocity=velocity),
+        Series.per_axis(topics.JOINT_STATES, stamps, position=motor, velocity=velocity),
+        Series.per_axis(topics.COMMAND, stamps, velocity=velocity),
+        Series.points(topics.TRACKER_POINT, to_stamps(time, start), (encoder - zero)[:, None]),
+    )
     return Session(name, found, nominal(float(np.median(np.diff(motor_time)))).to_dict())
 
 

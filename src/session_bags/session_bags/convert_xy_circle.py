@@ -17,11 +17,11 @@ from session_bags.measured import (
     fit_force,
     load,
     second_derivative,
-    series,
 )
 from stage_core import topics
+from stage_core.clocks import to_stamps
 from stage_core.errors import StageError
-from stage_core.session import Session
+from stage_core.session import Series, Session
 from stage_core.twin_file import ForceAxis, TwinFile
 
 #: The record whose motion the nominal twin is fitted to.
@@ -57,8 +57,9 @@ def sessions(folder: Path) -> dict[str, Session]:
         session = drive_session(
             name, seconds, start, record['reference'], record['encoder'], record['command']
         )
-        session.series[topics.CONTACT_FORCE] = series(
-            topics.CONTACT_FORCE, seconds, start, {'force': record['contact_force']}
+        stamps = to_stamps(seconds, start)
+        session.series[topics.CONTACT_FORCE] = Series.per_axis(
+            topics.CONTACT_FORCE, stamps, force=record['contact_force']
         )
         found[name] = replace(session, twin=twin)
     return found

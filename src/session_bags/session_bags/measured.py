@@ -15,7 +15,7 @@ from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.clocks import to_stamps
 from stage_core.errors import StageError, command_line
-from stage_core.session import Series, Session
+from stage_core.session import Series, Session, by_topic
 
 Array = NDArray[np.float64]
 
@@ -69,16 +69,6 @@ def fit_force(effort: Array, speed: Array, acceleration: Array) -> tuple[float, 
     return float(found[0]), float(found[1])
 
 
-def series(topic: str, seconds: Array, start: int, columns: Mapping[str, Array]) -> Series:
-    """Columns (n, axes) per quantity as a series; a quantity's columns are x, then y."""
-    values = {
-        f'{quantity}.{axis}': np.ascontiguousarray(block[:, number], dtype=float)
-        for quantity, block in columns.items()
-        for number, axis in enumerate('xyz'[: block.shape[1]])
-    }
-    return Series(topic, to_stamps(seconds, start), values)
-
-
 def drive_session(
     name: str,
     seconds: Array,
@@ -92,12 +82,15 @@ def drive_session(
     command = {'effort': effort}
     if velocity_command is not None:
         command = {'velocity': velocity_command, **command}
-    found = (
-        (topics.REFERENCE, {'position': reference, 'velocity': derivative(reference, seconds)}),
-        (topics.JOINT_STATES, {'position': encoder, 'velocity': derivative(encoder, seconds)}),
-        (topics.COMMAND, command),
+    stamps = to_stamps(seconds, start)
+    motion = {'position': reference, 'velocity': derivative(reference, seconds)}
+    measured = {'position': encoder, 'velocity': derivative(encoder, seconds)}
+    found = by_topic(
+        Series.per_axis(topics.REFERENCE, stamps, **motion),
+        Series.per_axis(topics.JOINT_STATES, stamps, **measured),
+        Series.per_axis(topics.COMMAND, stamps, **command),
     )
-    return Session(name, {t: series(t, seconds, start, columns) for t, columns in found})
+    return Session(name, found)
 
 
 def converter(title: str, sessions: Callable[[Path], Mapping[str, Session]]) -> Callable[..., int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,6 +30,30 @@ class Series:
     topic: str
     stamps: NDArray[np.int64]
     values: dict[str, Array]
+
+    @classmethod
+    def per_axis(
+        cls,
+        topic: str,
+        stamps: NDArray[np.int64],
+        axes: Sequence[str] = ('x', 'y', 'z'),
+        /,
+        **quantities: Array,
+    ) -> Series:
+        """A JointState or a wrench: each quantity by its name, (n, axes), the first of `axes`."""
+        values = {
+            f'{quantity}.{axis}': rows[:, i]
+            for quantity, rows in quantities.items()
+            for i, axis in enumerate(axes[: rows.shape[1]])
+        }
+        return cls(topic, stamps, values)
+
+    @classmethod
+    def points(cls, topic: str, stamps: NDArray[np.int64], rows: Array) -> Series:
+        """Points or vectors, rows (n, 1 to 3); 0 along the axes that they lack."""
+        whole = np.zeros((len(rows), 3))
+        whole[:, : rows.shape[1]] = rows
+        return cls(topic, stamps, dict(zip('xyz', whole.T, strict=True)))
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -124,3 +149,8 @@ class Session:
         """Series of each temperature sensor by its name."""
         prefix = topics.temperature_key('')
         return {k[len(prefix) :]: s for k, s in self.series.items() if k.startswith(prefix)}
+
+
+def by_topic(*series: Series) -> dict[str, Series]:
+    """Series as a session holds them; sensors of temperature have keys of their own."""
+    return {one.topic: one for one in series}
