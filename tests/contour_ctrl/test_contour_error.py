@@ -6,19 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from contour_ctrl import contour_error, curves, nurbs
+from contour_ctrl import contour_error, curves
 from contour_ctrl.path import PathTable
 from hra_curves.arc_length import ArcLength
 
-CURVES = {
-    'circle': curves.circle(0.02),
-    'square': curves.square(0.04, 0.005),
-    'star': curves.star(0.03, 0.015, 0.002),
-    'eight': curves.eight(0.06, 0.03),
-    'freeform': nurbs.interpolate(
-        [(0, 0), (0.03, 0.01), (0.05, 0.04), (0.02, 0.05), (-0.01, 0.02)], closed=True
-    ),
-}
+from .test_reference import ALL
 
 
 def exact(curve: curves.Curve, arc: ArcLength, s: float, point: np.ndarray) -> float:
@@ -37,9 +29,9 @@ def exact(curve: curves.Curve, arc: ArcLength, s: float, point: np.ndarray) -> f
     return float(-np.sin(angle) * error[0] + np.cos(angle) * error[1])
 
 
-@pytest.mark.parametrize('name', sorted(CURVES))
+@pytest.mark.parametrize('name', sorted(ALL))
 def test_parameter_estimate_is_the_closest_point(name: str) -> None:
-    curve = CURVES[name]
+    curve = ALL[name]
     arc = ArcLength.of(curve)
     path = PathTable.from_curve(arc)
     rng = np.random.default_rng(7)
@@ -60,7 +52,7 @@ def test_parameter_estimate_is_the_closest_point(name: str) -> None:
 
 
 def test_osculating_circle_is_exact_on_a_circle_and_on_a_line() -> None:
-    path = PathTable.from_curve(ArcLength.of(CURVES['circle']))
+    path = PathTable.from_curve(ArcLength.of(curves.circle(0.02)))
     for point in ((0.021, 0.001), (0.019, -0.002), (0.0, 0.0201)):
         s = 0.02 * float(np.arctan2(point[1], point[0]) % (2 * np.pi))
         found = contour_error.osculating_estimate(
@@ -84,7 +76,7 @@ def test_sign_follows_the_interface() -> None:
 
 
 def test_estimate_survives_a_point_beyond_the_centre_of_curvature() -> None:
-    path = PathTable.from_curve(ArcLength.of(CURVES['circle']))
+    path = PathTable.from_curve(ArcLength.of(curves.circle(0.02)))
     found = contour_error.of_record(path, np.array([0.01]), np.array([[1e-4, -2e-4]]))
     assert np.isfinite(found).all()
     assert abs(found[0]) < 0.041

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..record import Planted, Wish
+from .servo_effects import planted_on_axis
 
 Rng = np.random.Generator
 GAINS = {
@@ -16,17 +17,6 @@ GAINS = {
     'integral_gain': (0.3, 1.8),
     'filter': (0.5, 1.8),
 }
-
-
-def _planted(
-    wish: Wish,
-    effect: str,
-    settings: dict[str, Any],
-    parameters: dict[str, float],
-    **more: Any,
-) -> Planted:
-    numbers = {k: float(v) for k, v in parameters.items()}
-    return Planted(effect, wish.letter, numbers, settings={wish.letter: settings}, **more)
 
 
 def controller_mismatch(rng: Rng, wish: Wish) -> Planted:
@@ -49,7 +39,7 @@ def controller_mismatch(rng: Rng, wish: Wish) -> Planted:
         factor = float(rng.uniform(low, 0.85) if rng.random() < 0.5 else rng.uniform(1.15, high))
         settings[name + '*'] = factor
         parameters['velocity_filter' if name == 'filter' else name] = nominal[name] * factor
-    return _planted(wish, 'controller_mismatch', settings, parameters)
+    return planted_on_axis(wish, 'controller_mismatch', settings, parameters)
 
 
 def drive_gain(rng: Rng, wish: Wish) -> Planted:
@@ -57,7 +47,7 @@ def drive_gain(rng: Rng, wish: Wish) -> Planted:
     gain = max(0.4, 1.0 + wish.size * rng.uniform(0.08, 0.3) * rng.choice([-1.0, 1.0]))
     # Alone, on a plant whose viscous force is small, a force scale is a mass scale.
     blunt = wish.nominal.viscous * wish.speeds[0] < 0.03 * wish.forces[0]
-    return _planted(
+    return planted_on_axis(
         wish,
         'drive_gain',
         {'gain': gain},
@@ -75,19 +65,21 @@ def force_saturation(rng: Rng, wish: Wish) -> Planted:
     limit = peak * float(np.clip(rng.uniform(0.45, 0.85) / wish.size**0.5, 0.3, 0.85))
     place = 'clip' if rng.random() < 0.6 else 'limit'
     settings = {place: limit}
-    return _planted(wish, 'force_saturation', settings, {'limit': limit}, shape={'place': place})
+    return planted_on_axis(
+        wish, 'force_saturation', settings, {'limit': limit}, shape={'place': place}
+    )
 
 
 def actuation_delay(rng: Rng, wish: Wish) -> Planted:
     """Dead time between command and force."""
     delay = float(min(0.004, wish.size * rng.uniform(0.0004, 0.0018)))
-    return _planted(wish, 'actuation_delay', {'delay': delay}, {'delay': delay})
+    return planted_on_axis(wish, 'actuation_delay', {'delay': delay}, {'delay': delay})
 
 
 def current_loop_lag(rng: Rng, wish: Wish) -> Planted:
     """First-order lag of the force."""
     lag = float(min(0.005, wish.size * rng.uniform(0.0005, 0.002)))
-    return _planted(wish, 'current_loop_lag', {'lag': lag}, {'time_constant': lag})
+    return planted_on_axis(wish, 'current_loop_lag', {'lag': lag}, {'time_constant': lag})
 
 
 def torque_sag(rng: Rng, wish: Wish) -> Planted:
@@ -102,7 +94,9 @@ def torque_sag(rng: Rng, wish: Wish) -> Planted:
     else:
         settings = {'sag_heat': sag, 'heat_time': rng.uniform(5.0, 30.0)}
     parameters = {k: float(v) for k, v in settings.items() if k != 'heat_time'}
-    return _planted(wish, 'torque_sag', settings, parameters, shape={'with': kind, 'sag': sag})
+    return planted_on_axis(
+        wish, 'torque_sag', settings, parameters, shape={'with': kind, 'sag': sag}
+    )
 
 
 def structural_resonance(rng: Rng, wish: Wish) -> Planted:
@@ -122,7 +116,7 @@ def structural_resonance(rng: Rng, wish: Wish) -> Planted:
         'load_damping': 2.0 * damping * load * omega,
     }  # fmt: skip
     seen = bool(rng.random() < 0.5)
-    planted = _planted(
+    planted = planted_on_axis(
         wish,
         'structural_resonance',
         settings,
@@ -148,7 +142,7 @@ def drive_play(rng: Rng, wish: Wish) -> Planted:
     # A carriage without any friction would coast through its play; guides have some.
     level = rng.uniform(0.02, 0.08) * wish.nominal.mass
     settings |= {'coulomb': np.array([level, level]), 'presliding': 2e-6}
-    return _planted(
+    return planted_on_axis(
         wish,
         'drive_play',
         settings,
@@ -168,7 +162,7 @@ def base_resonance(rng: Rng, wish: Wish) -> Planted:
         'base_damping': 2.0 * damping * mass * omega,
     }  # fmt: skip
     seen = bool(rng.random() < 0.5)
-    planted = _planted(
+    planted = planted_on_axis(
         wish,
         'base_resonance',
         settings,
@@ -187,7 +181,7 @@ def floor_vibration(rng: Rng, wish: Wish) -> Planted:
         [level * rng.uniform(0.4, 1.0), 2.0 * np.pi * rng.uniform(0.7, 18.0), rng.uniform(0, 6.28)]
         for _ in range(rng.integers(2, 4))
     ]
-    return _planted(
+    return planted_on_axis(
         wish, 'floor_vibration', {'shake+': np.array(lines)}, {}, shape={'lines': lines}
     )
 

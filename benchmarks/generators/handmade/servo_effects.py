@@ -13,7 +13,7 @@ Rng = np.random.Generator
 CURVE_POINTS = 4001
 
 
-def _planted(
+def planted_on_axis(
     wish: Wish,
     effect: str,
     settings: dict[str, Any],
@@ -39,7 +39,7 @@ def inertia_mismatch(rng: Rng, wish: Wish) -> Planted:
     """Another moving mass."""
     share = rng.uniform(0.12, 0.5) * wish.size * rng.choice([-0.6, 1.0])
     extra = wish.nominal.mass * max(-0.7, share)
-    return _planted(wish, 'inertia_mismatch', {'mass+': extra}, {'mass': extra})
+    return planted_on_axis(wish, 'inertia_mismatch', {'mass+': extra}, {'mass': extra})
 
 
 def viscous_friction(rng: Rng, wish: Wish) -> Planted:
@@ -48,7 +48,7 @@ def viscous_friction(rng: Rng, wish: Wish) -> Planted:
     viscous = force / max(wish.speeds[0], 1e-3)
     bend = rng.uniform(0.1, 0.4) if rng.random() < 0.4 else 0.0
     quadratic = bend * viscous / max(wish.speeds[1], 1e-3)
-    return _planted(
+    return planted_on_axis(
         wish,
         'viscous_friction',
         {'viscous+': viscous, 'quadratic': quadratic},
@@ -61,7 +61,7 @@ def coulomb_friction(rng: Rng, wish: Wish) -> Planted:
     """Friction of one level."""
     level, presliding = _level(rng, wish), rng.uniform(5e-7, 1.5e-5)
     settings = {'coulomb': np.array([level, level]), 'presliding': presliding}
-    return _planted(wish, 'coulomb_friction', settings, {'coulomb': level},
+    return planted_on_axis(wish, 'coulomb_friction', settings, {'coulomb': level},
                     shape={'presliding': presliding})  # fmt: skip
 
 
@@ -74,7 +74,7 @@ def asymmetric_friction(rng: Rng, wish: Wish) -> Planted:
     if rng.random() < 0.5:
         sides = 0.2 * level / max(wish.speeds[1], 0.01) * rng.uniform(0.0, 1.0, 2)
     settings = {'coulomb': both, 'presliding': presliding, 'viscous_side': sides}
-    return _planted(
+    return planted_on_axis(
         wish,
         'asymmetric_friction',
         settings,
@@ -94,7 +94,7 @@ def stribeck_friction(rng: Rng, wish: Wish) -> Planted:
         'coulomb': np.array([level, level]), 'static': ratio * level, 'stribeck_speed': speed,
         'stribeck_power': power, 'presliding': presliding,
     }  # fmt: skip
-    return _planted(
+    return planted_on_axis(
         wish,
         'stribeck_friction',
         settings,
@@ -114,7 +114,7 @@ def position_dependent_friction(rng: Rng, wish: Wish) -> Planted:
         'curve_start': positions[0], 'curve_step': positions[1] - positions[0],
         'friction_curve': factor,
     }  # fmt: skip
-    return _planted(
+    return planted_on_axis(
         wish,
         'position_dependent_friction',
         settings,
@@ -149,7 +149,7 @@ def position_force(rng: Rng, wish: Wish) -> Planted:
     }
     low, high = wish.travelled
     seen = force[(positions >= low) & (positions <= high)]
-    return _planted(
+    return planted_on_axis(
         wish,
         'position_force',
         settings,
@@ -167,7 +167,7 @@ def cable_force(rng: Rng, wish: Wish) -> Planted:
     stiffness = 1.5 * _level(rng, wish) / reach
     hardening = stiffness / reach**2 * rng.uniform(0.5, 3.0) if rng.random() < 0.5 else 0.0
     settings = {'spring': stiffness, 'hardening': hardening, 'spring_centre': centre}
-    return _planted(
+    return planted_on_axis(
         wish,
         'cable_force',
         settings,
@@ -180,7 +180,7 @@ def cable_force(rng: Rng, wish: Wish) -> Planted:
 def force_offset(rng: Rng, wish: Wish) -> Planted:
     """A constant force: a tilted axis, a bias of the amplifier."""
     offset = _level(rng, wish) * rng.choice([-1.0, 1.0])
-    return _planted(wish, 'force_offset', {'offset': offset}, {'offset': offset})
+    return planted_on_axis(wish, 'force_offset', {'offset': offset}, {'offset': offset})
 
 
 def force_ripple(rng: Rng, wish: Wish) -> Planted:
@@ -191,7 +191,7 @@ def force_ripple(rng: Rng, wish: Wish) -> Planted:
     period = min(period, max(high - low, 0.002) / 2.5)
     amplitude = 0.7 * _level(rng, wish)
     rows = _harmonics(rng, amplitude, period)
-    return _planted(
+    return planted_on_axis(
         wish,
         'force_ripple',
         {'ripple+': rows},
@@ -220,7 +220,7 @@ def axis_crosstalk(rng: Rng, wish: Wish) -> Planted:
     mass = 0.15 * wish.size * wish.nominal.mass * rng.uniform(0.3, 1.0) * rng.choice([-1.0, 1.0])
     viscous = rng.uniform(0.5, 2.0) * mass if rng.random() < 0.4 else 0.0
     settings = {'cross_mass': mass, 'cross_viscous': viscous}
-    return _planted(wish, 'axis_crosstalk', settings, {'mass': mass, 'viscous': viscous})
+    return planted_on_axis(wish, 'axis_crosstalk', settings, {'mass': mass, 'viscous': viscous})
 
 
 DRAWS: dict[str, Callable[[Rng, Wish], Planted]] = {

@@ -234,10 +234,10 @@ def b_spline_error(points: int, control: int) -> float:
     return error_at_equal_parameter(spline, float(theta[0]), float(theta[-1]), 4000)
 
 
-def table4(points: Sequence[int] = (51, 101, 251, 501, 1001)) -> list[Entry]:
+def table4() -> list[Entry]:
     """Least-squares errors of the cycloid at the control-point counts of the paper."""
     entries = []
-    for count in points:
+    for count in TABLE_4:
         (cad, cad_error), (first, first_error), (second, second_error) = TABLE_4[count]
         for method, control, paper, error in (
             ('CAD / cubic B-spline', cad, cad_error, b_spline_error(count, cad)),
@@ -266,10 +266,10 @@ def control_points_needed(basis: Basis | None, points: int, limit: int = 60) -> 
     return limit
 
 
-def table4_counts(points: Sequence[int] = (51, 101, 251, 501, 1001)) -> list[Entry]:
+def table4_counts() -> list[Entry]:
     """Fewest control points that reach 0.05 µm, beside the numbers of Table 4."""
     entries = []
-    for count in points:
+    for count in TABLE_4:
         for position, (method, basis) in enumerate(
             (('CAD / cubic B-spline', None), ('LSB1', BASIS_1), ('LSB2', BASIS_2))
         ):
