@@ -13,7 +13,8 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.report import figures
 from gap_diagnosis.report.document import sentence
 from stage_core import topics
-from stage_core.session import Series, Session
+from stage_core.clocks import to_stamps
+from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import TwinFile
 from stage_core.wording import effect_words, with_std
 from stage_twin.effects import effect_of
@@ -66,27 +67,18 @@ result = simulate(real, path, rate, seed=1)
 
 # %%
 start = 1_750_000_000_000_000_000  # any moment, in ns
-
-
-def series(topic, seconds, **columns):
-    """Messages of a topic; an array (n, 2) has a column for each axis."""
-    values = {}
-    for name, array in columns.items():
-        for number, axis in enumerate('xy' if array.ndim == 2 else ''):
-            values[f'{name}.{axis}'] = array[:, number]
-        if array.ndim == 1:
-            values[name] = array
-    return Series(topic, start + np.rint(seconds * 1e9).astype(np.int64), values)
-
-
-x, y, z = result.tracker_points.T
-messages = [
-    series(topics.REFERENCE, result.times, position=path, velocity=rate),
-    series(topics.COMMAND, result.times, velocity=result.velocity_command, effort=result.force),
-    series(topics.JOINT_STATES, result.times, position=result.encoder, velocity=result.velocity),
-    series(topics.TRACKER_POINT, result.tracker_stamps, x=x, y=y, z=z),
-]
-session = Session('tutorial', {message.topic: message for message in messages})
+ticks, points = (to_stamps(t, start) for t in (result.times, result.tracker_stamps))
+command = {'velocity': result.velocity_command, 'effort': result.force}
+state = {'position': result.encoder, 'velocity': result.velocity}
+session = Session(
+    'tutorial',
+    by_topic(
+        Series.per_axis(topics.REFERENCE, ticks, position=path, velocity=rate),
+        Series.per_axis(topics.COMMAND, ticks, **command),
+        Series.per_axis(topics.JOINT_STATES, ticks, **state),
+        Series.points(topics.TRACKER_POINT, points, result.tracker_points),
+    ),
+)
 
 # %% [markdown]
 # ## Ask
