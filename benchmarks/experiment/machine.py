@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stage_core import topics
+from stage_core.clocks import to_stamps
 from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import TrackerSpec, TwinFile
 from stage_twin.effects import EFFECTS
@@ -127,8 +128,7 @@ def session(
     values = {'temperature': np.interp(seconds, made.times, warmth)}
     for axis in machine.axes:
         key = topics.temperature_key(f'screw_{axis}')
-        stamps = start + np.rint(seconds * 1e9).astype(np.int64)
-        found.series[key] = Series(topics.TEMPERATURE, stamps, dict(values))
+        found.series[key] = Series(topics.TEMPERATURE, to_stamps(seconds, start), dict(values))
     return found
 
 
@@ -138,10 +138,7 @@ def as_session(
     """What a bag holds of a run on a reference (n, n_axes) [m], temperatures apart."""
     rate = np.gradient(position, carried.control_period, axis=0)
 
-    def stamps(seconds: Array) -> NDArray[np.int64]:
-        return start + np.rint(seconds * 1e9).astype(np.int64)
-
-    ticks, axes = stamps(made.times), tuple(carried.axes)
+    ticks, axes = to_stamps(made.times, start), tuple(carried.axes)
     found = by_topic(
         Series.per_axis(topics.REFERENCE, ticks, axes, position=position, velocity=rate),
         Series.per_axis(
@@ -150,6 +147,8 @@ def as_session(
         Series.per_axis(
             topics.JOINT_STATES, ticks, axes, position=made.encoder, velocity=made.velocity
         ),
-        Series.points(topics.TRACKER_POINT, stamps(made.tracker_stamps), made.tracker_points),
+        Series.points(
+            topics.TRACKER_POINT, to_stamps(made.tracker_stamps, start), made.tracker_points
+        ),
     )
     return Session(name, found, carried.to_dict(), None)

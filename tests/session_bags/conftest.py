@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -15,6 +13,8 @@ import pytest
 from stage_core import topics
 from stage_core.frames import RigidTransform
 from stage_core.session import Series, Session
+
+from ..node_process import end
 
 START = 1_700_000_000_123_456_789
 
@@ -91,14 +91,7 @@ def start_process(ros_env: dict[str, str]) -> Iterator[Callable[..., subprocess.
 
     yield start
     for process in started:
-        if process.poll() is None:
-            os.kill(process.pid, signal.SIGTERM)
-    for process in started:
-        try:
-            process.communicate(timeout=10)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
+        print(end(process))
 
 
 RECORDER = 'from session_bags.recorder_node import main; main()'
