@@ -42,6 +42,21 @@ def test_a_lag_that_the_balance_overlooked_is_taken_by_the_loop(
     assert with_lacking(found, 'x', before.direct, before.records, before.twin) is found
 
 
+def test_a_friction_may_be_a_richer_one_for_the_loop(planted: Callable[..., Session]) -> None:
+    """The balance took a level for a friction that breaks away with twice as much."""
+    stribeck = 'stribeck_friction.x'
+    values = {'coulomb': 4.0, 'breakaway': 3.0, 'stribeck_velocity': 4e-3, 'presliding': 1e-7}
+    before = prepare([planted({stribeck: values})], [], nominal(), ())
+    part = servo_part(before, 'x', before.direct, 0, [], Memory(), silent)
+    assert part.selection.accepted == [stribeck]
+    fit = part.selector.with_effect(part.selector.regression.linear({}), FRICTION)
+    evidence = {FRICTION: replace(part.selection.evidence[stribeck], name=FRICTION)}
+    plain = replace(part.selection, accepted=[FRICTION], fit=fit, evidence=evidence, told={})
+    overlooked = replace(part, selection=plain)
+    found = with_lacking(overlooked, 'x', before.direct, before.records, before.twin)
+    assert found.selection.accepted == [stribeck]
+
+
 def test_the_only_effect_of_an_axis_may_be_one_that_the_balance_passes_over(
     planted: Callable[..., Session], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -82,18 +82,16 @@ def _candidates(part: Part) -> list[Trial]:
         for t in trials
         if t.evidence.admissible and t.evidence.interval[0] > 0.0
         if not t.odd and not effect_of(t.evidence.name).swings
-        # A richer friction than the accepted one is the balance's to choose.
-        if not selector.replaced(t.evidence.name, selection.accepted)
     ]
     return sorted(good, key=lambda t: (-t.evidence.gain, t.evidence.name))[:MOST]
 
 
 def _with_trial(part: Part, trial: Trial) -> Part:
-    """The part with one more effect."""
+    """The part with one more effect, in the place of what it holds as a special case."""
     selector, old, name = part.selector, part.selection, trial.evidence.name
     fit = selector.regression.refine(trial.thetas, list(trial.thetas))
     rejected = {n: e for n, e in old.rejected.items() if n != name}
-    selection = Selection(
-        [*old.accepted, name], fit, {**old.evidence, name: trial.evidence}, rejected
-    )
+    accepted = [n for n in old.accepted if n in trial.thetas]
+    evidence = {n: old.evidence[n] for n in accepted}
+    selection = Selection([*accepted, name], fit, {**evidence, name: trial.evidence}, rejected)
     return replace(part, selection=selection)
