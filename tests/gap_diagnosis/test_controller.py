@@ -10,7 +10,12 @@ import pytest
 
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
-from gap_diagnosis.residuals.controller import controller_findings
+from gap_diagnosis.input.noise import AxisNoise, Noise
+from gap_diagnosis.residuals.controller import (
+    controller_findings,
+    force_increments,
+    velocity_law,
+)
 from gap_diagnosis.residuals.recording import _path
 from gap_diagnosis.result import Diagnosis
 from stage_core import topics
@@ -50,6 +55,30 @@ def test_other_gains_are_named_with_their_values(planted: Maker, change: dict[st
         value, _ = values[f'{name}_error']
         assert value == pytest.approx(getattr(true, name) / own - 1.0, rel=0.01)
     assert result.after < 0.2 * result.before
+
+
+@pytest.mark.parametrize('reads_the_record', [True, False])
+def test_noise_hides_no_other_gain_where_the_controller_read_what_is_recorded(
+    planted: Maker, reads_the_record: bool
+) -> None:
+    twin = other_gains({'integral_gain': 0.8 * TwinFile.nominal_servo().servo('x').integral_gain})
+    record = load_record(planted({}, duration=10.0), twin)
+    draws = np.random.default_rng(1).normal(0.0, 5e-6, (2, *record.encoder.shape))
+    read, recorded = record.encoder + draws[0], record.encoder + draws[1 - reads_the_record]
+    true, reading = TwinFile.nominal_servo().servo('x'), replace(record, encoder=read)
+    speeds = velocity_law(replace(reading, velocity_command=np.full_like(read, np.nan)), 0, true)
+    forces = np.cumsum(force_increments(reading, 0, true, speeds), axis=0)
+    noisy = AxisNoise(5e-6, 0.0, 0.0, true.encoder_resolution)
+    made = replace(
+        record,
+        encoder=recorded,
+        velocity_command=speeds[:, None],
+        force=np.concatenate([[0.0], forces])[:, None],
+        noise=Noise((noisy,)),
+    )
+    found = controller_findings([made], twin)
+    told = {'integral_gain_error': pytest.approx((0.25, 0.0), abs=1e-6)}
+    assert found == ({'controller_mismatch.x': told} if reads_the_record else {})
 
 
 def test_what_shakes_another_session_hides_no_other_filter(planted: Maker) -> None:
