@@ -28,7 +28,8 @@ from stage_twin.effects import effect_of
 #: Floors of the encoder up to which the loop follows the record.
 FOLLOWS = 2.0
 #: Share of the loop's held-out gap that is left with an effect that was lacking. A right lag
-#: beside a friction left 0.36, what takes up errors of a friction's model 0.83 or more.
+#: beside a friction left 0.36, a right richer friction 0.07; what takes up errors of a friction's
+#: model 0.83 or more.
 LEFT = 0.5
 #: Number of effects that are tried: each costs a refinement in the loop.
 MOST = 4

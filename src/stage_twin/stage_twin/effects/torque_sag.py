@@ -166,7 +166,7 @@ def term(rows: ForceRows) -> Term | None:
 
     times = [math.log(time) for time in TIMES]
     cold_ways = tuple((k, times[1], WHOLE) for k in (0.0, 0.5, 1.0, 1.5, 1.95))
-    deep_ways = tuple((k, times[1], knee) for k in (0.0, 0.5, 1.0) for knee in KNEES)
+    deep_ways = tuple((k, times[1], knee) for k in (0.0, 0.5, 1.0, 1.95) for knee in KNEES)
     warm_ways = tuple((float(way), time, WHOLE) for way in (COLD, COLD + 1) for time in times)
     sets = range(ALONE + 1, HIGHEST + 1)
     several = tuple((float(k), time, WHOLE) for k in sets for time in times)
