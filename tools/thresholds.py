@@ -13,7 +13,7 @@ from gap_diagnosis.evidence import acceptance
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
 from gap_diagnosis.law import judged, search
-from gap_diagnosis.residuals import kinematics, unrecorded
+from gap_diagnosis.residuals import controller, kinematics, unrecorded
 from gap_diagnosis.selection import (
     forward,
     imitations,
@@ -29,7 +29,7 @@ from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, checks, clocks, coarse, domain, drive, forward, grid,
+    for module in (acceptance, checks, clocks, coarse, controller, domain, drive, forward, grid,
                    held_out, imitations, judged, kinematics, lacking, library, loops, machine,
                    misread, motions, online, outliers, passes, prepare, propose, scene, search,
                    selection, separation, servo_clocks, shape, slow_rows, swing, swinging,
@@ -66,6 +66,7 @@ lockstep: simulated time of a command line to a Zaber chain | {clocks.LOCKSTEP_E
     'diagnosis': """
 shortest record | {checks.SHORTEST:g} s
 shortest session | {checks.MINIMUM_DURATION:g} s
+an axis rests within, steps of its encoder | {checks.RESTS_WITHIN:g}
 tracker that stands while the encoder moves, from | {checks.STANDSTILL:g} s
 lost ticks in a row around which nothing is judged, more than | {grid.LONG}
 error of the tracker's clock, at most | {coarse.LARGEST_LAG:g} s
@@ -94,6 +95,7 @@ noise that a balance may lose by the tracker's shape, at most | {shape.LOST:.0%}
 what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}
 what it explains better than the tracker's clock, from | {imitations.UNEXHAUSTED[sensor]:.0%}
 difference of velocity gain over mass, at most | {passes.SAME_GAIN:.0%}
+what the law of a controller leaves that read the record, at most | {controller.READ:.0%} of noise
 without forces: gains are fitted below | {unrecorded.CALM:g} Hz
 without forces: the law is judged below | {unrecorded.CUT:g} Hz
 without forces: rows left out around a reversal | {unrecorded.AROUND:g} s
