@@ -219,14 +219,18 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         setpoint_velocity=_declared(session, axes, grid),
     )
     record = replace(record, waves=_waves(record, resolution))
-    record = replace(record, noise=_noise(record, resolution, grid.offset))
-    travel = np.ptp(encoder, axis=0).tolist()
-    moving = tuple(path > least_travel(record, i) for i, path in enumerate(travel))
-    record = replace(record, moving=moving)
+    record = _moved(replace(record, noise=_noise(record, resolution, grid.offset)))
     check_excitation(record)
     if recorded:
         check_forces(record)
     return with_tracker_noise(with_tracker(record, session))
+
+
+def _moved(record: Record) -> Record:
+    """The record with which of its axes move."""
+    travel = np.ptp(record.encoder, axis=0).tolist()
+    moving = tuple(path > least_travel(record, i) for i, path in enumerate(travel))
+    return replace(record, moving=moving)
 
 
 def has_effort(session: Session, axes: tuple[str, ...]) -> bool:

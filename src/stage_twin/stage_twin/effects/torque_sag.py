@@ -110,6 +110,12 @@ LEAST_TIME, MOST_TIME = 1.5, 250.0  # s
 WHOLE, KNEES = 1.0, (0.1, 0.3, 0.6)
 #: Share of the force by which the loss at a knee may miss that of `LEAST`.
 NEAR = 0.1
+#: Starts (θ): ways without a memory, the same down to a knee, those that warm, and sets of ways.
+_LOGS = [math.log(time) for time in TIMES]
+COLD_WAYS: tuple[Theta, ...] = tuple((k, _LOGS[1], WHOLE) for k in (0.0, 0.5, 1.0, 1.5, 1.95))
+DEEP_WAYS = tuple((k, _LOGS[1], knee) for k in (0.0, 0.5, 1.0, 1.95) for knee in KNEES)
+WARM_WAYS = tuple((float(way), log, WHOLE) for way in (COLD, COLD + 1) for log in _LOGS)
+SEVERAL = tuple((float(k), log, WHOLE) for k in range(ALONE + 1, HIGHEST + 1) for log in _LOGS)
 
 
 def term(rows: ForceRows) -> Term | None:
@@ -129,7 +135,6 @@ def term(rows: ForceRows) -> Term | None:
     )
     scale = np.array([strongest**2, strongest, fastest, strongest**2, 1.0])
     force = rows.columns(rows.applied())[:, 0]
-    records = range(len(relative))
 
     @lru_cache(maxsize=2 * len(TIMES))
     def ways(log_time: float) -> Array:
@@ -143,14 +148,9 @@ def term(rows: ForceRows) -> Term | None:
         return np.column_stack([cold, rows.columns(*warm)])
 
     def columns(theta: Theta) -> Array:
-        return deep(theta) if _knees(theta) else np.asarray(ways(theta[1]) @ _mixed(theta[0]))
-
-    def deep(theta: Theta) -> Array:
-        weights = _mixed(theta[0])[:COLD, 0]
-        lost = [sum(w * s[i] for w, s in zip(weights, shares, strict=True)) for i in records]
-        most = theta[2] * max(float(one.max()) for one in lost)
-        clipped = (np.minimum(one, most) for one in lost)
-        return rows.columns([f * one for f, one in zip(rows.applied(), clipped, strict=True)])
+        if _knees(theta):
+            return _deep(rows, shares, theta)
+        return np.asarray(ways(theta[1]) @ _mixed(theta[0]))
 
     def parameters(theta: Theta, c: Array) -> dict[str, float]:
         values = (_mixed(theta[0]) @ c / scale).tolist()
@@ -164,23 +164,29 @@ def term(rows: ForceRows) -> Term | None:
     def acting(theta: Theta, c: Array) -> float:
         return 1.0 - float(force @ columns(theta) @ c) / float(force @ force)
 
-    times = [math.log(time) for time in TIMES]
-    cold_ways = tuple((k, times[1], WHOLE) for k in (0.0, 0.5, 1.0, 1.5, 1.95))
-    deep_ways = tuple((k, times[1], knee) for k in (0.0, 0.5, 1.0, 1.95) for knee in KNEES)
-    warm_ways = tuple((float(way), time, WHOLE) for way in (COLD, COLD + 1) for time in times)
-    sets = range(ALONE + 1, HIGHEST + 1)
-    several = tuple((float(k), time, WHOLE) for k in sets for time in times)
     plain = Term(
         columns,
         parameters,
-        grid=cold_ways + deep_ways + warm_ways,
+        grid=COLD_WAYS + DEEP_WAYS + WARM_WAYS,
         lower=(0.0, math.log(LEAST_TIME), 0.01),
         upper=(float(ALONE), math.log(MOST_TIME), WHOLE),
         admissible=admissible,
         acting=acting,
     )
     highest = (float(HIGHEST), math.log(MOST_TIME), WHOLE)
-    return replace(plain, richer=lambda: replace(plain, grid=several, upper=highest, own=True))
+    return replace(plain, richer=lambda: replace(plain, grid=SEVERAL, upper=highest, own=True))
+
+
+def _deep(rows: ForceRows, shares: list[list[Array]], theta: Theta) -> Array:
+    """Force that a way without a memory loses down to a knee (n, 1)."""
+    weights = _mixed(theta[0])[:COLD, 0]
+    lost = [
+        sum(weight * share for weight, share in zip(weights, own, strict=True))
+        for own in zip(*shares, strict=True)
+    ]
+    most = theta[2] * max(float(one.max()) for one in lost)
+    forces = zip(rows.applied(), lost, strict=True)
+    return rows.columns([force * np.minimum(one, most) for force, one in forces])
 
 
 def _knees(theta: Theta) -> bool:
