@@ -11,6 +11,7 @@ import pytest
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.input.noise import AxisNoise, Noise
+from gap_diagnosis.report.document import as_dict
 from gap_diagnosis.residuals.controller import (
     controller_findings,
     force_increments,
@@ -55,6 +56,10 @@ def test_other_gains_are_named_with_their_values(planted: Maker, change: dict[st
         value, _ = values[f'{name}_error']
         assert value == pytest.approx(getattr(true, name) / own - 1.0, rel=0.01)
     assert result.after < 0.2 * result.before
+    # The report holds nine digits of a gain that the record tells to more.
+    (cause,) = (c for c in as_dict(result)['causes'] if c['effect'] == 'controller_mismatch.x')
+    for stated in cause['parameters'].values():
+        assert stated['std'] == 0.0 or stated['std'] > 4e-9 * abs(stated['value'])
 
 
 @pytest.mark.parametrize('reads_the_record', [True, False])

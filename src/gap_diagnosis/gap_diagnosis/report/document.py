@@ -20,6 +20,8 @@ from stage_twin.effects import EFFECTS
 
 SCHEMA = 'gap-report/1'
 MOST_CANDIDATES = 40
+#: Significant digits of a number.
+DIGITS = 9
 
 
 def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -144,9 +146,14 @@ def _parameters(
         definition = EFFECTS.get(split_effect(name)[0])
         units |= {p.name: p.unit for p in definition.parameters} if definition else {}
     return {
-        name: {'value': value, 'std': std, 'unit': units.get(name, '')}
+        name: {'value': value, 'std': _at_digits(value, std), 'unit': units.get(name, '')}
         for name, (value, std) in parameters.items()
     }
+
+
+def _at_digits(value: float, std: float) -> float:
+    """Standard deviation, at least what the digits of the report hold; 0 is not told."""
+    return max(std, 0.5 * 10.0 ** (1 - DIGITS) * abs(value)) if std > 0.0 else std
 
 
 def sentence(diagnosis: Diagnosis) -> str:
@@ -187,5 +194,5 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list):
         return [_finite(v) for v in value]
     if isinstance(value, float):
-        return float(f'{value:.9g}') if math.isfinite(value) else None
+        return float(f'{value:.{DIGITS}g}') if math.isfinite(value) else None
     return value
