@@ -9,6 +9,9 @@ import pytest
 
 from gap_diagnosis.evidence import judgement
 from gap_diagnosis.evidence.acceptance import Shrink, Sides, refuted, shows, shrink_of
+from gap_diagnosis.evidence.causes import _refuted
+
+from .conftest import nominal
 
 PLAY = {'width': (8e-6, 1e-7)}
 
@@ -35,6 +38,16 @@ def test_a_name_stands_only_where_the_gap_shrinks_by_it(found: Shrink, stands: b
 def test_a_name_that_makes_a_channel_worse_goes() -> None:
     found = Shrink('m', 3e-6, 1e-6, (0.5, 0.7), 1e-6, 0.1, worse=('encoder.y',))
     assert refuted('backlash.x', found, PLAY)
+
+
+@pytest.mark.parametrize(('worse', 'stands'), [((), True), (('tracker.x',), False)])
+def test_a_frame_that_was_taken_out_before_may_make_no_channel_worse(
+    worse: tuple[str, ...], stands: bool
+) -> None:
+    name, found = 'tracker_misalignment', Shrink('m', 3e-6, 1e-6, (0.5, 0.7), 1e-6, 0.0, worse)
+    part = SimpleNamespace(rows=None, problem=SimpleNamespace(before={name: np.zeros(9)}))
+    values = {'angle': (4e-3, 1e-5)}
+    assert _refuted(name, [part], found, values, nominal(('x', 'y'))) is not stands
 
 
 @pytest.mark.parametrize('width', [(1e-7, 1e-7), (1e-3, 1e-6)])

@@ -167,16 +167,28 @@ def test_an_axis_that_moves_within_a_few_steps_of_its_encoder_is_not_judged() ->
     assert any('axis y hardly moves' in warning for warning in found.warnings)
 
 
-def test_an_axis_at_rest_that_the_other_one_pushes_is_judged() -> None:
+def pushed(step: float) -> tuple[Session, TwinFile]:
+    """An axis y at rest that axis x pushes, with an encoder of this step [m]."""
     whole = nominal(('x', 'y'))
-    fine = replace(whole.axes['y'], encoder_resolution=1e-7)
-    twin = replace(whole, axes={**whole.axes, 'y': fine})
+    own = replace(whole.axes['y'], encoder_resolution=step)
+    twin = replace(whole, axes={**whole.axes, 'y': own})
     path = reference(12.0, twin.control_period, 2)
     path[:, 1] = 0.0
     real = twin.with_effects({'axis_crosstalk.y': {'mass': 5.0}})
     made = session(real, twin, path, np.full(len(path), 20.0), 0)
     assert np.ptp(made.series[topics.JOINT_STATES].values['position.y']) < 2e-4
+    return made, twin
+
+
+def test_an_axis_at_rest_that_the_other_one_pushes_is_judged() -> None:
+    made, twin = pushed(1e-7)
     assert diagnose([made], [], twin).verdict == ['axis_crosstalk.y']
+
+
+def test_an_axis_with_too_few_sliding_rows_ends_no_diagnosis() -> None:
+    made, twin = pushed(1e-6)
+    found = diagnose([made], [], twin)
+    assert [part.name for part in found.parts if part.name.startswith('servo')] == ['servo.x']
 
 
 def test_an_encoder_without_any_noise_is_diagnosed() -> None:

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 MINIMUM_DURATION = 8.0  # s of all records; below it no held-out window has a reversal of its own
 SHORTEST = 1.0  # s of one record, of which the first half is not judged
-MINIMUM_TRAVEL = 2.0e-4  # m; less is no motion for the rests of a stepper, or no reference
+MINIMUM_TRAVEL = 2.0e-4  # m; a stepper, or a reference, that moves less rests
 #: Steps of an encoder, its noise counted, within which an axis rests: resting ones of 13 sessions
 #: read 4 at most, one that the other axis pushed 396.
 RESTS_WITHIN = 40.0
