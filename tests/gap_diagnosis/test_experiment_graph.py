@@ -34,13 +34,13 @@ NODES = ('stage_twin', 'stage_driver', 'session_recorder', 'contour_ctrl')
 SERVICE = '/gap_diagnosis/experiment'
 
 
-def open_report(folder: Path) -> None:
-    """What a diagnosis leaves that asks for an experiment: the entry and the motion."""
+def open_report(folder: Path, duration: float) -> None:
+    """What a diagnosis leaves that asks for an experiment of so many seconds."""
     folder.mkdir()
     limits = Limits(np.full(2, -0.01), np.full(2, 0.01), np.full(2, 600.0))
-    motion = sample(Motion('strokes', 0.9, 0.7, (0.5, 0.5), 0), limits, 5.0, 0.001)
+    motion = sample(Motion('strokes', 0.9, 0.7, (0.5, 0.5), 0), limits, duration, 0.001)
     (folder / FILE).write_text(table(motion, 0.001, ('x', 'y')), encoding='utf-8')
-    asked = {'separates': ['coulomb_friction.x', 'force_offset.x'], 'duration': 5.0}
+    asked = {'separates': ['coulomb_friction.x', 'force_offset.x'], 'duration': duration}
     report = {'verdict': ['force_offset.x'], 'experiment': asked}
     (folder / 'report.json').write_text(json.dumps(report), encoding='utf-8')
 
@@ -54,7 +54,7 @@ def test_the_experiment_is_refused_then_run_and_stopped(
     first = planted(FRICTION, axes=('x', 'y'), duration=8.5)
     del first.series[topics.TRACKER_POINT]
     out = tmp_path / 'report'
-    open_report(out)
+    open_report(out, 5.0)
     asker = NodeCommand(
         'gap_diagnosis',
         'gap_diagnosis.node',
@@ -102,7 +102,7 @@ def test_the_experiment_is_refused_then_run_and_stopped(
             with pytest.raises(StageError, match='nothing open'):
                 client.trigger(SERVICE, PATIENCE)
             out.rename(tmp_path / 'answered')
-            open_report(out)
+            open_report(out, 120.0)  # no machine is done with it before the stop comes
             client.watch(JointState, topics.SETPOINT, SETPOINT_QOS, streamed)
 
             def ask() -> None:
