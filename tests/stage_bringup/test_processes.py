@@ -6,12 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-#: Sends itself Ctrl-C in the middle of the fork of a node, which sleeps.
+#: Sends itself Ctrl-C in the middle of the fork of a node, which sleeps; a second thread, like
+#: those of DDS, would take the signal from a first one that blocks it.
 STARTS = """
-import os, signal, sys
+import os, signal, sys, threading
 from pathlib import Path
 from stage_bringup.processes import NodeCommand, Processes
 
+threading.Thread(target=threading.Event().wait, daemon=True).start()
 os.register_at_fork(after_in_parent=lambda: os.kill(os.getpid(), signal.SIGINT))
 folder = Path(sys.argv[1])
 (folder / 'sleeper.py').write_text('import time\\ndef main(): time.sleep(600)')

@@ -7,8 +7,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,16 +31,24 @@ def die_with_parent() -> None:
 
 
 @contextmanager
-def _deaf() -> Iterator[Set[int]]:
-    """Ctrl-C and SIGTERM wait: Python drops what is raised while a process forks.
-
-    Yields the signals that were blocked before.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+def _deaf() -> Iterator[None]:
+    """Ctrl-C and SIGTERM wait: Python drops what is raised while a process forks."""
+    # Blocking them would not do: another thread takes the signal, the handler runs in this one.
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heard: list[int] = []
+    before = {int(n): signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    handlers = {number: handler for number, handler in before.items() if callable(handler)}
+    for number in handlers:
+        signal.signal(number, lambda number, _: heard.append(number))
     try:
-        yield before
+        yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for number in heard:
+            signal.raise_signal(number)
 
 
 @dataclass(frozen=True)
@@ -72,20 +81,14 @@ class Processes:
 
     def start(self, command: NodeCommand) -> None:
         """Start one node; its output goes to ``<name>.log``."""
-        with open(self.log_folder / f'{command.name}.log', 'ab') as log, _deaf() as hearing:
-
-            def in_child() -> None:
-                signal.pthread_sigmask(signal.SIG_SETMASK, hearing)
-                if sys.platform == 'linux':
-                    die_with_parent()
-
+        with open(self.log_folder / f'{command.name}.log', 'ab') as log, _deaf():
             self.running[command.name] = subprocess.Popen(
                 command.arguments(),
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
                 env=os.environ.copy(),
-                preexec_fn=in_child,
+                preexec_fn=die_with_parent if sys.platform == 'linux' else None,
             )
 
     def pid(self, name: str) -> int:
