@@ -32,6 +32,9 @@ PLANTED = (
     'torque_sag', 'scale_error', 'cyclic_pitch_error', 'straightness', 'backlash',
     'angular_error', 'nonorthogonality', 'tracker_latency',
 )  # fmt: skip
+#: In place of the sizes that the catalogue of effects shows: the forces of these motions are some
+#: 20 N, of which its sag, made for hundreds of newtons, would take a hundredth.
+SIZES = {'torque_sag': {'sag_force': 0.01}}
 MOTIONS = ('one_way', 'one_speed', 'small', 'diagonal')
 
 
@@ -54,7 +57,7 @@ def draw(seed: int) -> Case:
     for parameter in effect.parameters:
         if parameter.fitted and parameter.neutral is not None:
             factor = math.exp(generator.uniform(math.log(0.7), math.log(2.0)))
-            value = parameter.when_on * factor
+            value = SIZES.get(name, {}).get(parameter.name, parameter.when_on) * factor
             values[parameter.name] = float(np.clip(value, parameter.minimum, parameter.maximum))
     axis = f'.{generator.choice(AXES)}' if effect.per_axis else ''
     motion = MOTIONS[(seed + seed // len(PLANTED)) % len(MOTIONS)]

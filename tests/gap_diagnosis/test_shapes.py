@@ -40,6 +40,18 @@ def test_a_pitch_error_of_another_period_with_a_second_harmonic(planted: Maker) 
     assert_told(found, 'cyclic_pitch_error.x', truth)
 
 
+def test_a_force_that_changes_on_a_part_of_the_travel(planted: Maker) -> None:
+    knots = [-3.0, -4.0, -1.5, -2.0, 0.5, 1.0, 3.5, 2.0, 3.0]
+    truth = {'start': -0.006, 'stop': 0.0} | {f'c{k}': c for k, c in enumerate(knots)}
+    found = diagnose([planted({'position_force.x': truth})], [], ALONE)
+    assert found.verdict == ['position_force.x']
+    for name in ('start', 'stop'):
+        # A knot of the curve is 0.75 mm from the next, and 5 mm where it spans the travel.
+        assert found.parameters['position_force.x'][name][0] == pytest.approx(
+            truth[name], abs=7e-4
+        )
+
+
 def test_an_encoder_that_errs_within_each_period_of_its_scale(planted: Maker) -> None:
     truth = {'amplitude': 2e-6, 'period': 4e-5, 'phase': 0.4, 'amplitude_2': 1e-6, 'phase_2': 1.0}
     found = diagnose([planted({'encoder_interpolation.x': truth})], [], ALONE)

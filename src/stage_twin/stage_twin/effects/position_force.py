@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -14,6 +16,9 @@ from stage_twin.effects.term import Array, Term, Theta, constant
 
 KNOTS = 9  # of the curve: the shortest wave that they follow is a quarter of the travel
 MIDDLES = KNOTS - 1  # between them, for waves of half that length
+PARTS = (2, 4, 8)  # of the travel: on one of them, or half-way between two, a force may change
+BINS = 320  # of the travel, in which such a part is looked for
+STARTS = 3  # of them that are fitted
 
 EFFECT = Effect(
     name='position_force',
@@ -70,32 +75,84 @@ def _fine(m: Array, k: int) -> float:
 
 
 def term(rows: ForceRows) -> Term:
-    """The curve of one newton at each knot; one that hardly varies is a constant force."""
-    return _term(rows, KNOTS)
+    """The curve of one newton at each knot; one that hardly varies is a constant force.
+
+    Richer are one with middles, and both on a part of the travel alone.
+    """
+    plain = _Curve(rows, KNOTS)
+    within = partial(_within, plain, partial(_within, _Curve(rows, KNOTS + MIDDLES), None))
+    return plain.term(partial(_Curve(rows, KNOTS + MIDDLES).term, within))
 
 
-def _term(rows: ForceRows, number: int) -> Term:
+class _Curve:
     """The curves of the first `number` of the knots and the middles between them."""
-    path = rows.used(rows.position())
-    start, stop = float(path.min()), float(path.max())
-    grid = np.linspace(start, stop, 80 * (KNOTS - 1) + 1)
-    units = np.eye(KNOTS + MIDDLES)[:number]
-    curves = [
-        np.array([_both(p, start, stop, unit[:KNOTS], unit[KNOTS:]) for p in grid])
-        for unit in units
-    ]
-    signals = [[-np.interp(p, grid, own) for p in rows.position()] for own in curves]
 
-    def parameters(theta: Theta, c: Array) -> dict[str, float]:
+    def __init__(self, rows: ForceRows, number: int) -> None:
+        self.rows, self.path = rows, rows.used(rows.position())
+        self.low, self.high = float(self.path.min()), float(self.path.max())
+        self.shares = np.linspace(0.0, 1.0, 80 * (KNOTS - 1) + 1)
+        self.curves = [
+            np.array([_both(s, 0.0, 1.0, unit[:KNOTS], unit[KNOTS:]) for s in self.shares])
+            for unit in np.eye(KNOTS + MIDDLES)[:number]
+        ]
+
+    def columns(self, theta: Theta) -> Array:
+        """Columns (n, k) of a stretch of the travel, of the whole without θ."""
+        start, stop = self.stretch(theta)
+        shares = [(p - start) / (stop - start) for p in self.rows.position()]
+        return self.rows.columns(
+            *([-np.interp(share, self.shares, own) for share in shares] for own in self.curves)
+        )
+
+    def stretch(self, theta: Theta) -> tuple[float, float]:
+        """Start and stop [m] of the curve."""
+        start, stop = theta or (self.low, self.high)
+        return start, max(stop, start + (self.high - self.low) / (2 * PARTS[-1]))
+
+    def term(self, richer: Callable[[], Term] | None) -> Term:
+        """The curve over the whole travel."""
+        return Term(
+            constant(self.columns(())),
+            self._parameters,
+            admissible=lambda theta, c: (
+                5.0 * float(np.ptp(c[:KNOTS])) > float(np.max(np.abs(c[:KNOTS])))
+            ),
+            richer=richer,
+        )
+
+    def _parameters(self, theta: Theta, c: Array) -> dict[str, float]:
+        start, stop = self.stretch(theta)
         return {'start': start, 'stop': stop} | dict(zip(NAMES, c.tolist(), strict=False))
 
-    return Term(
-        constant(rows.columns(*signals)),
-        parameters,
-        admissible=lambda theta, c: (
-            5.0 * float(np.ptp(c[:KNOTS])) > float(np.max(np.abs(c[:KNOTS])))
-        ),
-        richer=partial(_term, rows, KNOTS + MIDDLES) if number == KNOTS else None,
+
+def _within(curve: _Curve, richer: Callable[[], Term] | None) -> Term:
+    """A curve that bends on a part of the travel alone, and is held beyond it."""
+    low, high = curve.low, curve.high
+    places = np.linspace(0.0, 1.0, BINS)
+    at = ((curve.path - low) / (high - low) * (BINS - 1)).round().astype(np.int64)
+    stretches = [
+        (low + k * (high - low) / (2 * parts), low + (k + 2) * (high - low) / (2 * parts))
+        for parts in PARTS
+        for k in range(2 * parts - 1)
+    ]
+
+    def propose(residual: Array) -> tuple[Theta, ...]:
+        number = np.bincount(at, minlength=BINS)
+        mean = np.bincount(at, residual, BINS) / np.maximum(number, 1)
+        weight = np.sqrt(number)
+
+        def left(stretch: tuple[float, float]) -> float:
+            share = (low + places * (high - low) - stretch[0]) / (stretch[1] - stretch[0])
+            matrix = np.column_stack([np.interp(share, curve.shares, c) for c in curve.curves])
+            matrix, target = matrix * weight[:, None], mean * weight
+            found = np.linalg.lstsq(matrix, target, rcond=1e-6)[0]
+            return float(np.sum((target - matrix @ found) ** 2))
+
+        return tuple(sorted(stretches, key=left)[:STARTS])
+
+    plain = curve.term(richer)
+    return replace(
+        plain, columns=curve.columns, propose=propose, lower=(low, low), upper=(high, high)
     )
 
 
