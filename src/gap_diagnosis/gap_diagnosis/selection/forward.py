@@ -188,15 +188,18 @@ class Selector:
 
         It is the one that predicts best, if the richest of all counts or one half as rich. Orders
         that the places of the fit do not bear predict others badly: of one yaw order 10 left more
-        than nothing, order 6 explained 0.96. A shape with a period shows in its periodogram.
+        than nothing, order 6 explained 0.96. A shape that finds its place in the residual
+        (`Term.propose`) is left to `grow`.
         """
         shape = self.problem.terms[name]
         plain = self._shaped(base, name, shape, accepted)
-        if shape.propose is not None or shape.next is None or self._counts(plain.evidence, base):
-            return plain
-        shapes = [shape.next]
-        while (richer := shapes[-1].next) is not None:
+        shapes: list[Term] = []
+        richer = shape.next if shape.propose is None else None
+        while richer is not None and richer.propose is None:
             shapes.append(richer)
+            richer = richer.next
+        if not shapes or self._counts(plain.evidence, base):
+            return plain
         asked = dict.fromkeys((shapes[-1], shapes[len(shapes) // 2]))
         found = [self._shaped(base, name, shape, accepted) for shape in asked]
         if not any(self._counts(trial.evidence, base) for trial in found):
