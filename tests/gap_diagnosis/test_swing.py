@@ -15,6 +15,7 @@ from gap_diagnosis.input.data import load_record
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.result import Diagnosis
 from stage_core.session import Session
+from stage_twin.effects.law_terms import SINE, VARIABLES
 from tests.gap_diagnosis.conftest import nominal, reference
 
 Maker = Callable[..., Session]
@@ -65,3 +66,20 @@ def test_a_swing_faster_than_the_rows_of_the_balance_is_named() -> None:
     rows = Servo([load_record(record, twin)], twin, 'x')
     assert math.isfinite(rows.cut)
     assert diagnose([record], [], twin).verdict == ['drive_play.x']
+
+
+def test_what_shakes_the_machine_at_one_frequency_is_no_play() -> None:
+    whole = nominal()
+    light = replace(
+        whole.axes['x'],
+        **{'mass': 3.83, 'viscous': 7.5, 'encoder_resolution': 2e-7, 'lead': 0.02},
+        **{'position_gain': 16.6, 'velocity_feedforward': 1.0, 'velocity_gain': 280.8},
+        **{'integral_gain': 2718.0, 'velocity_filter': 416.0, 'force_limit': 60.0, 'delay': 1e-3},
+    )
+    twin = replace(whole, axes={'x': light}, tracker=None)
+    sine = {'first0': float(VARIABLES['t'][0]), 'shape0': SINE, 'second0': 0.0, 'memory0': 0.0}
+    shaken = {'size0': 4.0, 'scale0': 1.0 / 44.19, 'bend0': -0.44, 'reach0': 1e-6, **sine}
+    path = reference(12.0, twin.control_period, 1)
+    machine = twin.with_effects({'learned_force.x': shaken})
+    record = session(machine, twin, path, np.full(len(path), 20.0), 0)
+    assert diagnose([record], [], twin).verdict == ['unknown']
