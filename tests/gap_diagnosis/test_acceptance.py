@@ -148,3 +148,11 @@ def test_the_rounding_of_a_slow_axis_is_no_structure() -> None:
 
     assert structured(left, 0.0) and not structured(left, step**2 / 12.0)
     assert structured(left + 15e-6 * np.sin(0.01 * np.arange(5000)), step**2 / 12.0)
+
+
+def test_a_force_that_has_no_gap_tells_of_no_effect() -> None:
+    """The swing of a table that no force shows does not matter because the force is right."""
+    nothing, noise = np.zeros(6000), np.full(6000, 1e-12)
+    force = Sides(nothing, nothing, 'N', 0.1)
+    sides = {'tracker.x': Sides(1.01 * noise, noise, 'm', 1e-6), 'force.x': force}
+    assert not shrink_of('structural_resonance.x', sides, seed=0).matters

@@ -192,7 +192,12 @@ def _shrink(
 
 
 def shrink_interval(sides: Sequence[Sides], seed: int) -> tuple[float, float]:
-    """95 % interval of the share by which the RMS shrinks; bootstrap over blocks of time."""
+    """95 % interval of the share by which the RMS shrinks; bootstrap over blocks of time.
+
+    Of no gap nothing shrinks.
+    """
+    if not any(s.without.any() for s in sides):
+        return 0.0, 0.0
     blocks = min(BLOCKS, *(len(s.with_it) for s in sides))
     without, with_it = (
         np.mean([[b.mean() for b in np.array_split(s, blocks)] for s in of], axis=0)
