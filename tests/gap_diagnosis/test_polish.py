@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from benchmarks.experiment.machine import session
 from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.input.data import load_record
 from stage_core.session import Session
 from stage_twin.effects.friction import DRY
-from tests.gap_diagnosis.conftest import nominal
+from tests.gap_diagnosis.conftest import nominal, reference
 
 Maker = Callable[..., Session]
 
@@ -39,3 +42,20 @@ def test_a_loop_far_from_the_record_refines_nothing(planted: Maker) -> None:
     play = {'drive_play.x': {'width': 60e-6, 'mass_ratio': 0.3}}
     swinging = load_record(planted({**true, **play}), nominal())
     assert polish([swinging], nominal(), 'x', found, {}) == found
+
+
+def test_a_presliding_that_the_balance_gave_a_hundredth_of_is_reached() -> None:
+    whole = nominal()
+    fine = replace(
+        whole.axes['x'], encoder_resolution=1e-7, velocity_gain=600.0, integral_gain=6e3
+    )
+    twin = replace(whole, axes={'x': fine})
+    true = {'coulomb': 4.0, 'breakaway': 2.0, 'stribeck_velocity': 4e-3, 'presliding': 1.6e-6}
+    path = reference(12.0, twin.control_period, 1)
+    machine = twin.with_effects({'stribeck_friction.x': true})
+    record = load_record(session(machine, twin, path, np.full(len(path), 20.0), 0), twin)
+    found = {'stribeck_friction.x': {k: (0.95 * v, 0.1 * v) for k, v in true.items()}}
+    found['stribeck_friction.x']['presliding'] = (1.6e-8, 2.4e-8)
+    refined = polish([record], twin, 'x', found, {})['stribeck_friction.x']
+    for name, value in true.items():
+        assert refined[name][0] == pytest.approx(value, rel=0.1), name

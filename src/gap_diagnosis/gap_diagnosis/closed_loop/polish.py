@@ -28,7 +28,9 @@ from stage_twin.effects import EFFECTS
 
 Array = NDArray[np.float64]
 
-ROUNDS = 3
+#: Steps at most, and the share of the squared gap above which a step leaves as much as the last.
+ROUNDS, SETTLED = 8, 0.9
+REACH = 2.0  # of the first step, in `_Loop.scale`; each later one reaches twice as far
 WORTHWHILE = 0.97  # of the RMS on the fit windows
 #: The same for a value that the force balance does not suggest. The gap of a loop that sticks
 #: hangs on chance: it is 0.14 and 0.21 of that with the force balance's value where the other one
@@ -198,17 +200,21 @@ def _refined(
         if not names:
             return found, first
         slopes = loop.slopes(z, residual)
-        for _ in range(ROUNDS if first >= step else 0):
-            move = np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -2.0, 2.0)
+        for k in range(ROUNDS if first >= step else 0):
+            reach = REACH * 2.0**k  # the deviations of the force balance may be far too small
+            move = np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -reach, reach)
             trial = loop.gap(z + move)
-            if float(trial @ trial) >= float(residual @ residual):
+            share = float(trial @ trial) / max(float(residual @ residual), 1e-300)
+            if share >= 1.0:
                 break
             z, residual = z + move, trial
             slopes = loop.slopes(z, residual)
+            if share > SETTLED:
+                break
     except StageError:
         # A step left the range in which the twin is a machine: the warm start stands.
         return found, math.inf
-    apart = z + np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -2.0, 2.0)
+    apart = z + np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -REACH, REACH)
     left = float(np.sqrt(np.mean(residual**2)))
     if left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
         # The slopes of such a loop say nothing.
