@@ -7,6 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.experiment.machine import draw, poor_motion, record
+from benchmarks.experiment.machine import nominal as plane
+from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.innovations import innovations
 from gap_diagnosis.residuals.regression import Regression
@@ -61,3 +64,10 @@ def test_the_innovations_tell_a_lag_from_a_delay(planted: str, key: str, rival: 
     left, value = innovated(planted)
     assert left < innovated(rival)[0]
     assert value == pytest.approx(2e-3, rel=0.01)
+
+
+def test_an_alternative_beside_which_no_machine_has_the_others_is_none() -> None:
+    """A force limit of 9 mN in the place of a lag came with a mass of nothing."""
+    case = draw(177)
+    found = diagnose([record(case, poor_motion(case), case.seed, 'first')], [], plane())
+    assert 'force_saturation.x' not in found.verdict

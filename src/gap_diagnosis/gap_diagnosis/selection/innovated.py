@@ -19,7 +19,8 @@ from stage_twin.effects import effect_of
 def told_by_innovations(selector: Selector, selection: Selection, rows: Servo) -> Selection:
     """The selection in which the innovations decide between a delay and a lag, and say how large.
 
-    The one that leaves more of them for certain is no alternative. Only effects without free
+    The one that leaves more of them for certain is no alternative, nor is one beside which no
+    machine has the others. Only effects without free
     coefficients are compared: one that scales a mass or a force scales the noise of the rows,
     too, and squares of different units say nothing. Of a loop that swings no noise model holds.
     """
@@ -28,8 +29,9 @@ def told_by_innovations(selector: Selector, selection: Selection, rows: Servo) -
         for rival in list(selection.evidence[name].alternatives):
             if terms[rival].fixed and not effect_of(rival).swings:
                 other = _exchanged(selector, selection, name, rival)
+                possible = all(selector.admissible(other.fit, n) for n in other.accepted)
                 low, high = _gain(selector, selection, other, rows)
-                if high < 0.0:
+                if not possible or high < 0.0:
                     selection.evidence[name].alternatives.remove(rival)
                 elif low > 0.0:
                     selection, name = other, rival

@@ -9,7 +9,7 @@ from stage_twin.effects.term import Term, constant
 EFFECT = Effect(
     name='scale_error',
     link='kinematic',
-    parameters=(Parameter('error', 'm/m', -0.01, 0.01, 50e-6, 'table = p * (1 + error)'),),
+    parameters=(Parameter('error', 'm/m', -0.1, 0.1, 50e-6, 'table = p * (1 + error)'),),
     model='Mean pitch error of the screw or the scale. ISO 230-2:2014; paper 1, section 2.',
     sentence='the travel of the table differs from that of the encoder by {error}',
     excited_by='positions over the whole travel',
