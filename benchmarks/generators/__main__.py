@@ -59,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
     maker.add_argument('--again', action='store_true', help='write cases again that are there')
     maker.set_defaults(run=make)
     scorer = commands.add_parser('score', help='diagnose the cases and score the reports')
-    scorer.add_argument('--out', type=Path, required=True)
+    scorer.add_argument('--out', type=Path, nargs='+', required=True)
     scorer.add_argument('--cmd', default=f'{sys.executable} -m gap_diagnosis diagnose')
     scorer.add_argument('--jobs', type=int, default=1)
     scorer.add_argument('--again', action='store_true', help='diagnose again what has a report')

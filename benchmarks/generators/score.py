@@ -16,14 +16,20 @@ import numpy as np
 # These belong to the whole session; a report that adds an axis means the same.
 SESSION_WIDE = ('sample_jitter',)
 BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.9, 0.99, 1.0)
+#: Effects that are curves, with their parameters that are no coefficients of these.
+CURVES = {
+    'position_force': (), 'position_dependent_friction': ('presliding',),
+    'straightness': (), 'angular_error': ('arm',),
+}  # fmt: skip
+DIGITS = 1e-6
 Row = dict[str, Any]
 
 
-def score(folder: Path, command: str, jobs: int, again: bool) -> int:
+def score(folders: Sequence[Path], command: str, jobs: int, again: bool) -> int:
     """Prints a line a case and the summary; returns 1 where there are no cases."""
-    cases = sorted(path.parent for path in folder.glob('*/truth.json'))
+    cases = [path.parent for folder in folders for path in sorted(folder.glob('*/truth.json'))]
     if not cases:
-        print(f'error: no case (truth.json) under {folder}; make some first')
+        print(f'error: no case (truth.json) under {", ".join(map(str, folders))}; make some first')
         return 1
     with ThreadPoolExecutor(jobs) as pool:
         rows = []
@@ -47,9 +53,19 @@ def _scored(case: Path, command: str, again: bool) -> Row:
         )
         lines = (done.stderr + done.stdout).strip().splitlines() or ['']
         error = f'exit {done.returncode}: {lines[-1]}' if done.returncode else ''
-    truth = json.loads((case / 'truth.json').read_text())
+    truth = _read(json.loads((case / 'truth.json').read_text()))
     found = None if error or not report.exists() else json.loads(report.read_text())
     return judged(case.name, truth, found, error)
+
+
+def _read(truth: Row) -> Row:
+    """A truth, also one of another simulator: `names`, `effects` with `params`, `instead`."""
+    if 'truth' in truth:
+        return truth
+    planted = [{'name': e['name'], 'parameters': e['params']} for e in truth['effects']]
+    names = truth['names']
+    kind = 'unknown' if 'unknown' in names else f'{len(names)} effects'
+    return {'truth': names, 'also_right': truth['instead'], 'planted': planted, 'kind': kind}
 
 
 def judged(name: str, truth: Row, report: Row | None, error: str = '') -> Row:
@@ -88,7 +104,10 @@ def _is_true(effect: str, wanted: set[str], known: set[str]) -> bool:
 
 
 def _intervals(truth: Row, report: Row) -> Any:
-    """Effect, parameter, error over standard deviation, relative width: where names match."""
+    """Effect, parameter, error over standard deviation, relative width: where names match.
+
+    Of curves nothing but what is no coefficient: each simulator lays its own otherwise.
+    """
     planted = {p['name']: p['parameters'] for p in truth['planted']}
     for cause in report['causes']:
         name = _plain(cause['effect'])
@@ -97,10 +116,21 @@ def _intervals(truth: Row, report: Row) -> Any:
         for parameter, found in cause['parameters'].items():
             true = planted[name].get(parameter)
             std = found.get('std')
-            if true is None or found.get('value') is None or not std or not np.isfinite(std):
+            known = isinstance(true, float | int) and found.get('value') is not None
+            if not known or not std or not np.isfinite(std) or _of_curve(name, parameter):
                 continue
-            sigmas = (found['value'] - true) / std
+            if parameter.startswith('period') and true == 0.0:  # the lead
+                continue
+            error = found['value'] - true
+            if 'phase' in parameter:
+                error = (error + np.pi) % (2.0 * np.pi) - np.pi
+            # A report has so many digits.
+            sigmas = error / std if abs(error) > DIGITS * abs(true) else 0.0
             yield name, parameter, sigmas, 3.92 * std / max(abs(true), 1e-12)
+
+
+def _of_curve(name: str, parameter: str) -> bool:
+    return parameter not in CURVES.get(name.split('.')[0], (parameter,))
 
 
 def _line(row: Row) -> str:
@@ -132,9 +162,10 @@ def _coverage(rows: list[Row]) -> list[str]:
     found: dict[str, list[tuple[float, float]]] = {}
     for row in rows:
         for name, parameter, sigmas, width in row.get('intervals', []):
-            key = f'{name.split(".")[0]}.{parameter}'
-            found.setdefault(key, []).append((sigmas, width))
-    everything = [entry for entries in found.values() for entry in entries]
+            effect = name.split('.')[0]
+            for key in (effect, f'{effect}.{parameter}'):
+                found.setdefault(key, []).append((sigmas, width))
+    everything = [entry for key, entries in found.items() if '.' not in key for entry in entries]
     lines = ['', f'{"95 % intervals":45s} {"n":>4s} {"hold":>5s} {"relative width":>15s}']
     for key, entries in [*sorted(found.items()), ('all', everything)]:
         if not entries:
