@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.evidence.calibrated import SPREAD
+from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.input.noise import CLEARLY, white_part
 from gap_diagnosis.selection.gains import weights
 from stage_core.quantities import split_effect
@@ -224,7 +226,9 @@ def untold(name: str, values: Values, nominal: Mapping[str, float] | None = None
     """Whether no parameter of an effect is for certain another than without it."""
     stated = nominal or {}
     pairs = [p for p in effect_of(name).differ if set(p) <= set(values)]
-    if pairs and not any(apart(values[one], values[other]) for one, other in pairs):
+    # What a model gets wrong it gets wrong in both: it parts none of them.
+    shared = SPREAD[model_of(name)][0]
+    if pairs and not any(apart(values[one], values[other], shared) for one, other in pairs):
         return True
     told = [p for p in effect_of(name).parameters if p.name in defining(name) & set(values)]
     # What the session does not show (no deviation) says nothing of the effect.
@@ -250,9 +254,12 @@ def defining(name: str) -> set[str]:
     }
 
 
-def apart(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether two values (with their standard deviations) differ by more than their interval."""
-    return abs(one[0] - other[0]) > SIGMAS * float(np.hypot(one[1], other[1]))
+def apart(one: tuple[float, float], other: tuple[float, float], shared: float = 1.0) -> bool:
+    """Whether two values (with their standard deviations) differ by more than their interval.
+
+    `shared` is the factor by which an error of both has widened the deviations.
+    """
+    return abs(one[0] - other[0]) > SIGMAS / shared * float(np.hypot(one[1], other[1]))
 
 
 def away(
