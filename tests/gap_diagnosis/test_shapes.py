@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.experiment.machine import draw, poor_motion, record
+from benchmarks.experiment.machine import nominal as plane
 from benchmarks.experiment.machine import session as run_of
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.result import Diagnosis
@@ -50,6 +52,14 @@ def test_a_force_that_changes_on_a_part_of_the_travel(planted: Maker) -> None:
         assert found.parameters['position_force.x'][name][0] == pytest.approx(
             truth[name], abs=7e-4
         )
+
+
+@pytest.mark.parametrize('seed', [4, 23])
+def test_a_friction_shows_where_an_axis_that_never_turns_back_stops(seed: int) -> None:
+    case = draw(seed)
+    assert case.motion == 'one_way'
+    found = diagnose([record(case, poor_motion(case), seed, 'first')], [], plane())
+    assert found.verdict == [case.effect]
 
 
 def test_an_encoder_that_errs_within_each_period_of_its_scale(planted: Maker) -> None:

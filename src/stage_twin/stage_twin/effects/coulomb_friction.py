@@ -23,7 +23,6 @@ EFFECT = Effect(
     'dz/dt = v - |v| z / g, force = coulomb * z / g, g = presliding. '
     'Dahl, "A solid friction model", Aerospace Corporation TOR-158 (1968).',
     sentence='friction of {coulomb} opposes the motion at any speed',
-    reverses=True,
     excited_by='reversals at several speeds',
 )
 

@@ -40,7 +40,6 @@ EFFECT = Effect(
     'Automatica 30 (1994), position-dependent friction.',
     sentence='friction goes with the position, from {c0} at one end of the travel over {c3} in '
     'its middle to {c6} at the other',
-    reverses=True,
     excited_by='slow strokes over the whole travel in both directions',
     holds=('coulomb_friction',),
     excludes=('asymmetric_friction', 'stribeck_friction'),

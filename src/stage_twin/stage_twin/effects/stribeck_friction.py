@@ -42,7 +42,6 @@ EFFECT = Effect(
     '. Canudas de Wit, Olsson, Astrom, Lischinsky, "A new model for control of systems with '
     'friction", IEEE TAC 40 (1995); eqs. 6-7 of paper 3.',
     sentence='friction of {coulomb} rises by {breakaway} below {stribeck_velocity}',
-    reverses=True,
     excited_by='constant-speed strokes from 0.1 to 20 mm/s',
     holds=('coulomb_friction',),
     excludes=('asymmetric_friction', 'position_dependent_friction'),
