@@ -87,6 +87,7 @@ squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}
 force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}
 ratio of the swings of twin and record, at most | {swing.AS_MUCH:g}
 remainder over the noise from which a swing is looked for, squares | {swinging.FAST:g}
+share of it that one sine explains, from which on no loop swings | {swinging.STEADY:.0%}
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
 gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
 the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}
