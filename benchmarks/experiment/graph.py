@@ -1,6 +1,6 @@
 """The experiment that decides, run by the whole graph in lockstep.
 
-    python -m benchmarks.experiment.graph --seeds 168 171 --out build/experiment_graph
+    python -m benchmarks.experiment.graph --seeds 401 403 --out build/experiment_graph
 
 Each case is one of `machine.py` with an effect of the drive. Twin, driver, contour controller,
 recorder and diagnosis are processes of their own. The contour controller runs the motion of the

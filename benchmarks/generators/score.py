@@ -53,12 +53,12 @@ def _scored(case: Path, command: str, again: bool) -> Row:
         )
         lines = (done.stderr + done.stdout).strip().splitlines() or ['']
         error = f'exit {done.returncode}: {lines[-1]}' if done.returncode else ''
-    truth = _read(json.loads((case / 'truth.json').read_text()))
+    truth = read_truth(json.loads((case / 'truth.json').read_text()))
     found = None if error or not report.exists() else json.loads(report.read_text())
     return judged(case.name, truth, found, error)
 
 
-def _read(truth: Row) -> Row:
+def read_truth(truth: Row) -> Row:
     """A truth, also one of another simulator: `names`, `effects` with `params`, `instead`."""
     if 'truth' in truth:
         return truth

@@ -9,7 +9,7 @@ from benchmarks.generators import handmade
 from benchmarks.generators.cases import draw_cases, write_case
 from benchmarks.generators.machine import draw_machine
 from benchmarks.generators.references import draw_reference
-from benchmarks.generators.score import judged, summary
+from benchmarks.generators.score import judged, read_truth, summary
 
 
 def test_paths_start_at_rest_and_keep_the_stages_bounds():
@@ -74,6 +74,24 @@ def test_the_scorer_knows_right_also_right_and_false_names():
     refused = judged('d', truth, None, 'exit 2')
     assert any('0.50' in line for line in summary([right, wrong]))
     assert 'no report: 1' in summary([refused])
+
+
+def test_the_scorer_reads_the_truths_of_other_simulators():
+    names = ['cyclic_pitch_error.x', 'straightness.y']
+    cyclic = {'amplitude': 5e-6, 'period': 0.0, 'phase': 6.1}
+    effects = [(names[0], cyclic), (names[1], {'quadratic': 1e-5})]
+    planted = [{'name': name, 'params': params} for name, params in effects]
+    truth = read_truth({'names': names, 'effects': planted, 'instead': [names[:1]]})
+    found = {'amplitude': 5e-6, 'period': 0.005, 'phase': 6.1 - 2.0 * np.pi, 'quadratic': 3e-5}
+    values = {key: {'value': value, 'std': 1e-7} for key, value in found.items()}
+    said = {'probability': 0.9, 'status': 'accepted', 'parameters': values}
+    row = judged('a', truth, {'verdict': names, 'causes': [{'effect': n} | said for n in names]})
+    assert row['exact']
+    # A phase but for whole turns; the lead is no period, and a coefficient of a curve is left out.
+    assert [(key, abs(sigmas) < 1.0) for _, key, sigmas, _ in row['intervals']] == [
+        ('amplitude', True),
+        ('phase', True),
+    ]
 
 
 def test_a_path_that_never_turns_back_is_bent():

@@ -254,7 +254,7 @@ def defining(name: str) -> set[str]:
     }
 
 
-def apart(one: tuple[float, float], other: tuple[float, float], shared: float = 1.0) -> bool:
+def apart(one: tuple[float, float], other: tuple[float, float], shared: float) -> bool:
     """Whether two values (with their standard deviations) differ by more than their interval.
 
     `shared` is the factor by which an error of both has widened the deviations.
