@@ -82,6 +82,20 @@ def test_a_wave_of_two_millimetres_is_the_tables_or_the_encoders(
     assert found.parameters[effect]['amplitude'][0] == pytest.approx(5e-6, rel=0.02)
 
 
+def test_heat_far_from_where_the_screw_is_held() -> None:
+    path = 0.02 * reference(12.0, 1e-3, 1)
+    warmth = 20.0 + 4.0 * (1.0 - np.exp(-np.arange(len(path)) * 1e-3 / 8.0))
+    machine = ALONE.with_effects(
+        {'thermal_expansion.x': {'coefficient': 3e-5, 'fixed_point': 1.0}}
+    )
+    found = diagnose([run_of(machine, ALONE, path, warmth, 0)], [], ALONE)
+    assert found.verdict == ['thermal_expansion.x']
+    told = found.parameters['thermal_expansion.x']
+    assert told['coefficient'][0] * told['fixed_point'][0] == pytest.approx(3e-5, rel=0.01)
+    # On strokes of a millimetre their product is all that shows.
+    assert told['coefficient'][1] > told['coefficient'][0]
+
+
 def test_a_yaw_that_is_not_zero_in_the_middle(planted: Maker) -> None:
     yaw = {'constant': 2e-5, 'linear': 4e-5, 'quadratic': -3e-5, 'arm': 0.2}
     place = {'centre': -0.0032, 'half_range': 0.0267}

@@ -174,13 +174,14 @@ def _refuted(name: str, parts: list[Part], shrink: Shrink, values: Values, twin:
     """Whether an effect breaks an invariant.
 
     A controller that was read from the record may make no channel worse. What measures is exact.
-    The twin's own run cannot refute what was taken out of the points exactly, but its parameters
-    can; the rests of a stepper are judged by the selection.
+    What was taken out of the points has no least gain, but it may not be what another effect put
+    in; the rests of a stepper are judged by the selection.
     """
     if not parts:
         return link_of(name) == 'servo' and bool(shrink.worse)
     if any(isinstance(p.rows, Kinematics) and p.rows.rests for p in parts):
         return False
     if any(name in p.problem.before for p in parts):
-        return bool(shrink.worse) or untold(name, values, twin.effects.get(name))
+        unshown = shrink.interval[0] <= 0.0
+        return unshown or bool(shrink.worse) or untold(name, values, twin.effects.get(name))
     return refuted(name, shrink, values, twin.effects.get(name))

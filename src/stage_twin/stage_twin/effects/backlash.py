@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numba import njit
 
 from stage_twin.effects.definition import Effect, Parameter
-from stage_twin.effects.rows import TrackerRows
+from stage_twin.effects.rows import Signal, TrackerRows
 from stage_twin.effects.term import Array, Term, Theta
 
 EFFECT = Effect(
@@ -50,8 +52,18 @@ def slack(position: Array, width: float) -> Array:
 
 
 def term(rows: TrackerRows) -> Term:
-    """What a play of some width (θ) leaves behind."""
-    paths = rows.encoder()
+    """What a play of some width (θ) leaves behind.
+
+    The richer shape follows a path with less of the encoder's noise and more of the motion: at
+    each turn the noise goes further than the motion by a share of the width. Slow noise is better
+    taken by the plainer one.
+    """
+    plain = _term(rows, rows.encoder())
+    return plain if rows.rests else replace(plain, richer=lambda: _term(rows, rows.calm_encoder()))
+
+
+def _term(rows: TrackerRows, paths: Signal) -> Term:
+    """A play behind some paths of the axis."""
 
     def columns(theta: Theta) -> Array:
         return rows.along(rows.at_points([slack(q, theta[0]) for q in paths]))

@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 from functools import partial
 
-import numpy as np
-
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.term import Array, Term, Theta
 
+#: Furthest fixed point [m].
+FURTHEST = 2.0
+#: Starts of its search [m]; what is far from a short travel is told by nothing but its size.
+PLACES = tuple(
+    sign * place for place in (2.0, 0.7, 0.25, 0.1, 0.04, 0.015, 0.005) for sign in (-1.0, 1.0)
+)
 #: Sensor behind the screw [s]: starts of the search and its bound.
-LAGS = tuple((lag,) for lag in (-10.0, -3.0, -1.0, 1.0, 3.0, 10.0, 20.0))
+LAGS = (-10.0, -3.0, -1.0, 1.0, 3.0, 10.0, 20.0)
 LONGEST_LAG = 30.0
 
 EFFECT = Effect(
@@ -23,8 +27,8 @@ EFFECT = Effect(
         Parameter(
             'fixed_point',
             'm',
-            -2.0,
-            2.0,
+            -FURTHEST,
+            FURTHEST,
             0.0,
             'position that does not move; may lie outside',
             neutral=None,
@@ -88,34 +92,41 @@ def along(played: float, rise: float, coefficient: float, fixed_point: float) ->
 
 
 def term(rows: TrackerRows) -> Term | None:
-    """The rise of the temperature times the position, and alone."""
+    """The rise of the temperature times the distance from the fixed point."""
     if rows.temperature_rise() is None:
         return None
-    return _term(rows, ((),))
+    return _term(rows, tuple((place,) for place in (0.0, *PLACES)))
 
 
-def _term(rows: TrackerRows, lags: tuple[Theta, ...]) -> Term:
-    """θ is how late the sensor is behind the screw, or ahead of it, where that is searched [s]."""
+def _term(rows: TrackerRows, grid: tuple[Theta, ...]) -> Term:
+    """θ is the fixed point [m] and, where it is searched, how late the sensor is [s].
+
+    The sensor may be ahead of the screw. Far from the fixed point the coefficient is known with
+    it alone: their product is what the tracker sees.
+    """
 
     def columns(theta: Theta) -> Array:
-        rises = rows.temperature_rise(*theta)
+        fixed_point, *lag = theta
+        rises = rows.temperature_rise(*lag)
         assert rises is not None
         return rows.along(
             [
-                np.column_stack([rise * position, -rise])
+                (rise * (position - fixed_point))[:, None]
                 for rise, position in zip(rises, rows.position(), strict=True)
             ]
         )
 
-    searched = lags != ((),)
+    searched = len(grid[0]) > 1
+    limits = (FURTHEST, LONGEST_LAG)[: len(grid[0])]
+    late = tuple((*place, lag) for place in grid for lag in LAGS)
     return Term(
         columns,
-        lambda theta, c: {'coefficient': float(c[0]), 'fixed_point': float(c[1] / c[0])},
-        grid=lags,
-        lower=(-LONGEST_LAG,) if searched else (),
-        upper=(LONGEST_LAG,) if searched else (),
+        lambda theta, c: {'coefficient': float(c[0]), 'fixed_point': theta[0]},
+        grid=grid,
+        lower=tuple(-limit for limit in limits),
+        upper=limits,
         # Screws grow with heat; a shrinking one is a drift of another kind.
-        admissible=lambda theta, c: 0.0 < c[0] < 50e-6 and abs(c[1]) < 2.0 * abs(c[0]),
-        steps=(0.3,) if searched else (),
-        richer=None if searched or rows.rests else partial(_term, rows, LAGS),
+        admissible=lambda theta, c: c[0] > 0.0,
+        steps=(1e-3, 0.3)[: len(grid[0])],
+        richer=None if searched or rows.rests else partial(_term, rows, late),
     )
