@@ -149,7 +149,8 @@ def polish(
     `fixed` are effects of the axis that the record itself tells: they stay as they are. Values
     stay unchanged where the gap is at the encoder's step already, nothing is gained, or the loop
     stays far from the record: one that sticks goes another way from a moment on. A
-    standard deviation holds that of the closed loop and the disagreement of the two estimates.
+    standard deviation holds that of the closed loop and, unless the loop refutes the force
+    balance, the disagreement of the two estimates.
     """
     fitted = [r for r in records if not r.held_out_session]
     if not any(hooks.couples(split_effect(e)[0]) for e in {**fixed, **found}):
@@ -221,8 +222,9 @@ def _refined(
         return found, first
     if left > WORTHWHILE * first:
         z, left = np.zeros(len(names)), first
-    spread = np.hypot(loop.deviations(slopes, residual), AGREEMENT * apart)
-    deviations = np.hypot(own, scale * spread)
+    deviations = scale * loop.deviations(slopes, residual)
+    if left > MUCH_BETTER * first:  # else the loop refutes the force balance
+        deviations = np.hypot(deviations, np.hypot(own, AGREEMENT * scale * apart))
     refined: Parameters = {e: dict(p) for e, p in found.items()}
     for (effect, key), value, deviation in zip(names, loop.values(z), deviations, strict=True):
         refined[effect][key] = (float(value), float(deviation))

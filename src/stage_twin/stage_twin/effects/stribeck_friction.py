@@ -19,7 +19,9 @@ from stage_twin.effects.friction import (
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.term import Array, Term, Theta
 
-STRIBECK_GRID = (1e-3, 3e-3, 8e-3, 20e-3, 60e-3)  # m/s
+#: Bounds of the Stribeck velocity and starts of its search [m/s].
+SLOWEST, FASTEST = 1e-4, 0.2
+STRIBECK_GRID = (3e-4, 1e-3, 3e-3, 8e-3, 20e-3, 60e-3)
 
 EFFECT = Effect(
     name='stribeck_friction',
@@ -30,8 +32,8 @@ EFFECT = Effect(
         Parameter(
             'stribeck_velocity',
             'm/s',
-            1e-4,
-            0.2,
+            SLOWEST,
+            FASTEST,
             5e-3,
             'speed at which the excess has decayed',
             neutral=None,
@@ -79,7 +81,7 @@ def term(rows: ForceRows) -> Term:
             'presliding': theta[0],
         },
         grid=tuple((g, w) for g in presliding_grid(rows) for w in STRIBECK_GRID),
-        lower=(0.0, 1e-3),
-        upper=(longest_presliding(rows), 0.2),
+        lower=(0.0, SLOWEST),
+        upper=(longest_presliding(rows), FASTEST),
         admissible=lambda theta, c: bool(min(c[0], c[1]) > 0.0),
     )
