@@ -59,3 +59,5 @@ def test_a_presliding_that_the_balance_gave_a_hundredth_of_is_reached() -> None:
     refined = polish([record], twin, 'x', found, {})['stribeck_friction.x']
     for name, value in true.items():
         assert refined[name][0] == pytest.approx(value, rel=0.1), name
+    # The loop is sure of what the balance was not: the balance's doubt is no part of its own.
+    assert refined['breakaway'][1] < 0.5 * found['stribeck_friction.x']['breakaway'][1]

@@ -215,16 +215,18 @@ def _refined(
     except StageError:
         # A step left the range in which the twin is a machine: the warm start stands.
         return found, math.inf
-    apart = z + np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -REACH, REACH)
+    onward = np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -REACH, REACH)
     left = float(np.sqrt(np.mean(residual**2)))
     if left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
         # The slopes of such a loop say nothing.
         return found, first
+    apart = z + onward
+    if left < MUCH_BETTER * first:  # the loop refutes the force balance
+        apart, own = onward, np.zeros(len(names))
     if left > WORTHWHILE * first:
         z, left = np.zeros(len(names)), first
-    deviations = scale * loop.deviations(slopes, residual)
-    if left > MUCH_BETTER * first:  # else the loop refutes the force balance
-        deviations = np.hypot(deviations, np.hypot(own, AGREEMENT * scale * apart))
+    spread = np.hypot(loop.deviations(slopes, residual), AGREEMENT * apart)
+    deviations = np.hypot(own, scale * spread)
     refined: Parameters = {e: dict(p) for e, p in found.items()}
     for (effect, key), value, deviation in zip(names, loop.values(z), deviations, strict=True):
         refined[effect][key] = (float(value), float(deviation))
