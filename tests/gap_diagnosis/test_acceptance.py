@@ -96,12 +96,21 @@ def test_what_closes_more_than_the_noise_of_one_channel_is_seen(
 def test_what_closes_nearly_nothing_of_its_axis_is_the_error_of_other_models(
     closed: float, explained: bool, stands: bool
 ) -> None:
-    left, gap = np.full(6000, 1e-12), 5e-10
+    left, gap = np.full(6000, 9e-12), 5e-10
     encoder = Sides(left + closed * gap, left, 'm', 1e-6, gap)
     other = Sides(left, left, 'm', 1e-6, 1e-12)
     sides = {'encoder.x': encoder, 'encoder.y': other}
     calm = ['encoder.x'] if explained else []
     assert shrink_of('coulomb_friction.x', sides, 0, calm).matters is stands
+
+
+@pytest.mark.parametrize(('left', 'stands'), [(4e-12, False), (1.2e-12, True)])
+def test_what_was_most_of_what_was_lacking_may_be_little_of_the_gap(
+    left: float, stands: bool
+) -> None:
+    after, gap = np.full(6000, left), 5e-10
+    encoder = Sides(after + 0.005 * gap, after, 'm', 1e-6, gap)
+    assert shrink_of('base_resonance.x', {'encoder.x': encoder}, 0).matters is stands
 
 
 @pytest.mark.parametrize(('closed', 'stands'), [(0.05, False), (0.3, True)])

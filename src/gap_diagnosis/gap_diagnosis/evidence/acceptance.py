@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gap_diagnosis.evidence.calibrated import SPREAD
 from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.input.noise import CLEARLY, white_part
+from gap_diagnosis.selection.forward import LACKING
 from gap_diagnosis.selection.gains import weights
 from stage_core.quantities import split_effect
 from stage_twin.effects import EFFECTS, effect_of, link_of
@@ -39,7 +40,9 @@ FAR_BESIDE, SHARE_BESIDE = 4.0, 0.25
 LEAST_SHRINK = 0.1
 #: Least share of the squared gap of its axis, above the floor, that a servo effect closes: what is
 #: less, the models of other effects leave. Of 423 named causes the five wrong ones closed 0.000
-#: to 0.005, the right ones 0.014 and more but for one (0.004).
+#: to 0.005, the right ones 0.014 and more but for one (0.004). An effect that is most of what was
+#: lacking (`LACKING`) may be less: a base beside a friction closed 0.006 of the gap, and 0.9 of
+#: what the friction left.
 LEAST_CLOSED = 0.01
 #: Least share of the squared noise of the positions that any other effect closes; the noise is
 #: their floor, or the gap that is left if that is less. Of 177 named causes the two wrong ones
@@ -93,6 +96,12 @@ class Shrink:
         return 1.0 - self.after / self.before if self.before > 0.0 else 0.0
 
     @property
+    def lacking(self) -> float:
+        """Share that it closes of the squared gap that is left without it, above the floor."""
+        left = self.before**2 - self.floor**2
+        return (self.before**2 - self.after**2) / left if left > 0.0 else 0.0
+
+    @property
     def matters(self) -> bool:
         """Whether the gap shrinks for certain, and by more than a user could call nothing."""
         closed = self.before**2 - self.after**2
@@ -101,7 +110,8 @@ class Shrink:
             noise = min(self.floor, self.after)
             seen = self.clear or closed > LEAST_SEEN * noise**2
             return self.own.matters and (self.least > 0.0 or seen)
-        if self.least > 0.0 and self.closes < LEAST_CLOSED and not self.explained:
+        small = self.closes < LEAST_CLOSED and self.lacking < LACKING
+        if self.least > 0.0 and small and not self.explained:
             return False
         beyond_noise = self.unit == 'm' and closed > self.floor**2
         return self.interval[0] > (0.0 if beyond_noise else self.least)
