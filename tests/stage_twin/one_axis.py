@@ -49,9 +49,9 @@ def integrate(derivative, force, size=2):
     return np.array(positions)
 
 
-def assert_close(kernel, exact, share):
-    """The kernel is off by less than `share` of what the effect itself changes."""
-    nominal = open_loop(one_axis(), swing())
-    change = np.abs(exact - nominal).max()
+def assert_moves_as(effects, derivative, size=2, share=1e-4):
+    """Effects on x give the motion of `derivative`, but for a share of what they change."""
+    exact = integrate(derivative, swing(), size)
+    change = np.abs(exact - open_loop(one_axis(), swing())).max()
     assert change > 1e-6
-    assert np.abs(kernel - exact).max() < share * change
+    assert np.abs(open_loop(one_axis(effects), swing()) - exact).max() < share * change

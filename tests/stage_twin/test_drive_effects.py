@@ -8,17 +8,7 @@ from stage_core.twin_file import TwinFile
 from stage_twin.effects import torque_sag
 from stage_twin.measured_force import required_force
 
-from .one_axis import (
-    MASS,
-    PERIOD,
-    TICKS,
-    VISCOUS,
-    assert_close,
-    integrate,
-    one_axis,
-    open_loop,
-    swing,
-)
+from .one_axis import MASS, PERIOD, TICKS, VISCOUS, assert_moves_as, one_axis, open_loop, swing
 
 
 def test_the_current_loop_is_a_first_order_lag():
@@ -26,18 +16,7 @@ def test_the_current_loop_is_a_first_order_lag():
         p, v, acting = state
         return [v, (acting - VISCOUS * v) / MASS, (force - acting) / 3e-3]
 
-    kernel = open_loop(one_axis({'current_loop_lag.x': {'time_constant': 3e-3}}), swing())
-    assert_close(kernel, integrate(rates, swing(), 3), 1e-3)
-
-
-def test_the_force_constant_sags():
-    def rates(state, force):
-        left = max(0.2, 1.0 - 8e-3 * abs(force) - 2.0 * abs(state[1]))
-        return [state[1], (force * left - VISCOUS * state[1]) / MASS]
-
-    values = {'sag_force': 8e-3, 'sag_speed': 2.0}
-    kernel = open_loop(one_axis({'torque_sag.x': values}), swing())
-    assert_close(kernel, integrate(rates, swing()), 2e-3)
+    assert_moves_as({'current_loop_lag.x': {'time_constant': 3e-3}}, rates, 3, 1e-3)
 
 
 def test_the_force_constant_sags_with_squared_force_and_with_heat():
@@ -51,8 +30,7 @@ def test_the_force_constant_sags_with_squared_force_and_with_heat():
 
     values = {'sag_force': 0.0, 'sag_square': 1e-4, 'sag_heat': 4e-4}
     values |= {'sag_time': 0.1, 'heat_time': 1.5}
-    kernel = open_loop(one_axis({'torque_sag.x': values}), swing())
-    assert_close(kernel, integrate(rates, swing(), 3), 2e-3)
+    assert_moves_as({'torque_sag.x': values}, rates, 3, 2e-3)
 
 
 def test_the_force_to_command_undoes_a_sag():
@@ -109,8 +87,7 @@ def test_the_base_swings_on_its_mounts():
         return [v, a, base_speed, -ratio * a - mounts]
 
     values = {'frequency': 9.0, 'damping': damping, 'mass_ratio': ratio}
-    kernel = open_loop(one_axis({'base_resonance.x': values}), swing())
-    assert_close(kernel, integrate(rates, swing(), 4), 2e-4)
+    assert_moves_as({'base_resonance.x': values}, rates, 4, 2e-4)
 
 
 def test_friction_follows_its_level_along_the_travel():
@@ -125,14 +102,8 @@ def test_friction_follows_its_level_along_the_travel():
         return [v, (force - friction) / MASS, v - abs(v) * z / reach]
 
     values = {f'c{k}': level for k, level in enumerate(levels)}
-    twin = one_axis(
-        {
-            'position_dependent_friction.x': {
-                **values, 'start': 0.0, 'stop': 0.05, 'presliding': 5e-6,
-            }
-        }
-    )  # fmt: skip
-    assert_close(open_loop(twin, swing()), integrate(rates, swing(), 3), 3e-3)
+    values |= {'start': 0.0, 'stop': 0.05, 'presliding': 5e-6}
+    assert_moves_as({'position_dependent_friction.x': values}, rates, 3, 3e-3)
 
 
 def test_a_drive_with_play_pushes_at_its_edges():
@@ -150,5 +121,4 @@ def test_a_drive_with_play_pushes_at_its_edges():
         return [v, (contact - VISCOUS * v) / mass, speed, (force - contact) / own]
 
     values = {'width': width, 'mass_ratio': 0.25, 'contact_frequency': 300.0}
-    kernel = open_loop(one_axis({'drive_play.x': values}), swing())
-    assert_close(kernel, integrate(rates, swing(), 4), 0.1)
+    assert_moves_as({'drive_play.x': values}, rates, 4, 0.1)

@@ -8,20 +8,10 @@ from scipy.integrate import solve_ivp
 
 from stage_twin.simulate import simulate
 
-from .one_axis import (
-    MASS,
-    PERIOD,
-    TICKS,
-    VISCOUS,
-    assert_close,
-    integrate,
-    one_axis,
-    open_loop,
-    swing,
-)
+from .one_axis import MASS, PERIOD, TICKS, VISCOUS, assert_moves_as, one_axis, open_loop, swing
 
 
-def lugre(levels, presliding, viscous=(0.0, 0.0)):
+def lugre(levels, presliding):
     """LuGre rates with sliding force levels(v) [N] and one presliding displacement."""
 
     def rates(state, force):
@@ -29,27 +19,23 @@ def lugre(levels, presliding, viscous=(0.0, 0.0)):
         reach = levels(v)
         stiffness = levels(0.0) / presliding
         dz = v - abs(v) * z * stiffness / reach
-        one_sided = viscous[0] if v >= 0.0 else viscous[1]
-        return [v, (force - (VISCOUS + one_sided) * v - stiffness * z) / MASS, dz]
+        return [v, (force - VISCOUS * v - stiffness * z) / MASS, dz]
 
     return rates
 
 
 def test_coulomb_friction_is_dahl():
-    twin = one_axis({'coulomb_friction.x': {'coulomb': 10.0, 'presliding': 5e-6}})
-    exact = integrate(lugre(lambda v: 10.0, 5e-6), swing(), 3)
-    assert_close(open_loop(twin, swing()), exact, 1e-4)
+    effects = {'coulomb_friction.x': {'coulomb': 10.0, 'presliding': 5e-6}}
+    assert_moves_as(effects, lugre(lambda v: 10.0, 5e-6), 3)
 
 
 def test_stribeck_friction_is_lugre():
     values = {'coulomb': 8.0, 'breakaway': 6.0, 'stribeck_velocity': 0.02, 'presliding': 5e-6}
-    twin = one_axis({'stribeck_friction.x': values})
 
     def level(v):
         return 8.0 + 6.0 * math.exp(-((v / 0.02) ** 2))
 
-    exact = integrate(lugre(level, 5e-6), swing(), 3)
-    assert_close(open_loop(twin, swing()), exact, 1e-4)
+    assert_moves_as({'stribeck_friction.x': values}, lugre(level, 5e-6), 3)
 
 
 def test_asymmetric_friction():
@@ -70,9 +56,7 @@ def test_asymmetric_friction():
         friction = (VISCOUS + one_sided) * v + stiffness * z
         return [v, (force - friction) / MASS, v - abs(v) * z / reach]
 
-    exact = integrate(rates, swing(), 3)
-    kernel = open_loop(one_axis({'asymmetric_friction.x': values}), swing())
-    assert_close(kernel, exact, 1e-4)
+    assert_moves_as({'asymmetric_friction.x': values}, rates, 3)
 
 
 @pytest.mark.parametrize('presliding', [0.0, 1e-7, 1e-6, 20e-6])
@@ -110,54 +94,57 @@ def test_friction_only_takes_energy(coulomb):
     assert np.all(np.diff(speed[moving]) < 1e-12)
 
 
-def test_a_viscous_friction_that_grows_with_the_speed():
-    twin = one_axis({'viscous_friction.x': {'viscous': 10.0, 'quadratic': 400.0}})
+RIPPLE = {'amplitude': 4.0, 'period': 0.008, 'phase': 0.6}
+SECOND = {'wave_amplitude2': 3.0, 'wave_period2': 0.005, 'wave_phase2': -0.4}
 
+
+def wave(p, amplitude, period, phase):
+    return amplitude * math.sin(2.0 * math.pi * p / period + phase)
+
+
+@pytest.mark.parametrize(
+    ('effect', 'values', 'acting', 'share'),
+    [
+        # The kernel takes the velocity at the start of each substep.
+        (
+            'viscous_friction',
+            {'viscous': 10.0, 'quadratic': 400.0},
+            lambda p, v, force: force - (10.0 + 400.0 * abs(v)) * v,
+            1e-3,
+        ),
+        ('force_ripple', RIPPLE, lambda p, v, force: force + wave(p, 4.0, 0.008, 0.6), 1e-4),
+        (
+            'force_ripple',
+            {**RIPPLE, **SECOND},
+            lambda p, v, force: force + wave(p, 4.0, 0.008, 0.6) + wave(p, 3.0, 0.005, -0.4),
+            1e-4,
+        ),
+        (
+            'cable_force',
+            {'stiffness': 900.0, 'centre': 0.03, 'hardening': 4e5},
+            lambda p, v, force: force - 900.0 * (p - 0.03) - 4e5 * (p - 0.03) ** 3,
+            1e-4,
+        ),
+        (
+            'torque_sag',
+            {'sag_force': 8e-3, 'sag_speed': 2.0},
+            lambda p, v, force: force * max(0.2, 1.0 - 8e-3 * abs(force) - 2.0 * abs(v)),
+            2e-3,
+        ),
+    ],
+)
+def test_a_force_acts_beside_the_nominal_friction(effect, values, acting, share):
     def rates(state, force):
         p, v = state
-        return [v, (force - (VISCOUS + 10.0 + 400.0 * abs(v)) * v) / MASS]
+        return [v, (acting(p, v, force) - VISCOUS * v) / MASS]
 
-    # The kernel takes the velocity at the start of each substep.
-    assert_close(open_loop(twin, swing()), integrate(rates, swing()), 1e-3)
-
-
-def test_force_ripple():
-    twin = one_axis({'force_ripple.x': {'amplitude': 4.0, 'period': 0.008, 'phase': 0.6}})
-
-    def rates(state, force):
-        ripple = 4.0 * math.sin(2.0 * math.pi * state[0] / 0.008 + 0.6)
-        return [state[1], (force + ripple - VISCOUS * state[1]) / MASS]
-
-    assert_close(open_loop(twin, swing()), integrate(rates, swing()), 1e-4)
-
-
-def test_a_ripple_of_two_periods():
-    waves = {'wave_amplitude2': 3.0, 'wave_period2': 0.005, 'wave_phase2': -0.4}
-    twin = one_axis({'force_ripple.x': {'amplitude': 4.0, 'period': 0.008, **waves}})
-
-    def rates(state, force):
-        ripple = 4.0 * math.sin(2.0 * math.pi * state[0] / 0.008)
-        ripple += 3.0 * math.sin(2.0 * math.pi * state[0] / 0.005 - 0.4)
-        return [state[1], (force + ripple - VISCOUS * state[1]) / MASS]
-
-    assert_close(open_loop(twin, swing()), integrate(rates, swing()), 1e-4)
+    assert_moves_as({f'{effect}.x': values}, rates, share=share)
 
 
 def test_ripple_period_is_the_lead_by_default():
     given = one_axis({'force_ripple.x': {'amplitude': 4.0, 'period': 0.010}})
     default = one_axis({'force_ripple.x': {'amplitude': 4.0}})
     np.testing.assert_array_equal(open_loop(given, swing()), open_loop(default, swing()))
-
-
-def test_cable_force():
-    values = {'stiffness': 900.0, 'centre': 0.03, 'hardening': 4e5}
-
-    def rates(state, force):
-        s = state[0] - 0.03
-        return [state[1], (force - 900.0 * s - 4e5 * s**3 - VISCOUS * state[1]) / MASS]
-
-    kernel = open_loop(one_axis({'cable_force.x': values}), swing())
-    assert_close(kernel, integrate(rates, swing()), 1e-4)
 
 
 def test_structural_resonance_is_two_masses():
@@ -171,8 +158,7 @@ def test_structural_resonance_is_two_masses():
         spring = stiffness * (load - p) + damping * (load_speed - v)
         return [v, (force - VISCOUS * v + spring) / motor, load_speed, -spring / carried]
 
-    kernel = open_loop(one_axis({'structural_resonance.x': values}), swing())
-    assert_close(kernel, integrate(rates, swing(), 4), 1e-5)
+    assert_moves_as({'structural_resonance.x': values}, rates, 4, 1e-5)
 
 
 def test_rigid_limit_of_the_resonance():
@@ -207,19 +193,18 @@ def test_delay_effect_adds_to_the_nominal_delay():
     )
 
 
-def test_force_offset_acts_beside_the_drive():
-    offset = open_loop(one_axis({'force_offset.x': {'offset': -3.0}}), swing())
-    np.testing.assert_allclose(offset, open_loop(one_axis(), swing() - 3.0), atol=1e-12)
-
-
-def test_drive_gain_scales_the_force():
-    gained = open_loop(one_axis({'drive_gain.x': {'error': -0.2}}), swing())
-    np.testing.assert_allclose(gained, open_loop(one_axis(), 0.8 * swing()), atol=1e-12)
-
-
-def test_force_saturation_clips_the_acting_force():
-    clipped = open_loop(one_axis({'force_saturation.x': {'limit': 12.0}}), swing())
-    np.testing.assert_array_equal(clipped, open_loop(one_axis(), np.clip(swing(), -12.0, 12.0)))
+@pytest.mark.parametrize(
+    ('effects', 'acting'),
+    [
+        ({'force_offset.x': {'offset': -3.0}}, swing() - 3.0),
+        ({'drive_gain.x': {'error': -0.2}}, 0.8 * swing()),
+        ({'force_saturation.x': {'limit': 12.0}}, np.clip(swing(), -12.0, 12.0)),
+    ],
+)
+def test_effects_that_change_the_acting_force(effects, acting):
+    np.testing.assert_allclose(
+        open_loop(one_axis(effects), swing()), open_loop(one_axis(), acting), atol=1e-12
+    )
 
 
 def test_closed_loop_with_friction_ripple_and_a_fraction_of_delay():
