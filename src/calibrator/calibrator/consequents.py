@@ -31,12 +31,6 @@ def rule_outputs(theta: Array, inputs: Array) -> Array:
     return blocks[0] + inputs @ blocks[1:]
 
 
-def evaluate(lower: Array, upper: Array, inputs: Array, theta: Array, reduction: str) -> Array:
-    """Output of the system for one set of consequents, (N,)."""
-    outputs = rule_outputs(theta, inputs)
-    return np.sum(effective_weights(lower, upper, outputs, reduction) * outputs, axis=1)
-
-
 def fit_consequents(
     lower: Array, upper: Array, inputs: Array, target: Array, reduction: str
 ) -> tuple[Array, float]:

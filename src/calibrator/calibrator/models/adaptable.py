@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,15 +13,28 @@ from calibrator.models.inputs import Array
 
 
 class Adaptable(CalibrationModel):
-    """Adds linear weights to a method: error = design @ weights + offset per output axis."""
+    """A method whose error is design @ weights + offset per output axis."""
 
-    @abstractmethod
+    weights_key: ClassVar[str]
+    """Where `state` holds the weights (p,) per output axis."""
+
     def linear_weights(self) -> list[Array]:
         """Weights (p,) per output axis."""
+        self._require_fitted()
+        return [np.array(weights) for weights in self.state[self.weights_key]]
 
-    @abstractmethod
     def set_linear_weights(self, weights: list[Array]) -> None:
         """Replace the weights of `linear_weights`."""
+        self.state[self.weights_key] = [np.array(w) for w in weights]
+
+    def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
+        designs = self._linear_design(command, direction, temperatures)
+        return np.column_stack(
+            [
+                design @ weights + offset
+                for (design, offset), weights in zip(designs, self.linear_weights(), strict=True)
+            ]
+        )
 
     @abstractmethod
     def _linear_design(self, command: Array, d: Array, t: Array) -> list[tuple[Array, Array]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calibrator.consequents import evaluate, fit_consequents, regressors, rule_outputs
+from calibrator.consequents import fit_consequents, regressors, rule_outputs
 from calibrator.it2_sets import AntecedentSets, vector_bounds
 from calibrator.models.adaptable import Adaptable
 from calibrator.models.base import CalibrationModel
@@ -32,6 +32,7 @@ class FuzzySystem(Adaptable):
     """
 
     method = 'it2fls'
+    weights_key = 'theta'
     summary = 'interval type-2 fuzzy system trained by a particle swarm (paper 1)'
     defaults = {
         'rules': 'auto',
@@ -96,23 +97,6 @@ class FuzzySystem(Adaptable):
             self.state['antecedents'], int(self.state['rules']), self.axes
         )
         return (inputs, *sets.firing(inputs))
-
-    def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
-        inputs, lower, upper = self.firing(command)
-        outputs = [
-            evaluate(lower, upper, inputs, theta, str(self.options['reduction']))
-            for theta in self.state['theta']
-        ]
-        return self.state['mean'] + self.state['deviation'] * np.column_stack(outputs)
-
-    def linear_weights(self) -> list[Array]:
-        """Consequents per axis."""
-        self._require_fitted()
-        return [np.array(theta) for theta in self.state['theta']]
-
-    def set_linear_weights(self, weights: list[Array]) -> None:
-        """Replace the consequents."""
-        self.state['theta'] = np.array(weights)
 
     def _linear_design(self, command: Array, d: Array, t: Array) -> list[tuple[Array, Array]]:
         # Linear while the signs of type reduction stay: those of the present consequents.

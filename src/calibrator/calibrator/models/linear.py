@@ -52,9 +52,6 @@ class Affine(Adaptable):
         gain = solution[1:] / half[:, None]
         self.state = {'offset': solution[0] - centre @ gain, 'gain': gain}
 
-    def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
-        return np.asarray(self.state['offset'] + command @ self.state['gain'], dtype=float)
-
     def linear_weights(self) -> list[Array]:
         """Offset and gains per axis."""
         self._require_fitted()

@@ -43,6 +43,7 @@ class Structured(Adaptable):
     """
 
     method = 'structured'
+    weights_key = 'coefficients'
     thermal = True
     summary = 'stage physics by least squares'
     defaults = {'degree': 'auto', 'lead': 'search', 'harmonics': [1, 2], 'ridge': 1e-9}
@@ -91,24 +92,6 @@ class Structured(Adaptable):
         self.state['coefficients'] = coefficients
         self.state['deviations'] = deviations
         self.state['sigma'] = np.array(sigmas)
-
-    def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
-        return np.column_stack(
-            [
-                self._design(command, direction, temperatures, axis)
-                @ self.state['coefficients'][axis]
-                for axis in range(self.axes)
-            ]
-        )
-
-    def linear_weights(self) -> list[Array]:
-        """All coefficients per axis."""
-        self._require_fitted()
-        return [np.array(c) for c in self.state['coefficients']]
-
-    def set_linear_weights(self, weights: list[Array]) -> None:
-        """Replace the coefficients."""
-        self.state['coefficients'] = [np.array(w) for w in weights]
 
     def _linear_design(self, command: Array, d: Array, t: Array) -> list[tuple[Array, Array]]:
         nothing = np.zeros(len(command))
