@@ -1,6 +1,6 @@
 """Weights of the probabilities; `make calibrate-diagnosis` writes them."""
 
-CODE = '722204b66b4b'
+CODE = '8e876096d60d'
 DATE = '2026-11-26'
 SESSIONS = {
     'own': 72,
@@ -10,15 +10,15 @@ SESSIONS = {
 SEEDS = '1 to 18'
 WEIGHTS: dict[str, dict[str, float]] = {
     'named': {
-        '1': -0.00904343,
-        'turns': 0.541631,
-        'away': 0.583243,
+        '1': 1.07362,
+        'away': 0.80042,
+        'rivals': -0.796001,
     },
     'passed': {
-        '1': -6.18872,
+        '1': -6.23692,
     },
     'unknown': {
-        '1': 2.13163,
+        '1': 2.09714,
     },
     'none': {
         '1': 3.55535,
@@ -27,6 +27,6 @@ WEIGHTS: dict[str, dict[str, float]] = {
 SPREAD: dict[str, tuple[float, float]] = {
     'friction': (6.769, 0),
     'servo': (2.982, 0),
-    'kinematic': (1.264, 0.001477),
+    'kinematic': (1.264, 0),
     'sensor': (1.477, 0),
 }
