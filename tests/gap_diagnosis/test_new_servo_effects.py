@@ -147,3 +147,12 @@ def test_a_base_is_named_at_any_frequency_where_the_tracker_stands_on_the_floor(
     assert values['frequency'] == pytest.approx(20.0, rel=0.05)
     # What the tracker sees of the base; its share alone is as sure as the mass ratio is.
     assert values['mass_ratio'] * values['floor_share'] == pytest.approx(0.3, rel=0.05)
+
+
+def test_a_force_limit_and_the_friction_that_it_hides(planted: Maker) -> None:
+    truth = {'force_saturation.x': {'limit': 20.0}, 'viscous_friction.x': {'viscous': 300.0}}
+    found = diagnose([planted(truth, duration=16.0)], [], nominal())
+    assert sorted(found.verdict) == sorted(truth)
+    for name, values in truth.items():
+        for key, value in values.items():
+            assert found.parameters[name][key][0] == pytest.approx(value, rel=1e-3)

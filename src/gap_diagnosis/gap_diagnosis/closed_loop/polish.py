@@ -150,7 +150,7 @@ def polish(
     stay unchanged where the gap is at the encoder's step already, nothing is gained, or the loop
     stays far from the record: one that sticks goes another way from a moment on. A
     standard deviation holds that of the closed loop and, unless the loop refutes the force
-    balance, the disagreement of the two estimates.
+    balance and follows the record, the disagreement of the two estimates.
     """
     fitted = [r for r in records if not r.held_out_session]
     if not any(hooks.couples(split_effect(e)[0]) for e in {**fixed, **found}):
@@ -221,7 +221,8 @@ def _refined(
         # The slopes of such a loop say nothing.
         return found, first
     apart = z + onward
-    if left < MUCH_BETTER * first:  # the loop refutes the force balance
+    if left < min(FAR_BESIDE * floor, MUCH_BETTER * first):
+        # The loop follows the record, and refutes the force balance.
         apart, own = onward, np.zeros(len(names))
     if left > WORTHWHILE * first:
         z, left = np.zeros(len(names)), first

@@ -18,6 +18,7 @@ from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.selection.gains import block_gains, block_rms_gains, bootstrap_interval
 from gap_diagnosis.selection.grow import grow
 from gap_diagnosis.selection.model import Evidence, Passed, Rules, Selection, Trial
+from gap_diagnosis.selection.pairs import pair
 from gap_diagnosis.selection.simpler import merge, plain
 from stage_twin.effects import EFFECTS, effect_of
 from stage_twin.effects.term import Term
@@ -76,7 +77,10 @@ class Selector:
             ]
             if not good:
                 rejected.update({n: t.evidence for n, t in trials.items()})
-                break
+                if accepted or (found := pair(self, base, trials)) is None:
+                    break
+                accepted, base = found
+                continue
             was = accepted, good
             while good:
                 name = self._simplest(good, trials)
