@@ -25,7 +25,7 @@ WEIGHTS: dict[str, dict[str, float]] = {
     },
 }
 SPREAD: dict[str, tuple[float, float]] = {
-    'friction': (6.769, 0),
+    'friction': (3.353, 0),
     'servo': (2.982, 0),
     'kinematic': (1.264, 0),
     'sensor': (1.477, 0),

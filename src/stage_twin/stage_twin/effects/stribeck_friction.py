@@ -8,6 +8,8 @@ import numpy as np
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import (
+    DOUBTED_BREAKAWAY,
+    DOUBTED_VELOCITY,
     PRESLIDING,
     SHORTEST_PRESLIDING,
     bristles,
@@ -28,7 +30,7 @@ EFFECT = Effect(
     link='servo',
     parameters=(
         friction_force('coulomb', 10.0, 'sliding force at high speed'),
-        friction_force('breakaway', 6.0, 'excess of the force near standstill'),
+        friction_force('breakaway', 6.0, 'excess of the force near standstill', DOUBTED_BREAKAWAY),
         Parameter(
             'stribeck_velocity',
             'm/s',
@@ -37,6 +39,7 @@ EFFECT = Effect(
             5e-3,
             'speed at which the excess has decayed',
             neutral=None,
+            doubt=DOUBTED_VELOCITY,
         ),
         PRESLIDING,
     ),
