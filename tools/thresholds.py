@@ -8,7 +8,7 @@ import sys
 from calibrator import online, outliers, prepare, temperatures, thermal, training
 from calibrator.models import domain, selection
 from gap_diagnosis import passes
-from gap_diagnosis.closed_loop import held_out, misread, swing
+from gap_diagnosis.closed_loop import held_out, misread, polish, swing
 from gap_diagnosis.evidence import acceptance
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
@@ -18,6 +18,7 @@ from gap_diagnosis.selection import (
     forward,
     imitations,
     lacking,
+    pairs,
     shape,
     slow_rows,
     swinging,
@@ -31,9 +32,9 @@ MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, controller, domain, drive, forward, grid,
                    held_out, imitations, judged, kinematics, lacking, library, loops, machine,
-                   misread, motions, online, outliers, passes, prepare, propose, scene, search,
-                   selection, separation, servo_clocks, shape, slow_rows, swing, swinging,
-                   temperatures, thermal, training, unrecorded, windows)
+                   misread, motions, online, outliers, pairs, passes, polish, prepare, propose,
+                   scene, search, selection, separation, servo_clocks, shape, slow_rows, swing,
+                   swinging, temperatures, thermal, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -92,6 +93,8 @@ variances of slow and fast rows from which they are weighted, ratio | {slow_rows
 gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
 the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}
 what is left above the noise and an effect that was lacking explains, from | {forward.LACKING:.0%}
+gap that an effect explains which is impossible alone, and a pair, from | {pairs.NEARLY_ALL:.0%}
+loop's gap that a refinement leaves where the balance was wrong, at most | {polish.MUCH_BETTER:.0%}
 noise that a balance may lose by the tracker's shape, at most | {shape.LOST:.0%}
 what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}
 what it explains better than the tracker's clock, from | {imitations.UNEXHAUSTED[sensor]:.0%}

@@ -40,11 +40,14 @@ def test_a_name_that_makes_a_channel_worse_goes() -> None:
     assert refuted('backlash.x', found, PLAY)
 
 
-@pytest.mark.parametrize(('worse', 'stands'), [((), True), (('tracker.x',), False)])
-def test_a_frame_that_was_taken_out_before_may_make_no_channel_worse(
-    worse: tuple[str, ...], stands: bool
+@pytest.mark.parametrize(
+    ('low', 'worse', 'stands'),
+    [(0.5, (), True), (0.5, ('tracker.x',), False), (-1e-4, (), False)],
+)
+def test_a_frame_that_was_taken_out_before_shrinks_the_gap_and_makes_no_channel_worse(
+    low: float, worse: tuple[str, ...], stands: bool
 ) -> None:
-    name, found = 'tracker_misalignment', Shrink('m', 3e-6, 1e-6, (0.5, 0.7), 1e-6, 0.0, worse)
+    name, found = 'tracker_misalignment', Shrink('m', 3e-6, 1e-6, (low, 0.7), 1e-6, 0.0, worse)
     part = SimpleNamespace(rows=None, problem=SimpleNamespace(before={name: np.zeros(9)}))
     values = {'angle': (4e-3, 1e-5)}
     assert _refuted(name, [part], found, values, nominal(('x', 'y'))) is not stands
