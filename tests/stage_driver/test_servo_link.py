@@ -35,7 +35,7 @@ def test_drive_restart_asks_for_homing():
 
 
 def test_drive_that_dies_while_the_world_is_quiet_is_a_fault_and_may_come_back():
-    with rig(lockstep_timeout=0.3) as (plant, backend, recorder):
+    with rig(lockstep_timeout=2.0) as (plant, backend, recorder):
         move(backend, recorder, 0.001, 0.0)
         plant.muted = True
         recorder.wait(lambda: recorder.said('no encoder datagram'))
