@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.polynomial.legendre import leg2poly, legval
@@ -139,7 +139,13 @@ def _slopes(reach: float, highest: int) -> Array:
     """Slopes (k,) of the least-squares lines of P2 to P`highest` over -reach to reach."""
     out = []
     for order in range(2, highest + 1):
-        odd = leg2poly(np.eye(order + 1)[order])[1::2]
+        odd = _odd(order)
         powers = np.arange(1, 2 * len(odd), 2)
         out.append(3.0 * float(np.sum(odd * reach ** (powers - 1.0) / (powers + 2.0))))
     return np.array(out)
+
+
+@cache
+def _odd(order: int) -> Array:
+    """Factors of the odd powers in P`order`, the lowest first."""
+    return np.asarray(leg2poly(np.eye(order + 1)[order])[1::2])
