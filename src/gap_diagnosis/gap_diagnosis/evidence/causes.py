@@ -70,12 +70,12 @@ def cause_of(name: str, run: Run) -> judge.Cause:
             shrink = _in_balance(name, part, run.seed)
     found = part.selection.evidence[name] if part is not None else None
     stated = with_model_error(name, run.parameters[name])
-    # Models of forces have errors, so that their effects are judged with them.
-    own = stated
-    if link_of(name) != 'servo':
-        own = run.parameters[name]
-        if part is not None:
-            own = given_shape(name, own, part.selection, part.selector.regression)
+    own = run.parameters[name]
+    if part is not None:
+        own = given_shape(name, own, part.selection, part.selector.regression)
+    if link_of(name) == 'servo':
+        # Models of forces have errors, so that their effects are judged with them.
+        own = with_model_error(name, own)
     return judge.Cause(
         effect=name,
         probability=0.0,

@@ -53,7 +53,9 @@ def given_shape(
     if regression.problem.terms[name].fixed:  # of which the shape is all
         return values
     held = describe(selection, regression, name)[name]
-    return {k: (v, held[k][1] or std) if k in held else (v, std) for k, (v, std) in values.items()}
+    return {
+        k: (v, min(std, held[k][1] or std) if k in held else std) for k, (v, std) in values.items()
+    }
 
 
 def is_magnitude(name: str, parameter: str) -> bool:

@@ -294,12 +294,15 @@ class Selector:
 
     def _counts(self, evidence: Evidence, base: Fit) -> bool:
         rest = max(base.mean_square(self.problem) - self.noise, 0.0)
-        rules = self.rules
-        least = max(self.least(evidence.name), rules.of_rest * rest)
-        own = self.problem.terms[evidence.name].propose is None
-        if own and evidence.share > LACKING and rest > self.noise:
-            least = min(least, self.noise)
-        return evidence.admissible and evidence.interval[0] > 0.0 and evidence.gain > least
+        gain, least = evidence.gain, self.least_beside(evidence.name, evidence.gain, rest)
+        enough = gain > max(least, self.rules.of_rest * rest)
+        return evidence.admissible and evidence.interval[0] > 0.0 and enough
+
+    def least_beside(self, name: str, gain: float, rest: float) -> float:
+        """Least mean-square gain of an effect, which is less for most of what a set leaves."""
+        own = self.problem.terms[name].propose is None
+        lacking = own and gain > LACKING * rest > LACKING * self.noise
+        return min(self.least(name), self.noise) if lacking else self.least(name)
 
     def least(self, name: str) -> float:
         """Least mean-square gain of an effect, whatever else is in the set."""

@@ -90,10 +90,14 @@ def _better(selector: Selector, other: Selection, best: Selection) -> bool:
     gain = float(gains.mean())
     low, high = bootstrap_interval(gains, selector.seed, level=selector.rules.level)
     apart = ({*other.accepted} ^ {*best.accepted}) & {*selector.problem.terms}
-    least = max((selector.least(n) for n in apart), default=0.0)
-    if low > 0.0 and gain > least:
+
+    def least(lesser: Selection) -> float:
+        rest = max(lesser.fit.mean_square(selector.problem) - selector.noise, 0.0)
+        return max((selector.least_beside(n, abs(gain), rest) for n in apart), default=0.0)
+
+    if low > 0.0 and gain > least(best):
         return True
-    loses = high < 0.0 and -gain > least
+    loses = high < 0.0 and -gain > least(other)
     return not loses and (size(other.fit), -gain) < (size(best.fit), 0.0)
 
 

@@ -68,7 +68,12 @@ signature = speed_curve
 
 
 def term(rows: ForceRows) -> Term:
-    """The direction, and the direction near standstill; θ is pre-sliding and velocity."""
+    """The direction, and the direction near standstill; θ is pre-sliding and velocity.
+
+    A velocity above all that were seen leaves the force at high speed to the fit's invention.
+    """
+    fastest = min(FASTEST, max(float(np.max(np.abs(v))) for v in rows.smooth_velocity()))
+    starts = sorted({min(start, fastest) for start in STRIBECK_GRID})
 
     def columns(theta: Theta) -> Array:
         z = bristles(rows, theta[0])
@@ -83,8 +88,8 @@ def term(rows: ForceRows) -> Term:
             'stribeck_velocity': theta[1],
             'presliding': theta[0],
         },
-        grid=tuple((g, w) for g in presliding_grid(rows) for w in STRIBECK_GRID),
+        grid=tuple((g, w) for g in presliding_grid(rows) for w in starts),
         lower=(0.0, SLOWEST),
-        upper=(longest_presliding(rows), FASTEST),
+        upper=(longest_presliding(rows), fastest),
         admissible=lambda theta, c: bool(min(c[0], c[1]) > 0.0),
     )
