@@ -19,6 +19,7 @@ from gap_diagnosis.selection.gains import block_gains, block_rms_gains, bootstra
 from gap_diagnosis.selection.grow import grow
 from gap_diagnosis.selection.model import Evidence, Passed, Rules, Selection, Trial
 from gap_diagnosis.selection.pairs import pair
+from gap_diagnosis.selection.possible import refined
 from gap_diagnosis.selection.simpler import merge, plain
 from stage_twin.effects import EFFECTS, effect_of
 from stage_twin.effects.term import Term
@@ -85,7 +86,7 @@ class Selector:
             while good:
                 name = self._simplest(good, trials)
                 good = [(gain, other) for gain, other in good if other != name]
-                joint = self.regression.refine(trials[name].thetas, list(trials[name].thetas))
+                joint = refined(self, trials[name].thetas, list(trials[name].thetas))
                 # A set in which one effect takes an impossible value explains nothing.
                 if all(self.admissible(joint, n) for n in joint.thetas):
                     if not first:
@@ -244,7 +245,7 @@ class Selector:
                 {n: t for n, t in base.thetas.items() if n not in without}
             )
         theta = self.regression.warm_start(base, name)
-        return self.regression.refine({**base.thetas, name: theta}, [name], rounds=8)
+        return refined(self, {**base.thetas, name: theta}, [name], rounds=8)
 
     def barred(self, name: str, accepted: list[str]) -> bool:
         """Whether an accepted effect holds this one as a special case or excludes it."""
@@ -294,21 +295,17 @@ class Selector:
 
     def _counts(self, evidence: Evidence, base: Fit) -> bool:
         rest = max(base.mean_square(self.problem) - self.noise, 0.0)
-        gain, least = evidence.gain, self.least_beside(evidence.name, evidence.gain, rest)
-        enough = gain > max(least, self.rules.of_rest * rest)
-        return evidence.admissible and evidence.interval[0] > 0.0 and enough
+        least = max(self.least(evidence.name, evidence.gain, rest), self.rules.of_rest * rest)
+        return evidence.admissible and evidence.interval[0] > 0.0 and evidence.gain > least
 
-    def least_beside(self, name: str, gain: float, rest: float) -> float:
-        """Least mean-square gain of an effect, which is less for most of what a set leaves."""
-        own = self.problem.terms[name].propose is None
-        lacking = own and gain > LACKING * rest > LACKING * self.noise
-        return min(self.least(name), self.noise) if lacking else self.least(name)
-
-    def least(self, name: str) -> float:
-        """Least mean-square gain of an effect, whatever else is in the set."""
+    def least(self, name: str, gain: float = 0.0, rest: float = 0.0) -> float:
+        """Least mean-square gain of an effect; that of the noise where it is most of a rest."""
         rules = self.rules
         signal = rules.of_signal * self.problem.terms[name].follows * self.problem.signal
-        return max(rules.of_gap * self.gap, rules.of_noise * self.noise, signal, 1e-300)
+        least = max(rules.of_gap * self.gap, rules.of_noise * self.noise, signal, 1e-300)
+        own = self.problem.terms[name].propose is None
+        lacking = own and gain > LACKING * rest > LACKING * self.noise
+        return min(least, self.noise) if lacking else least
 
     def _simplify(self, accepted: list[str], base: Fit) -> tuple[list[str], Fit]:
         """Drop plain effects that a later, richer one holds as special cases."""

@@ -93,7 +93,7 @@ def _better(selector: Selector, other: Selection, best: Selection) -> bool:
 
     def least(lesser: Selection) -> float:
         rest = max(lesser.fit.mean_square(selector.problem) - selector.noise, 0.0)
-        return max((selector.least_beside(n, abs(gain), rest) for n in apart), default=0.0)
+        return max((selector.least(n, abs(gain), rest) for n in apart), default=0.0)
 
     if low > 0.0 and gain > least(best):
         return True

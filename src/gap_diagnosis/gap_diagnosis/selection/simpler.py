@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
 from gap_diagnosis.selection.grow import grow
+from gap_diagnosis.selection.possible import as_good
 from stage_twin.effects import EFFECTS
 
 if TYPE_CHECKING:
@@ -25,10 +26,7 @@ def merge(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str],
         thetas = {**kept.thetas, name: selector.regression.warm_start(kept, name)}
         shape = selector.problem.terms[name]
         other = grow(selector, selector.regression.refine(thetas, list(thetas)), [name])
-        now = fit.mean_square(selector.problem)
-        limit = max(1.05 * now, now + 1e-3 * selector.gap)
-        reached = other.mean_square(selector.problem)
-        if reached < limit and selector.admissible(other, name):
+        if as_good(selector, other, fit) and selector.admissible(other, name):
             return [a for a in accepted if a not in held] + [name], other
         selector.problem.terms[name] = shape
     return accepted, fit

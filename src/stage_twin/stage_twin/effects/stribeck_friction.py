@@ -68,12 +68,7 @@ signature = speed_curve
 
 
 def term(rows: ForceRows) -> Term:
-    """The direction, and the direction near standstill; θ is pre-sliding and velocity.
-
-    A velocity above all that were seen leaves the force at high speed to the fit's invention.
-    """
-    fastest = min(FASTEST, max(float(np.max(np.abs(v))) for v in rows.smooth_velocity()))
-    starts = sorted({min(start, fastest) for start in STRIBECK_GRID})
+    """The direction, and the direction near standstill; θ is pre-sliding and velocity."""
 
     def columns(theta: Theta) -> Array:
         z = bristles(rows, theta[0])
@@ -88,8 +83,8 @@ def term(rows: ForceRows) -> Term:
             'stribeck_velocity': theta[1],
             'presliding': theta[0],
         },
-        grid=tuple((g, w) for g in presliding_grid(rows) for w in starts),
+        grid=tuple((g, w) for g in presliding_grid(rows) for w in STRIBECK_GRID),
         lower=(0.0, SLOWEST),
-        upper=(longest_presliding(rows), fastest),
+        upper=(longest_presliding(rows), FASTEST),
         admissible=lambda theta, c: bool(min(c[0], c[1]) > 0.0),
     )

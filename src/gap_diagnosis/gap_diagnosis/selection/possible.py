@@ -1,0 +1,55 @@
+"""A set at its optimum or, where no machine has that, as near to it as machines go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from gap_diagnosis.residuals.regression import Fit
+from stage_twin.effects.term import Theta
+
+if TYPE_CHECKING:
+    from gap_diagnosis.selection.forward import Selector
+
+HALVINGS = 5  # of the way to an optimum that no machine has
+
+
+def refined(
+    selector: Selector, thetas: dict[str, Theta], names: Sequence[str], rounds: int = 12
+) -> Fit:
+    """A set with the nonlinear parameters of `names` at their optimum (`Regression.refine`).
+
+    An optimum may be flat, and impossible: of a friction that still falls at the highest speed
+    all that is known at high speed is that it is less. Then the last possible set on the way to
+    it is taken, if that explains as much.
+    """
+    best = selector.regression.refine(thetas, names, rounds)
+    if _possible(selector, best):
+        return best
+    edge = selector.regression.linear(thetas)
+    if not _possible(selector, edge):
+        return best
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        share = 0.5 * (low + high)
+        between = selector.regression.linear(
+            {
+                n: tuple(a + share * (b - a) for a, b in zip(theta, best.thetas[n], strict=True))
+                for n, theta in thetas.items()
+            }
+        )
+        if _possible(selector, between):
+            low, edge = share, between
+        else:
+            high = share
+    return edge if as_good(selector, edge, best) else best
+
+
+def as_good(selector: Selector, other: Fit, best: Fit) -> bool:
+    """Whether a set leaves hardly more than the best one."""
+    now = best.mean_square(selector.problem)
+    return other.mean_square(selector.problem) < max(1.05 * now, now + 1e-3 * selector.gap)
+
+
+def _possible(selector: Selector, fit: Fit) -> bool:
+    return all(selector.admissible(fit, n) for n in fit.thetas)
