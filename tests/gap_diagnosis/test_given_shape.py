@@ -60,6 +60,14 @@ def test_a_yaw_and_an_arm_that_take_each_others_place_are_stated_without_deviati
     assert 0.0 < given < 0.01 * abs(value)
 
 
+def test_a_deviation_that_was_surer_elsewhere_stays() -> None:
+    found = regression(5e-4)
+    fit = found.refine({YAW: (0.3,)}, [YAW])
+    selection = Selection([YAW], fit, {YAW: Evidence(YAW, 1.0, (1.0, 1.0), 1.0, True)}, {})
+    surest = {'linear': (80e-6, 1e-12), 'arm': (0.1, 1e-3)}
+    assert given_shape(YAW, surest, selection, found) == surest
+
+
 def test_places_far_apart_tell_both() -> None:
     value, whole, given = deviations(0.2)
     assert abs(value - 80e-6) < 4.0 * whole

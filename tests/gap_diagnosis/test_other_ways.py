@@ -5,9 +5,16 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection import other_ways
+from gap_diagnosis.selection.forward import Selector
+from gap_diagnosis.selection.model import Rules, Selection
+from stage_twin.effects.term import Term
+
+FRICTION, DELAY = 'coulomb_friction.x', 'actuation_delay.x'
 
 
 @pytest.mark.parametrize('better', [True, False])
@@ -24,3 +31,25 @@ def test_a_better_set_counts_without_the_effect_that_led_to_it(
     monkeypatch.setattr(other_ways, '_better', lambda *sets: better)
     chosen: Any = other_ways._other_way(selector, best, ['tracker_misalignment'], terms, 1.0)  # type: ignore[arg-type]
     assert chosen is (other if better else best)
+
+
+def test_a_smaller_set_that_lacks_most_of_what_it_leaves_is_no_better() -> None:
+    """A delay is far less than one part in 1e4 of the gap, and most of what a friction leaves."""
+    rows = np.arange(4000)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(rows))
+    large, small = np.sign(np.sin(rows * 0.013)), np.sin(rows * 0.31)
+    every, times = np.ones(len(rows), dtype=bool), np.asarray(rows * 1e-3, dtype=np.float64)
+    terms = {
+        FRICTION: Term(lambda theta: large[:, None], lambda theta, c: {'coulomb': float(c[0])}),
+        DELAY: Term(lambda theta: small[:, None], lambda theta, c: {}),
+    }
+    target = 10.0 * large + 0.03 * small + noise
+    problem = Problem(target, every, every, rows // 100, times, 0 * rows, terms, 1e-3)
+    selector = Selector(problem, Rules(), 0)
+    both, less = (selector.select(first) for first in ([FRICTION, DELAY], [FRICTION]))
+    assert both.accepted == less.accepted == [FRICTION, DELAY]
+    fit = selector.without_effect(both.fit, DELAY)
+    alone = Selection([FRICTION], fit, {FRICTION: both.evidence[FRICTION]}, {})
+    assert selector.least(DELAY) > 0.5 * 0.03**2
+    assert not other_ways._better(selector, alone, both)
+    assert other_ways._better(selector, both, alone)
