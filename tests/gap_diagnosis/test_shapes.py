@@ -62,6 +62,17 @@ def test_a_friction_shows_where_an_axis_that_never_turns_back_stops(seed: int) -
     assert found.verdict == [case.effect]
 
 
+def test_a_friction_that_still_falls_at_the_highest_speed() -> None:
+    """A Stribeck velocity of 12 mm/s where no speed above 5 mm/s was seen."""
+    truth = {'coulomb': 4.0, 'breakaway': 3.0, 'stribeck_velocity': 12e-3, 'presliding': 2e-6}
+    path, name = 0.04 * reference(12.0, ALONE.control_period, 1), 'stribeck_friction.x'
+    warm = np.full(len(path), 20.0)
+    found = diagnose([run_of(ALONE.with_effects({name: truth}), ALONE, path, warm, 0)], [], ALONE)
+    assert found.verdict == [name]
+    value, deviation = found.parameters[name]['breakaway']
+    assert abs(value - 3.0) < 2.0 * deviation
+
+
 def test_an_encoder_that_errs_within_each_period_of_its_scale(planted: Maker) -> None:
     truth = {'amplitude': 2e-6, 'period': 4e-5, 'phase': 0.4, 'amplitude_2': 1e-6, 'phase_2': 1.0}
     found = diagnose([planted({'encoder_interpolation.x': truth})], [], ALONE)

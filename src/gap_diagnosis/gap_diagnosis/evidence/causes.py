@@ -30,7 +30,7 @@ from gap_diagnosis.selection.model import Evidence
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import EFFECTS, link_of, misreads
+from stage_twin.effects import EFFECTS, effect_of, link_of, misreads
 
 #: Share of the gap that is noise beside a swing at a phase of its own: what an effect moves counts
 #: only if it shrinks the gap by `LEAST_SHRINK`. Wrong ones shrank it by 0.01, right ones by 0.17.
@@ -71,7 +71,7 @@ def cause_of(name: str, run: Run) -> judge.Cause:
     found = part.selection.evidence[name] if part is not None else None
     stated = with_model_error(name, run.parameters[name])
     own = run.parameters[name]
-    if part is not None:
+    if part is not None and (link_of(name) != 'servo' or effect_of(name).by_shape):
         own = given_shape(name, own, part.selection, part.selector.regression)
     if link_of(name) == 'servo':
         # Models of forces have errors, so that their effects are judged with them.

@@ -53,9 +53,11 @@ def given_shape(
     if regression.problem.terms[name].fixed:  # of which the shape is all
         return values
     held = describe(selection, regression, name)[name]
-    return {
-        k: (v, min(std, held[k][1] or std) if k in held else std) for k, (v, std) in values.items()
-    }
+    out = dict(values)
+    for key in held.keys() & values.keys():
+        told = [std for std in (values[key][1], held[key][1]) if std > 0.0]
+        out[key] = values[key][0], min(told, default=0.0)
+    return out
 
 
 def is_magnitude(name: str, parameter: str) -> bool:

@@ -95,6 +95,9 @@ class Effect:
         Special cases whose sum may be all that there is: they are tried together in its place.
     differ : tuple of (str, str)
         Pairs of parameters; where the two of each are equal, a special case is all that there is.
+    by_shape : bool
+        Whether it is there is judged at the shape that was found, as an effect of the measurement:
+        how large it is hangs on that shape.
     excludes : tuple of str
         Effects that cannot be judged beside this one, as both have the same trivial solution.
     merges : tuple of str
@@ -121,6 +124,7 @@ class Effect:
     holds: tuple[str, ...] = ()
     sums: tuple[str, ...] = ()
     differ: tuple[tuple[str, str], ...] = ()
+    by_shape: bool = False
     excludes: tuple[str, ...] = ()
     merges: tuple[str, ...] = ()
     same: Callable[[Mapping[str, float]], tuple[str, ...]] = lambda values: ()

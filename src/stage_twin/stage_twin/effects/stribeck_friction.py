@@ -49,6 +49,7 @@ EFFECT = Effect(
     sentence='friction of {coulomb} rises by {breakaway} below {stribeck_velocity}',
     excited_by='constant-speed strokes from 0.1 to 20 mm/s',
     holds=('coulomb_friction',),
+    by_shape=True,
     excludes=('asymmetric_friction', 'position_dependent_friction'),
 )
 
