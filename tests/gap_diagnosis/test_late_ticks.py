@@ -14,6 +14,7 @@ from gap_diagnosis.residuals.late_ticks import forces_as_held, read_in_time
 from gap_diagnosis.residuals.operators import smooth
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
+from stage_twin.effects.encoder_interpolation import misreading
 
 Maker = Callable[..., Session]
 
@@ -84,6 +85,16 @@ def test_positions_are_those_of_the_ticks() -> None:
     before = np.std((record.encoder[:, 0] - true)[inner])
     after = np.std((read_in_time(record).encoder[:, 0] - true)[inner])
     assert after < 0.3 * before
+
+
+def test_a_wave_that_the_encoder_reads_is_no_late_tick() -> None:
+    plain, true = scattered(acts_late=False)
+    values = {'amplitude': 5e-6, 'period': 3e-4, 'phase': 0.4}
+    wave = misreading(true, values)
+    waves = {'encoder_interpolation.x': {name: (v, 0.0) for name, v in values.items()}}
+    record = replace(plain, encoder=plain.encoder + wave[:, None], waves=waves)
+    kept = (read_in_time(record).encoder - read_in_time(plain).encoder)[500:-500, 0]
+    assert kept @ wave[500:-500] == pytest.approx(wave[500:-500] @ wave[500:-500], rel=0.03)
 
 
 def test_a_record_without_scatter_stays_as_it_is(planted: Maker) -> None:

@@ -65,10 +65,10 @@ def _late(record: Record, i: int) -> tuple[Array, Array]:
     """How late each tick reads (n,) [s], and the speed (n,) [m/s] at which it shows that.
 
     What the position is ahead of its path, over the speed; weighed as a Wiener filter does against
-    the noise of the position at rest.
+    the noise of the position at rest. A wave that the encoder reads is no tick that is late.
     """
     assert record.noise is not None
-    noise, q = record.noise.axes[i], record.encoder[:, i]
+    noise, q = record.noise.axes[i], record.motion(i)
     if not noise.jitter:
         return np.zeros_like(q), np.zeros_like(q)
     path = band_limited(q, record.period, MOTION)
