@@ -132,7 +132,8 @@ def _first_out(
         for n, c in result.channels.items()
         if n in (f'encoder.{axis}', f'force.{axis}')
     }
-    return [worst] if shrink_of(worst, sides, seed).matters else own
+    # Of a machine that is seen by a tracker alone no channel of the axis says anything.
+    return [worst] if not sides or shrink_of(worst, sides, seed).matters else own
 
 
 def _excluded_by_tracker(result: Diagnosis) -> str | None:
