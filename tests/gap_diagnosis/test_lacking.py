@@ -26,7 +26,7 @@ def without_lag(planted: Callable[..., Session], lag: float) -> tuple[Part, Prep
     part = servo_part(before, 'x', before.direct, 0, [], Memory(), silent)
     fit = part.selector.without_effect(part.selection.fit, LAG)
     evidence = {FRICTION: part.selection.evidence[FRICTION]}
-    selection = replace(part.selection, accepted=[FRICTION], fit=fit, evidence=evidence, told={})
+    selection = replace(part.selection, accepted=[FRICTION], fit=fit, evidence=evidence)
     return replace(part, selection=selection), before
 
 
@@ -51,7 +51,7 @@ def test_a_friction_may_be_a_richer_one_for_the_loop(planted: Callable[..., Sess
     assert part.selection.accepted == [stribeck]
     fit = part.selector.with_effect(part.selector.regression.linear({}), FRICTION)
     evidence = {FRICTION: replace(part.selection.evidence[stribeck], name=FRICTION)}
-    plain = replace(part.selection, accepted=[FRICTION], fit=fit, evidence=evidence, told={})
+    plain = replace(part.selection, accepted=[FRICTION], fit=fit, evidence=evidence)
     overlooked = replace(part, selection=plain)
     found = with_lacking(overlooked, 'x', before.direct, before.records, before.twin)
     assert found.selection.accepted == [stribeck]
@@ -66,7 +66,7 @@ def test_the_only_effect_of_an_axis_may_be_one_that_the_balance_passes_over(
     before = prepare([session], [], nominal(), ())
     part = servo_part(before, 'x', before.direct, 0, [], Memory(), silent)
     nothing = part.selector.without_effect(part.selection.fit, name)
-    overlooked = replace(part.selection, accepted=[], fit=nothing, evidence={}, told={})
+    overlooked = replace(part.selection, accepted=[], fit=nothing, evidence={})
     monkeypatch.setattr(
         'gap_diagnosis.selection.servo_part.fit_part',
         lambda *_: replace(part, selection=overlooked),

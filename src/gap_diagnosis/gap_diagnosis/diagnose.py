@@ -168,8 +168,9 @@ def _diagnose(
         servo_part(before, axis, direct, seed, without, memory, progress)
         for axis in before.moving_axes
     ]
-    records, tracker = tracker_part(before, parts, seed, without, memory, progress)
     known = direct
+    shown = [_refined(p, before, known, memory, progress) for p in parts]
+    records, tracker = tracker_part(before, shown, seed, without, memory, progress)
     for measured in tracker:
         fit = measured.selection.fit
         found = describe(measured.selection, measured.selector.regression)
@@ -183,18 +184,7 @@ def _diagnose(
     parts += tracker
     parameters: Parameters = dict(known)
     for part in parts:
-        found = describe(part.selection, part.selector.regression)
-        if twin.kind == 'servo' and part.name.startswith('servo') and found:
-            axis = part.name[-1]
-            progress(f'closed loop of axis {axis}: refining {", ".join(found)}')
-            own = {n: v for n, v in known.items() if n.endswith(f'.{axis}')}
-            found = memory.once(
-                ('polish', axis, repr((found, own))),
-                lambda axis=axis, found=found, own=own: polish(records, twin, axis, found, own),  # type: ignore[misc]
-            )
-            if axis in before.laws:
-                found = widened(found, before.laws[axis])
-        for name, values in found.items():
+        for name, values in _refined(part, before, known, memory, progress).items():
             parameters[name] = surer(parameters.get(name, {}), values)
     jitter = jitter_findings(records, twin, parameters, tracker_jitter(parts))
     parameters.update(_allowed(jitter, without))
@@ -213,6 +203,24 @@ def _diagnose(
         seed,
         progress,
     )
+
+
+def _refined(
+    part: Part, before: Prepared, known: Parameters, memory: Memory, progress: Progress
+) -> Parameters:
+    """The parameters of a part's effects; those of a servo's loop are refined in it."""
+    plain = describe(part.selection, part.selector.regression)
+    if before.twin.kind != 'servo' or not part.name.startswith('servo') or not plain:
+        return plain
+    axis = part.name[-1]
+    own = {n: v for n, v in known.items() if n.endswith(f'.{axis}')}
+
+    def fit() -> Parameters:
+        progress(f'closed loop of axis {axis}: refining {", ".join(plain)}')
+        return polish(before.records, before.twin, axis, plain, own)
+
+    found = memory.once(('polish', axis, repr((plain, own))), fit)
+    return widened(found, before.laws[axis]) if axis in before.laws else found
 
 
 def _allowed(found: Parameters, without: Sequence[str]) -> Parameters:

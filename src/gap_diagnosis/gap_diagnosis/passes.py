@@ -11,7 +11,6 @@ import numpy as np
 from gap_diagnosis.closed_loop.held_out import with_windows
 from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simulated
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.checks import EXCITATION_HINT, check_duration
 from gap_diagnosis.input.data import Record, load_record
@@ -284,27 +283,29 @@ def servo_part(
         own = replace(problem, terms=dict(problem.terms))
         part = fit_servo(rows, own, before.records, before.twin, direct, seed, barred)
         column = before.records[0].column(axis)
-        return replace(part, row_axis=np.full(len(problem.target), column), rows=rows)
+        return replace(part, row_axis=np.full(len(part.problem.target), column), rows=rows)
 
     return memory.once(('servo', *key, barred, repr(direct)), fit)
 
 
 def tracker_part(
     before: Prepared,
-    servo: list[Part],
+    servo: list[Parameters],
     seed: int,
     without: Sequence[str],
     memory: Memory,
     progress: Progress,
 ) -> tuple[list[Record], list[Part]]:
-    """The tracker's residual, if there is a tracker, and the records with its points in place."""
+    """The tracker's residual, if there is a tracker, and the records with its points in place.
+
+    `servo` are the parameters of the effects of each axis.
+    """
     if any(r.tracker is None for r in before.records):
         return before.records, []
     movable = not set(without) & {'tracker_misalignment', 'tracker_latency'}
     records = memory.once(('points', movable), lambda: _in_place(before, movable))
-    found = [describe(p.selection, p.selector.regression) for p in servo]
     # Only what the tracker sees makes another fit of it.
-    values = plain_values({k: v for f in found for k, v in f.items() if seen_by_tracker(k)})
+    values = plain_values({k: v for f in servo for k, v in f.items() if seen_by_tracker(k)})
     without = [n for n in without if seen_by_tracker(n)]
 
     def fit() -> Part:

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.evidence.acceptance import FAR_BESIDE
+from gap_diagnosis.evidence.acceptance import FAR_BESIDE, SIGMAS
+from gap_diagnosis.evidence.calibrated import SPREAD
+from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import STARTED, held_out_windows, inside
@@ -29,16 +31,19 @@ from stage_twin.effects import EFFECTS
 Array = NDArray[np.float64]
 
 #: Steps at most, and the share of the squared gap above which a step leaves as much as the last.
-ROUNDS, SETTLED = 8, 0.9
+ROUNDS, SETTLED = 10, 1.0 - 1e-4
 REACH = 2.0  # of the first step, in `_Loop.scale`; each later one reaches twice as far
-WORTHWHILE = 0.97  # of the RMS on the fit windows
-#: The same for a value that the force balance does not suggest. The gap of a loop that sticks
-#: hangs on chance: it is 0.14 and 0.21 of that with the force balance's value where the other one
-#: is true, and 0.67 where the force balance is right.
+#: Damping of the first step, a share of the diagonal; ten times more after one that leaves more.
+DAMPING, TRIES = 1e-2, 4
+MOVED = 0.03  # in `_Loop.scale`, of a parameter by which the gap is differentiated
+#: Share of the gap that a refinement leaves where it is another one than the force balance's. The
+#: gap of a loop that sticks hangs on chance: it is 0.14 and 0.21 of that with the force balance's
+#: value where the other one is true, and 0.67 where the force balance is right.
 MUCH_BETTER = 0.4
 BLOCK = 2.0  # s, left out at a time
-#: Standard deviation of an estimate in its distance from another one of the same value.
-AGREEMENT = 0.5**0.5
+#: Step [m] of the encoder in the twin that is refined. A rounded position makes the gap a rough
+#: function of the parameters: a loop that rounds elsewhere goes another way.
+STEPLESS = 1e-12
 
 
 def one_axis(record: Record, axis: str) -> Record:
@@ -66,6 +71,17 @@ def one_axis(record: Record, axis: str) -> Record:
     )
 
 
+def stepless(twin: TwinFile, axis: str) -> TwinFile:
+    """The twin whose encoder of an axis does not round."""
+    smooth = replace(twin.axes[axis], encoder_resolution=STEPLESS)
+    return replace(twin, axes={**twin.axes, axis: smooth})
+
+
+def without_steps(fixed: Parameters) -> Parameters:
+    """The effects without the steps of encoders."""
+    return {n: v for n, v in fixed.items() if split_effect(n)[0] != 'encoder_quantisation'}
+
+
 @dataclass(frozen=True)
 class _Loop:
     """The replayed encoder of an axis as a function of the parameters of its effects.
@@ -81,25 +97,47 @@ class _Loop:
     start: Array
     scale: Array
 
-    def values(self, z: Array) -> Array:
-        """The parameters (k,), within their bounds."""
-        bounds = [EFFECTS[split_effect(e)[0]].parameter(key) for e, key in self.names]
-        low, high = ([getattr(b, end) for b in bounds] for end in ('minimum', 'maximum'))
-        return np.clip(self.start + self.scale * z, low, high)
+    @classmethod
+    def at(
+        cls,
+        records: list[Record],
+        twin: TwinFile,
+        axis: str,
+        found: Parameters,
+        fixed: Parameters,
+    ) -> _Loop:
+        """The loop of parameters that were found, and others that stay."""
+        names = [(e, k) for e, of in found.items() for k, (_, std) in of.items() if std > 0.0]
+        start, own = (np.array([found[e][k][i] for e, k in names]) for i in (0, 1))
+        scale = np.maximum(3.0 * own, 0.02 * np.abs(start))
+        return cls(records, twin, axis, plain_values({**fixed, **found}), names, start, scale)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """The least and the largest z (k,)."""
+        known = [EFFECTS[split_effect(e)[0]].parameter(key) for e, key in self.names]
+        low, high = ([getattr(b, end) for b in known] for end in ('minimum', 'maximum'))
+        return (low - self.start) / self.scale, (high - self.start) / self.scale
 
     def gap(self, z: Array) -> Array:
         """Gap (n,) of the encoder on the ticks that fit [m]."""
         effects = {e: dict(p) for e, p in self.effects.items()}
-        for (effect, key), value in zip(self.names, self.values(z), strict=True):
+        for (effect, key), value in zip(self.names, self.start + self.scale * z, strict=True):
             effects[effect][key] = float(value)
         gaps = [replay(r, self.twin, effects)[f'encoder.{self.axis}'] for r in self.records]
-        return np.concatenate([g[m][::2] for g, m in zip(gaps, self._fitted(), strict=True)])
+        return np.concatenate([g[m] for g, m in zip(gaps, self._fitted(), strict=True)])
+
+    def left(self) -> float:
+        """RMS of the gap at the start [m]; infinite where no machine could run."""
+        try:
+            return float(np.sqrt(np.mean(self.gap(np.zeros(len(self.names))) ** 2)))
+        except StageError:
+            return math.inf
 
     def blocks(self) -> NDArray[np.int64]:
         """Number (n,) of the block of time of each of these ticks."""
         marks, offset = [], 0
         for record, mask in zip(self.records, self._fitted(), strict=True):
-            marks.append((record.time[mask][::2] / BLOCK).astype(np.int64) + offset)
+            marks.append((record.time[mask] / BLOCK).astype(np.int64) + offset)
             offset = int(marks[-1].max(initial=offset)) + 1
         return np.unique(np.concatenate(marks), return_inverse=True)[1]
 
@@ -111,11 +149,39 @@ class _Loop:
 
     def slopes(self, z: Array, residual: Array) -> Array:
         """Derivative (n, k) of the gap after z."""
-        moved = [self.gap(z + 0.3 * unit) for unit in np.eye(len(z))]
-        return np.column_stack([(m - residual) / 0.3 for m in moved])
+        steps = np.where(z + MOVED > self.bounds()[1], -MOVED, MOVED)
+        moved = [self.gap(z + step) for step in np.diag(steps)]
+        return np.column_stack([(m - residual) / s for m, s in zip(moved, steps, strict=True)])
 
-    def deviations(self, slopes: Array, residual: Array) -> Array:
-        """Standard deviations (k,) of z: how far a step moves when a block of time is left out.
+    def lowest(self) -> tuple[Array, Array, Array]:
+        """z (k,) of the least gap, the gap (n,) there and its derivative (n, k).
+
+        Levenberg and Marquardt's steps, as long as they reach further.
+        """
+        low, high = self.bounds()
+        z, damping = np.zeros(len(self.names)), DAMPING
+        residual = self.gap(z)
+        slopes = self.slopes(z, residual)
+        for k in range(ROUNDS):
+            for _ in range(TRIES):
+                reach = REACH * 2.0**k  # the deviations of the balance may be far too small
+                move = _step(slopes.T @ slopes, slopes.T @ residual, damping)
+                there = np.clip(z + np.clip(move, -reach, reach), low, high)
+                trial = self.gap(there)
+                share = float(trial @ trial) / max(float(residual @ residual), 1e-300)
+                if share < 1.0:
+                    break
+                damping *= 10.0
+            else:
+                break
+            z, residual, damping = there, trial, 0.1 * damping
+            slopes = self.slopes(z, residual)
+            if share > SETTLED:
+                break
+        return z, residual, slopes
+
+    def covariance(self, slopes: Array, residual: Array) -> Array:
+        """Covariance (k, k) of z: how far a step moves when a block of time is left out.
 
         Delete-one jackknife (Efron and Tibshirani, An introduction to the bootstrap, 1993,
         chapter 11). Blocks are longer than what the loop and a model's error remember.
@@ -127,18 +193,19 @@ class _Loop:
         rights = np.array([slopes[o].T @ residual[o] for o in order])
         moves = np.array(
             [
-                _step(grams.sum(0) - g, rights.sum(0) - r)
+                _step(grams.sum(0) - g, rights.sum(0) - r, 1e-9)
                 for g, r in zip(grams, rights, strict=True)
             ]
         )
-        spread = np.sum((moves - moves.mean(axis=0)) ** 2, axis=0)
-        return np.sqrt(spread * (count - 1) / count)
+        moves -= moves.mean(axis=0)
+        return np.asarray(moves.T @ moves * (count - 1) / count)
 
 
-def _step(gram: Array, right: Array) -> Array:
+def _step(gram: Array, right: Array, damping: float) -> Array:
     """Damped Gauss-Newton step (k,)."""
-    damped = gram + np.diag(0.03 * np.diag(gram) + 1e-30)
-    return np.asarray(-np.linalg.solve(damped, right))
+    size = np.sqrt(np.diag(gram)) + 1e-30
+    scaled = gram / np.outer(size, size) + damping * np.eye(len(size))
+    return np.asarray(-np.linalg.solve(scaled, right / size) / size)
 
 
 def polish(
@@ -147,25 +214,51 @@ def polish(
     """Parameters of the servo effects of an axis, refined on the encoder of the fit windows.
 
     `fixed` are effects of the axis that the record itself tells: they stay as they are. Values
-    stay unchanged where the gap is at the encoder's step already, nothing is gained, or the loop
-    stays far from the record: one that sticks goes another way from a moment on. A
-    standard deviation holds that of the closed loop and, unless the loop refutes the force
-    balance and follows the record, the disagreement of the two estimates.
+    stay unchanged where the loop stays far from the record, as one that sticks goes another way
+    from a moment on, and where it needs the steps of its encoder to follow it. Elsewhere they
+    are the mean of both estimates, each with the weight of its certainty.
     """
     fitted = [r for r in records if not r.held_out_session]
     if not any(hooks.couples(split_effect(e)[0]) for e in {**fixed, **found}):
         fitted = [one_axis(r, axis) for r in fitted]
     floor = channel_floor(with_noise(twin, fitted), f'encoder.{axis}')
-    best, least = _refined(fitted, twin, axis, found, fixed, floor)
-    step = float(getattr(twin.axes[axis], 'encoder_resolution', 1e-6))
-    for effect, key, value in _tried(found) if least >= step else ():
+    least = _Loop.at(fitted, twin, axis, found, fixed).left()
+    for effect, key, value in _tried(found):
+        # How far the force balance was from it is all that is known of its deviation.
         apart = abs(value - found[effect][key][0])
-        start = {**found, effect: {**found[effect], key: (value, 0.0)}}
-        other, left = _refined(fitted, twin, axis, start, fixed, floor)
+        other = {**found, effect: {**found[effect], key: (value, apart)}}
+        left = _Loop.at(fitted, twin, axis, other, fixed).left()
         if left < MUCH_BETTER * least:
-            # How far the force balance was from it is all that is known of its deviation.
-            best, least = {**other, effect: {**other[effect], key: (value, apart)}}, left
-    return best
+            found, least = other, left
+    loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed))
+    return _refined(loop, found, floor, least) if loop.names else found
+
+
+def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Parameters:
+    """The parameters by the loop and by the balance that found them.
+
+    With these and the encoder's steps the loop leaves `least` [m].
+    """
+    try:
+        z, residual, slopes = loop.lowest()
+    except StageError:
+        # A step left the range in which the twin is a machine: the warm start stands.
+        return found
+    first, left = loop.left(), float(np.sqrt(np.mean(residual**2)))
+    if left > least or left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
+        # The slopes of such a loop say nothing.
+        return found
+    own = np.array([found[e][k][1] for e, k in loop.names]) / loop.scale
+    doubts = np.array([SPREAD[model_of(e)][0] for e, _ in loop.names])
+    z, deviations = _both(z, loop.covariance(slopes, residual), own, SIGMAS * doubts)
+    if left > min(FAR_BESIDE * floor, MUCH_BETTER * first):
+        # The loop does not refute the force balance, whose doubt counts on.
+        deviations = np.hypot(deviations, own)
+    values = loop.start + loop.scale * np.clip(z, *loop.bounds())
+    refined: Parameters = {e: dict(p) for e, p in found.items()}
+    for (effect, key), value, std in zip(loop.names, values, loop.scale * deviations, strict=True):
+        refined[effect][key] = (float(value), float(std))
+    return refined
 
 
 def _tried(found: Parameters) -> list[tuple[str, str, float]]:
@@ -179,56 +272,13 @@ def _tried(found: Parameters) -> list[tuple[str, str, float]]:
     ]
 
 
-def _refined(
-    records: list[Record],
-    twin: TwinFile,
-    axis: str,
-    found: Parameters,
-    fixed: Parameters,
-    floor: float,
-) -> tuple[Parameters, float]:
-    """The parameters at an optimum of the closed loop near them, and the gap there [m]."""
-    names = [(e, k) for e, of in found.items() for k, (_, std) in of.items() if std > 0.0]
-    effects = plain_values({**fixed, **found})
-    start, own = (np.array([found[e][k][i] for e, k in names]) for i in (0, 1))
-    scale = np.maximum(3.0 * own, 0.02 * np.abs(start))
-    loop = _Loop(records, twin, axis, effects, names, start, scale)
-    z = np.zeros(len(names))
-    step = float(getattr(twin.axes[axis], 'encoder_resolution', 1e-6))
-    try:
-        residual = loop.gap(z)
-        first = float(np.sqrt(np.mean(residual**2)))
-        if not names:
-            return found, first
-        slopes = loop.slopes(z, residual)
-        for k in range(ROUNDS if first >= step else 0):
-            reach = REACH * 2.0**k  # the deviations of the force balance may be far too small
-            move = np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -reach, reach)
-            trial = loop.gap(z + move)
-            share = float(trial @ trial) / max(float(residual @ residual), 1e-300)
-            if share >= 1.0:
-                break
-            z, residual = z + move, trial
-            slopes = loop.slopes(z, residual)
-            if share > SETTLED:
-                break
-    except StageError:
-        # A step left the range in which the twin is a machine: the warm start stands.
-        return found, math.inf
-    onward = np.clip(_step(slopes.T @ slopes, slopes.T @ residual), -REACH, REACH)
-    left = float(np.sqrt(np.mean(residual**2)))
-    if left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
-        # The slopes of such a loop say nothing.
-        return found, first
-    apart = z + onward
-    if left < min(FAR_BESIDE * floor, MUCH_BETTER * first):
-        # The loop follows the record, and refutes the force balance.
-        apart, own = onward, np.zeros(len(names))
-    if left > WORTHWHILE * first:
-        z, left = np.zeros(len(names)), first
-    spread = np.hypot(loop.deviations(slopes, residual), AGREEMENT * apart)
-    deviations = np.hypot(own, scale * spread)
-    refined: Parameters = {e: dict(p) for e, p in found.items()}
-    for (effect, key), value, deviation in zip(names, loop.values(z), deviations, strict=True):
-        refined[effect][key] = (float(value), float(deviation))
-    return refined, left
+def _both(z: Array, covariance: Array, own: Array, reach: Array) -> tuple[Array, Array]:
+    """Mean (k,) of the loop's estimate z and the balance's, which is zero; and its deviations.
+
+    The deviations `own` (k,) of the balance's hold its distance from the interval of the loop's,
+    which are `reach` (k,) deviations.
+    """
+    apart = np.maximum(own**2, z**2 - reach**2 * np.diag(covariance))
+    gain = covariance @ np.linalg.inv(covariance + np.diag(apart))
+    both = covariance - gain @ covariance
+    return z - gain @ z, np.sqrt(np.maximum(np.diag(both), 0.0))

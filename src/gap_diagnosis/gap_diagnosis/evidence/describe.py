@@ -35,7 +35,7 @@ def describe(selection: Selection, regression: Regression, given: str | None = N
             for key, slope in change.items():
                 variance[key] += slope**2
         out[name] = {k: (v, float(np.sqrt(variance[k]))) for k, v in values.items()}
-    return out | selection.told
+    return out
 
 
 def given_shape(

@@ -9,7 +9,6 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from gap_diagnosis.input.data import Record, nominal_mass
 from gap_diagnosis.residuals.late_ticks import forces_as_held
@@ -30,6 +29,7 @@ CORNER = 30.0  # Hz; above it the quantisation of the acceleration is white afte
 #: Hz, of the sharp low-pass beyond it, and the share of noise in the acceleration that is borne.
 CUTS, ATTENUATION = (math.inf, 60.0, 45.0, 30.0, 20.0, 14.0, 10.0, 7.0), 1e-3
 LONGEST = 120.0  # s of a session that are used; longer ones are thinned in whole blocks
+DENSE = 5.0  # rows per period of the highest frequency that the sharp low-pass leaves
 SLIDING = 3.0  # encoder steps within 20 ms, below which the axis counts as resting
 
 
@@ -47,10 +47,9 @@ class ForceRows:
         self.measured_force = twin.kind == 'measured_force'
         self.noise = [r.noise.axes[r.column(axis)] for r in records if r.noise is not None]
         self.cut = math.inf
-        self.whitener: Array | None = None
         self._signals = [self._prepare(r) for r in records]
         self._predictions = [Prediction(r, twin) for r in records] if twin.effects else []
-        self.keep = [self._sliding(r, s) for r, s in zip(records, self._signals, strict=True)]
+        self._sliding = [self._slides(r, s) for r, s in zip(records, self._signals, strict=True)]
         self.cut = self._quiet_cut()
         self.simulated = self._of_simulator(twin)
 
@@ -60,8 +59,20 @@ class ForceRows:
         if not runs:
             return None
         rows = ForceRows(runs, twin, self.axis)
-        rows.keep, rows.cut = self.keep, self.cut
+        rows._sliding, rows.cut = self._sliding, self.cut
         return rows
+
+    @property
+    def keep(self) -> list[NDArray[np.bool_]]:
+        """Ticks (n,) of each session that are rows: sliding ones, as dense as they say something.
+
+        Behind a sharp low-pass those between them follow from their neighbours.
+        """
+        strides = [max(1, int(1.0 / (DENSE * self.cut * period))) for period in self.periods]
+        return [
+            sliding & (np.arange(len(sliding)) % stride == 0)
+            for sliding, stride in zip(self._sliding, strides, strict=True)
+        ]
 
     def balance(self) -> Array:
         """Force (n,) [N] that the nominal motion does not need."""
@@ -109,25 +120,16 @@ class ForceRows:
         return float(np.linalg.norm(self.passed(force, period)))
 
     def passed(self, signal: Array, period: float) -> Array:
-        """A signal (n,) or (n, k) as a row sees it: low-passed without phase, then whitened."""
+        """A signal (n,) or (n, k) as a row sees it: low-passed without phase."""
         out = smooth(signal, period, CORNER)
-        if not math.isinf(self.cut):
-            out = band_limited(out, period, self.cut)
-        return out if self.whitener is None else np.asarray(lfilter(self.whitener, 1.0, out, 0))
+        return out if math.isinf(self.cut) else band_limited(out, period, self.cut)
 
     def unlimited(self: Rows) -> Rows:
         """The same rows with all the encoder's noise that they hold."""
-        return self._other(math.inf, None)
-
-    def whitened(self: Rows, filter_: Array) -> Rows:
-        """The same rows behind one more filter (k,): of a residual, the white noise in it."""
-        return self._other(self.cut, filter_)
-
-    def _other(self: Rows, cut: float, whitener: Array | None) -> Rows:
         other = copy(self)
-        other.cut, other.whitener = cut, whitener
+        other.cut = math.inf
         if self.simulated is not None:
-            other.simulated = self.simulated._other(cut, whitener)
+            other.simulated = self.simulated.unlimited()
         return other
 
     def _prepare(self, record: Record) -> dict[str, Array]:
@@ -146,7 +148,7 @@ class ForceRows:
             'v_smooth': smooth(velocity, period, 60.0),
         }
 
-    def _sliding(self, record: Record, signals: dict[str, Array]) -> NDArray[np.bool_]:
+    def _slides(self, record: Record, signals: dict[str, Array]) -> NDArray[np.bool_]:
         """Rows at which the axis slides: at rest a force within the friction says nothing."""
         window = max(2, int(round(0.02 / record.period)))
         travel = np.abs(signals['p'][window:] - signals['p'][:-window])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.regression import Fit
 from stage_twin.effects.term import Term, Theta
 
@@ -74,13 +73,9 @@ class Trial(NamedTuple):
 
 @dataclass
 class Selection:
-    """Accepted effects in the order of acceptance, the fit with all of them, and evidence.
-
-    `told` holds parameters, with standard deviations, that the innovations tell better.
-    """
+    """Accepted effects in the order of acceptance, the fit with all of them, and evidence."""
 
     accepted: list[str]
     fit: Fit
     evidence: dict[str, Evidence]
     rejected: dict[str, Evidence]
-    told: Parameters = field(default_factory=dict)

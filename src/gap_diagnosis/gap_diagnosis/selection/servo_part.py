@@ -14,10 +14,10 @@ from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
-from gap_diagnosis.selection.innovated import told_by_innovations
 from gap_diagnosis.selection.lacking import loop_gap, with_lacking
 from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_of
 from gap_diagnosis.selection.swinging import swinging_part
+from gap_diagnosis.selection.told import told_by_loop
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of
 
@@ -60,7 +60,7 @@ def fit_servo(
             contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
         if not contradicted:
             part = with_lacking(part, axis, direct, records, twin)
-            selection = told_by_innovations(part.selector, part.selection, rows)
+            selection = told_by_loop(part, axis, direct, records, twin)
             residual = residual_of(problem, selection)
             return replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)
         # Beside a loop that swings at another phase nothing else can be judged.

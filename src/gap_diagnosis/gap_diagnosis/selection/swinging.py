@@ -14,7 +14,6 @@ from dataclasses import replace
 import numpy as np
 
 from gap_diagnosis.closed_loop.swing import LEAST_SHARE
-from gap_diagnosis.residuals.innovations import with_shapes
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.residuals.servo import Servo
@@ -25,6 +24,7 @@ from gap_diagnosis.selection.parts import SERVO_RULES, Part, residual_of
 from gap_diagnosis.selection.rivals import find_rivals
 from stage_core.quantities import split_effect
 from stage_twin.effects import effect_of
+from stage_twin.effects.term import Term
 
 #: Forces of place and speed, which may stand beside an effect that swings.
 BESIDE = (
@@ -45,7 +45,7 @@ PAD = 4  # steps of the spectrum in one turn over the session
 
 def swinging_part(part: Part, rows: Servo, seed: int, barred: Sequence[str]) -> Part | None:
     """The balance by an effect that swings; None where none explains nearly all that is fast."""
-    problem = with_shapes(rows.unlimited().problem().whitened(), part.selection.fit)
+    problem = _with_shapes(rows.unlimited().problem().whitened(), part.selection.fit)
     everything = dict(problem.terms)
     names = [n for n in everything if effect_of(n).swings and _free(n, barred)]
     if not names or not (set(names) & set(part.selection.accepted) or _fast(problem, part)):
@@ -120,3 +120,17 @@ def _part(part: Part, selector: Selector, selection: Selection, name: str) -> Pa
         structure=replace(part.structure, structured=False),
         swinging=(name,),
     )
+
+
+def _with_shapes(problem: Problem, fit: Fit) -> Problem:
+    """The problem with its terms as rich as they are in a fit."""
+    for name, theta in fit.thetas.items():
+        term = problem.terms[name]
+        while not _fits(term, theta, len(fit.coefficients[name])) and term.next is not None:
+            term = term.next
+        problem.terms[name] = term
+    return problem
+
+
+def _fits(term: Term, theta: tuple[float, ...], count: int) -> bool:
+    return len(term.lower) == len(theta) and term.columns(theta).shape[1] == count

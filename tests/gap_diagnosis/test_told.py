@@ -9,11 +9,10 @@ import pytest
 
 from benchmarks.experiment.machine import draw, poor_motion, record
 from benchmarks.experiment.machine import nominal as plane
+from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.residuals.innovations import innovations
-from gap_diagnosis.residuals.regression import Regression
-from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.selection.told import window_gaps
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
 
@@ -48,22 +47,22 @@ def record_of(effect: str, key: str, twin: TwinFile) -> Record:
 
 
 @pytest.mark.parametrize(
-    ('planted', 'key', 'rival'), [(LAG, 'time_constant', DELAY), (DELAY, 'delay', LAG)]
+    ('planted', 'key', 'rival', 'other'),
+    [(LAG, 'time_constant', DELAY, 'delay'), (DELAY, 'delay', LAG, 'time_constant')],
 )
-def test_the_innovations_tell_a_lag_from_a_delay(planted: str, key: str, rival: str) -> None:
+def test_the_loop_tells_a_lag_from_a_delay(planted: str, key: str, rival: str, other: str) -> None:
     twin = nominal()
     coarse = replace(twin.servo('x'), encoder_resolution=8e-6)
     twin = replace(twin, axes={'x': coarse})
-    rows = Servo([record_of(planted, key, twin)], twin, 'x')
+    records = [record_of(planted, key, twin)]
 
-    def innovated(name: str) -> tuple[float, float]:
-        fit = Regression(rows.problem()).refine({name: (2e-3,)}, [name])
-        problem, own = innovations(rows, fit)
-        return own.mean_square(problem), own.thetas[name][0]
+    def left(name: str, parameter: str) -> float:
+        found = {name: {parameter: (2e-3, 1e-4)}}
+        return float(np.mean(window_gaps('x', found, {}, records, twin)))
 
-    left, value = innovated(planted)
-    assert left < innovated(rival)[0]
-    assert value == pytest.approx(2e-3, rel=0.01)
+    assert left(planted, key) < left(rival, other)
+    refined = polish(records, twin, 'x', {planted: {key: (2.1e-3, 1e-4)}}, {})[planted][key]
+    assert refined[0] == pytest.approx(2e-3, rel=0.01)
 
 
 def test_an_alternative_beside_which_no_machine_has_the_others_is_none() -> None:
