@@ -252,7 +252,7 @@ def untold(name: str, values: Values, nominal: Mapping[str, float] | None = None
 def defining(name: str) -> set[str]:
     """Parameters that make the effect what it is: at least one of them is not neutral.
 
-    Shapes (`neutral` None), nuisances, stated geometry and what an effect shares with a special
+    Shapes and phases (`neutral` None), stated geometry and what an effect shares with a special
     case of its own do not tell that it is there.
     """
     effect = effect_of(name)
@@ -260,7 +260,7 @@ def defining(name: str) -> set[str]:
     return {
         p.name
         for p in effect.parameters
-        if p.fitted and not p.nuisance and p.neutral is not None and p.name not in shared
+        if p.fitted and p.neutral is not None and p.name not in shared
     }
 
 
