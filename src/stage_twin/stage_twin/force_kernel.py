@@ -45,7 +45,6 @@ def follow_hidden_states(
                 _step_own(axes, axis, period, k - 1, motion[:, k - 1], force[k - 1, axis], own)
             own[at.POSITION] = motion[0, k, axis]
             own[at.VELOCITY] = motion[1, k, axis]
-            own[at.LAST_VELOCITY] = motion[1, k, axis]
             if k > 0 and stiffness > 0.0:
                 mean = 0.5 * (motion[1, k - 1, axis] + motion[1, k, axis])
                 own[at.BRISTLE] = slide_bristle(

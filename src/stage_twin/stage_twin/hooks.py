@@ -149,6 +149,8 @@ def switch(effect: Effect, row: np.ndarray) -> None:
             row[slots['', hook]] = 1.0
             if hook in ('drive', 'force') and CHANGING.intersection(_asked(getattr(module, hook))):
                 row[layout.FINE_COLUMN] = 1.0
+    if couples(effect.name):
+        row[layout.COUPLED_COLUMN] = 1.0
 
 
 def prepare(effect: Effect, axis: dict[str, float], values: Mapping[str, float]) -> None:

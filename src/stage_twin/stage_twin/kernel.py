@@ -97,7 +97,7 @@ def advance_axis(
     time : float
         At the tick's start [s].
     other_velocity, other_acceleration : float
-        Of the other axis, at the tick's start and over the tick before [m/s, m/s²].
+        Of the other axis, held over the tick [m/s, m/s²].
     """
     stiffness = schedule[at.BRISTLES]
     for piece in range(at.PIECES):
@@ -134,20 +134,21 @@ def advance(
     axes, schedule, period = arrays.axes, arrays.schedule, arrays.period
     depth = forces.shape[1]
     count = axes.shape[0]
-    for axis in range(count if count == 2 else 0):
-        if axes[count - 1 - axis, at.FORCE_COLUMN] != 0.0:
-            velocity = state[axis, at.VELOCITY]
-            state[axis, at.ACCELERATION] = (velocity - state[axis, at.LAST_VELOCITY]) / period
-            state[axis, at.LAST_VELOCITY] = velocity
-    for axis in range(count):
+    # An axis that the other one pulls comes after it, so that it feels this tick's motion.
+    pulled = count == 2 and axes[0, at.COUPLED_COLUMN] != 0.0
+    for turn in range(count):
+        axis = count - 1 - turn if pulled else turn
         ticks = int(schedule[axis, at.DELAY_TICKS])
         other_velocity = 0.0
         other_acceleration = 0.0
         if count == 2:
-            other_velocity = state[1 - axis, at.LAST_VELOCITY]
             other_acceleration = state[1 - axis, at.ACCELERATION]
+            other_velocity = state[1 - axis, at.VELOCITY]
+            if turn == 1:  # of the tick's middle
+                other_velocity -= 0.5 * period * other_acceleration
         after = forces[axis, (tick - ticks) % depth] if tick >= ticks else 0.0
         before = forces[axis, (tick - ticks - 1) % depth] if tick > ticks else 0.0
+        start = state[axis, at.VELOCITY]
         advance_axis(
             axes[axis],
             arrays.transitions[axis],
@@ -160,6 +161,7 @@ def advance(
             other_velocity,
             other_acceleration,
         )
+        state[axis, at.ACCELERATION] = (state[axis, at.VELOCITY] - start) / period
 
 
 @compiled

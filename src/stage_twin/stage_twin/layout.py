@@ -55,6 +55,8 @@ AXIS_FIELDS = (
 
 #: Name of the column that is 1 where an effect is on whose force changes within a tick.
 FINE = 'fine'
+#: The same for an effect whose force depends on the motion of the other axis.
+COUPLED = 'coupled'
 
 #: Compiled hooks that effects of an axis, and of the machine as a whole, may have; see
 #: :mod:`stage_twin.hooks`.
@@ -79,7 +81,7 @@ def _number(per_axis: bool, first: int, hooks: tuple[str, ...]) -> dict[tuple[st
     for effect in EFFECTS.values():
         if effect.per_axis == per_axis:
             keys += [(effect.name, ''), *((effect.name, p.name) for p in effect.parameters)]
-    keys += [('', hook) for hook in (*hooks, FINE)]
+    keys += [('', hook) for hook in (*hooks, FINE, COUPLED)]
     return {key: first + index for index, key in enumerate(keys)}
 
 
@@ -88,13 +90,14 @@ COMMON_SLOTS = _number(False, 0, COMMON_HOOKS)
 AXIS_WIDTH = len(AXIS_FIELDS) + len(AXIS_SLOTS)
 COMMON_WIDTH = len(COMMON_SLOTS)
 FINE_COLUMN = AXIS_SLOTS['', FINE]
+COUPLED_COLUMN = AXIS_SLOTS['', COUPLED]
 DRIVE_COLUMN = AXIS_SLOTS['', 'drive']
 FORCE_COLUMN = AXIS_SLOTS['', 'force']
 FOLLOW_COLUMN = AXIS_SLOTS['', 'follow']
 HEAT_COLUMN = AXIS_SLOTS['', 'heat']
 
 # State of one axis of the plant; then come the effects' own states. `PLAYED` is the position
-# behind the play, the last two are the velocity at the tick's start and the tick's acceleration.
+# behind the play, the last one is the mean acceleration of the tick before.
 (
     POSITION,
     VELOCITY,
@@ -103,10 +106,9 @@ HEAT_COLUMN = AXIS_SLOTS['', 'heat']
     BRISTLE,
     PLAYED,
     RISE,
-    LAST_VELOCITY,
     ACCELERATION,
-) = range(9)
-_OWN = 9
+) = range(8)
+_OWN = 8
 
 
 def _states() -> tuple[dict[str, tuple[int, int]], int]:
