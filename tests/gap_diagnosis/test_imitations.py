@@ -10,6 +10,7 @@ from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.other_ways import select_best
 from gap_diagnosis.selection.parts import KINEMATIC_RULES, Part, fit_part
+from gap_diagnosis.selection.rivals import find_rivals
 from stage_twin.effects.term import Term, constant
 
 Array = NDArray[np.float64]
@@ -71,5 +72,6 @@ def test_of_two_curves_as_long_the_likelier_one_is_named() -> None:
     target = 8e-6 * (place - place**3)
     selector = Selector(problem(target, {GUIDE: guide, YAW: yaw}), KINEMATIC_RULES, 0)
     found = select_best(selector)
+    find_rivals(selector, found)
     assert found.accepted == [YAW]
     assert found.evidence[YAW].alternatives == [GUIDE]

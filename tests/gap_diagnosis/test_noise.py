@@ -257,6 +257,7 @@ def test_rows_that_follow_from_their_neighbours_say_nothing_more(
     fits = []
     for dense in (force_rows.DENSE, 1e9):
         monkeypatch.setattr(force_rows, 'DENSE', dense)
+        rows._keep.clear()
         problem = rows.problem()
         fit = Regression(problem).linear({'inertia_mismatch.x': ()})
         fits.append((len(problem.target), float(fit.coefficients['inertia_mismatch.x'][0])))

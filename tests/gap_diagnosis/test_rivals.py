@@ -9,6 +9,7 @@ from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.model import Rules
 from gap_diagnosis.selection.other_ways import select_best
+from gap_diagnosis.selection.rivals import find_rivals
 from stage_twin.effects.term import Array, Term, constant
 
 ROWS = 4000
@@ -29,6 +30,7 @@ def rivals(target: Array, terms: dict[str, Array]) -> tuple[list[str], list[str]
     )  # fmt: skip
     selector = Selector(problem, Rules(), 0)
     found = select_best(selector)
+    find_rivals(selector, found)
     return found.accepted, found.evidence[found.accepted[0]].alternatives
 
 

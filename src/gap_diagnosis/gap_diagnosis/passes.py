@@ -42,6 +42,7 @@ from gap_diagnosis.selection.parts import (
     Part,
     fit_part,
 )
+from gap_diagnosis.selection.rivals import find_rivals
 from gap_diagnosis.selection.servo_part import fit_servo
 from stage_core import topics
 from stage_core.errors import StageError
@@ -315,6 +316,7 @@ def tracker_part(
         rules, least = (REST_RULES, LEAST_RESTS) if rests else (KINEMATIC_RULES, LEAST_ROWS)
         known = rests and rest_scatter(before.twin, records) is not None
         part = fit_part('tracker', kinematics.problem(), rules, seed, without, least, known)
+        find_rivals(part.selector, part.selection)
         return replace(part, row_axis=kinematics.row_axis(), rows=kinematics)
 
     return records, [memory.once(('tracker', tuple(sorted(without)), repr(values)), fit)]

@@ -73,7 +73,7 @@ def one_axis(record: Record, axis: str) -> Record:
 
 def stepless(twin: TwinFile, axis: str) -> TwinFile:
     """The twin whose encoder of an axis does not round."""
-    smooth = replace(twin.axes[axis], encoder_resolution=STEPLESS)
+    smooth = replace(twin.servo(axis), encoder_resolution=STEPLESS)
     return replace(twin, axes={**twin.axes, axis: smooth})
 
 

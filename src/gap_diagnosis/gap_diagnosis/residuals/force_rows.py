@@ -50,6 +50,7 @@ class ForceRows:
         self._signals = [self._prepare(r) for r in records]
         self._predictions = [Prediction(r, twin) for r in records] if twin.effects else []
         self._sliding = [self._slides(r, s) for r, s in zip(records, self._signals, strict=True)]
+        self._keep: dict[float, list[NDArray[np.bool_]]] = {}  # by the cut
         self.cut = self._quiet_cut()
         self.simulated = self._of_simulator(twin)
 
@@ -59,7 +60,7 @@ class ForceRows:
         if not runs:
             return None
         rows = ForceRows(runs, twin, self.axis)
-        rows._sliding, rows.cut = self._sliding, self.cut
+        rows._sliding, rows._keep, rows.cut = self._sliding, self._keep, self.cut
         return rows
 
     @property
@@ -68,11 +69,13 @@ class ForceRows:
 
         Behind a sharp low-pass those between them follow from their neighbours.
         """
-        strides = [max(1, int(1.0 / (DENSE * self.cut * period))) for period in self.periods]
-        return [
-            sliding & (np.arange(len(sliding)) % stride == 0)
-            for sliding, stride in zip(self._sliding, strides, strict=True)
-        ]
+        if self.cut not in self._keep:
+            strides = [max(1, int(1.0 / (DENSE * self.cut * period))) for period in self.periods]
+            self._keep[self.cut] = [
+                sliding & (np.arange(len(sliding)) % stride == 0)
+                for sliding, stride in zip(self._sliding, strides, strict=True)
+            ]
+        return self._keep[self.cut]
 
     def balance(self) -> Array:
         """Force (n,) [N] that the nominal motion does not need."""

@@ -13,7 +13,6 @@ from dataclasses import replace
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.model import Rules, Selection
-from gap_diagnosis.selection.rivals import find_rivals
 from stage_twin.effects import effect_of
 
 #: Rows for each free coefficient, below which all effects at once explain anything.
@@ -43,7 +42,6 @@ def select_backwards(
     problem = selector.problem
     if not accepted or fit.mean_square(problem) >= forward.fit.mean_square(problem):
         return forward
-    find_rivals(selector, accepted, fit, evidence)
     rejected = {n: e for n, e in forward.rejected.items() if n not in accepted}
     return Selection(accepted, fit, evidence, rejected)
 

@@ -13,7 +13,6 @@ from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
 from gap_diagnosis.selection.model import Selection
-from gap_diagnosis.selection.rivals import find_rivals
 from stage_twin.effects import EFFECTS
 from stage_twin.effects.term import Term
 
@@ -38,7 +37,6 @@ def select_best(selector: Selector) -> Selection:
             before = best.accepted[: best.accepted.index(name)]
             known = {n: t for n, t in plain.items() if n not in others}
             best = _other_way(selector, best, [*before, *parts], known, whole)
-    find_rivals(selector, best.accepted, best.fit, best.evidence)
     return best
 
 

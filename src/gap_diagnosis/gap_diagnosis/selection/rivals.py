@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
-from gap_diagnosis.selection.model import Evidence
+from gap_diagnosis.selection.model import Evidence, Selection
 from stage_twin.effects import effect_of
 
 if TYPE_CHECKING:
@@ -16,11 +16,10 @@ if TYPE_CHECKING:
 LEAST_OF_REST = 0.5
 
 
-def find_rivals(
-    selector: Selector, accepted: list[str], fit: Fit, evidence: dict[str, Evidence]
-) -> None:
+def find_rivals(selector: Selector, selection: Selection) -> None:
     """Add to the evidence of each effect those that do as well in its place (`alternatives`)."""
-    problem = selector.problem
+    problem, fit = selector.problem, selection.fit
+    accepted, evidence = selection.accepted, selection.evidence
     for name in accepted:
         if name in selector.rules.kept:
             continue
@@ -31,6 +30,7 @@ def find_rivals(
                 continue
             if _replaces(selector, less, fit, evidence[name], rival):
                 evidence[name].alternatives.append(rival)
+    selector.regression.forget()
 
 
 def _replaces(selector: Selector, less: Fit, fit: Fit, evidence: Evidence, rival: str) -> bool:

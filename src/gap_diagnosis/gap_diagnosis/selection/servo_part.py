@@ -16,6 +16,7 @@ from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.lacking import loop_gap, with_lacking
 from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_of
+from gap_diagnosis.selection.rivals import find_rivals
 from gap_diagnosis.selection.swinging import swinging_part
 from gap_diagnosis.selection.told import told_by_loop
 from stage_core.twin_file import TwinFile
@@ -41,6 +42,7 @@ def fit_servo(
     while True:
         part = fit_part(f'servo.{axis}', problem, SERVO_RULES, seed, barred)
         if twin.kind != 'servo':
+            find_rivals(part.selector, part.selection)
             return part
         if not unconfirmed:
             swung = swinging_part(part, rows, seed, barred)
@@ -60,6 +62,7 @@ def fit_servo(
             contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
         if not contradicted:
             part = with_lacking(part, axis, direct, records, twin)
+            find_rivals(part.selector, part.selection)
             selection = told_by_loop(part, axis, direct, records, twin)
             residual = residual_of(problem, selection)
             return replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)

@@ -67,7 +67,7 @@ def swinging_part(part: Part, rows: Servo, seed: int, barred: Sequence[str]) -> 
             continue
         rivals = [n for n in everything if _rival(n) and _free(n, barred)]
         if all(_better(selector, selection.fit, name, rival) for rival in rivals):
-            find_rivals(selector, selection.accepted, selection.fit, selection.evidence)
+            find_rivals(selector, selection)
             return _part(part, selector, selection, name)
     return None
 
