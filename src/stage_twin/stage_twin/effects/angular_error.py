@@ -9,11 +9,9 @@ from numpy.polynomial.legendre import legval
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.shared import CENTRE, HALF_RANGE, within_seen
+from stage_twin.effects.shared import CENTRE, HALF_RANGE, ORDERS, next_order, within_seen
 from stage_twin.effects.term import Array, Term, Theta, constant
 
-#: Highest order of the yaw.
-ORDERS = 10
 _HIGHER = tuple(
     Parameter(f'p{k}', 'rad', -5e-3, 5e-3, 0.0, f'factor of P{k}(s) in the yaw')
     for k in range(3, ORDERS + 1)
@@ -107,7 +105,7 @@ def _curved(rows: TrackerRows, highest: int) -> Term:
         lower=(-1.0,),
         upper=(1.0,),
         admissible=admissible,
-        richer=partial(_curved, rows, highest + 1) if highest < ORDERS else None,
+        richer=partial(_curved, rows, next_order(highest)) if highest < ORDERS else None,
         holds=False,
         alone=len(rows.axes) == 1,
     )

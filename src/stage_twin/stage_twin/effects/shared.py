@@ -31,8 +31,16 @@ HALF_RANGE = Parameter(
     neutral=None,
 )
 
+#: Highest order of a curve of the travel, and up to which orders are added one by one: a path that
+#: couples both axes tells many orders badly from those of another effect.
+ORDERS, SINGLY = 20, 10
 #: Spatial periods below this [m] stand for the lead.
 SHORTEST_LENGTH = 1e-9
+
+
+def next_order(highest: int) -> int:
+    """Highest order of the next richer curve."""
+    return highest + 1 if highest < SINGLY else ORDERS
 
 
 #: Range of a curve over the travel in that at the places that were visited: 1.00 in 35 sessions

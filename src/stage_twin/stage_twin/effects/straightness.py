@@ -9,12 +9,9 @@ from numpy.polynomial.legendre import leg2poly, legval
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.shared import CENTRE, HALF_RANGE, within_seen
+from stage_twin.effects.shared import CENTRE, HALF_RANGE, ORDERS, next_order, within_seen
 from stage_twin.effects.term import Array, Term, Theta
 
-#: Highest order of the curve, and up to which orders are added one by one: a path that couples
-#: both axes tells many orders badly from a yaw.
-ORDERS, SINGLY = 20, 10
 #: Largest travel of the guide over that of the session, on which the guide's line may be defined.
 WIDEST = 1.5
 #: Largest offset of the reference line as a share of the curve's largest factor: that of a bow
@@ -126,13 +123,8 @@ def _term(rows: TrackerRows, highest: int) -> Term:
         lower=(-0.3, 1.0) if between else (),
         upper=(1.3, WIDEST) if between else (),
         admissible=admissible,
-        richer=partial(_term, rows, _next(highest)) if highest < ORDERS and between else None,
+        richer=partial(_term, rows, next_order(highest)) if highest < ORDERS and between else None,
     )
-
-
-def _next(highest: int) -> int:
-    """Highest order of the next richer curve."""
-    return highest + 1 if highest < SINGLY else ORDERS
 
 
 def _slopes(reach: float, highest: int) -> Array:
