@@ -23,6 +23,7 @@ from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import link_of
 from stage_twin.effects.encoder_interpolation import LONGEST
+from stage_twin.effects.periodic import OWN_TURN
 
 #: Share of the squared gap. The right wave closed 0.35 of it beside a friction that was fitted
 #: without it.
@@ -40,9 +41,10 @@ def misread(
 ) -> str | None:
     """A named wave of the table that the encoder's gap shows to be the encoder's, if there is one.
 
-    It is, if the same wave read by the encoder closes some of the squared gap above the floor that
-    the encoder is left with (`CLOSES`). The wave is not fitted: a wrong one adds to the gap. The
-    forces of the axis are, as they were without it: a friction makes up for a wave, too.
+    It is, if the encoder reads a wave of that period already, or if the same wave read by it
+    closes some of the squared gap above the floor that it is left with (`CLOSES`). The wave is not
+    fitted: a wrong one adds to the gap. The forces of the axis are, as they were without it: a
+    friction makes up for a wave, too.
     """
     effects = plain_values(parameters)
     scored = [r for r in records if r.held_out_session] or list(records)
@@ -54,6 +56,10 @@ def misread(
         wave = _read(values, twin.servo(axis).lead)
         if wave['period'] >= LONGEST:
             continue
+        known = effects.get(f'{MISREADS}.{axis}')
+        travel = max(float(np.ptp(r.encoder[:, r.column(axis)])) for r in records)
+        if known and abs(travel / known['period'] - travel / wave['period']) < OWN_TURN:
+            return name
         read = {f'{MISREADS}.{axis}': {k: (v, 0.0) for k, v in wave.items()}}
         rest = {n: v for n, v in parameters.items() if n != name}
         forces = {n: v for n, v in rest.items() if link_of(n) == 'servo' and n[-1] == axis}
