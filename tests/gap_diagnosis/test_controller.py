@@ -148,7 +148,9 @@ def test_velocities_of_setpoints_are_inputs_and_others_are_findings(planted: Mak
     assert found(undeclared, change).verdict == ['controller_mismatch.x']
 
 
-@pytest.mark.parametrize(('factor', 'magnitude'), [(-1.0, 0.0), (0.01 / 6.2832, 0.0), (1.0, 1.0)])
+@pytest.mark.parametrize(
+    ('factor', 'magnitude'), [(-1.0, 0.0), (0.01 / 6.2832, 0.0), (1.0, 1.0), (0.01, 1.0)]
+)
 def test_an_effort_that_is_no_force_in_newtons_is_said_and_mended(
     planted: Maker, factor: float, magnitude: float
 ) -> None:

@@ -6,10 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gap_diagnosis.closed_loop.channels import gap_channels
+from gap_diagnosis.closed_loop.misread import misread
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.describe import describe
+from gap_diagnosis.input.data import load_record
 from gap_diagnosis.input.noise import axis_noise
 from gap_diagnosis.input.reading_wave import _positive, reading_wave, without_wave
+from gap_diagnosis.parameters import plain_values
 from stage_core import topics
 from stage_twin.effects.encoder_interpolation import misreading
 from tests.gap_diagnosis.conftest import nominal
@@ -109,3 +113,18 @@ def test_what_tracker_and_encoder_both_show_is_one_wave(planted):
             value, deviation = shown[name][key]
             assert abs(value - truth) <= 3.0 * deviation, key
     assert found.after < 0.5 * found.before
+
+
+@pytest.mark.parametrize(('period', 'same'), [(1.0001e-3, True), (1.02e-3, False)])
+def test_a_wave_of_the_table_that_the_encoder_reads_already_is_the_encoders(planted, period, same):
+    twin = nominal()
+    values = {'amplitude': 1.2e-6, 'period': 1e-3, 'phase': 0.7}
+    record = load_record(planted({'encoder_interpolation.x': values}), twin)
+    twice = {k: (v, 1e-9) for k, v in {**values, 'period': period}.items()}
+    named = {
+        'encoder_interpolation.x': {k: (v, 1e-9) for k, v in values.items()},
+        'cyclic_pitch_error.x': twice,
+    }
+    channels = gap_channels([record], twin, plain_values(named), [])
+    floors = dict.fromkeys(channels, 1e-7)
+    assert (misread([record], twin, named, channels, floors) is not None) is same

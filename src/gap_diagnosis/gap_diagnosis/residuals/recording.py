@@ -231,7 +231,9 @@ def _signs(record: Record, i: int, axis: ServoAxis, effort: Array) -> Array:
     Information Theory 13, 1967).
     """
     law = force_increments(record, i, axis, velocity_law(record, i, axis))
-    size, unit = np.abs(effort), 1.0
+    size = np.abs(effort)
+    # In most ticks the sign stays.
+    unit = math.sqrt(float(law @ law) / max(float(np.sum(np.diff(size) ** 2)), 1e-300))
     for _ in range(ROUNDS):
         signs = _path(unit * size, law)
         written = np.diff(signs * size)
