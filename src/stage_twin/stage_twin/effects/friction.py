@@ -28,7 +28,7 @@ PRESLIDING = Parameter(
     'slides or breaks away); 0 is dry friction',
     neutral=None,
     doubt=DOUBTED_PRESLIDING,
-    tried=(DRY,),
+    tried=(0.0, DRY),
 )
 #: Shortest pre-sliding displacement [m]; below it friction is dry for any encoder.
 SHORTEST_PRESLIDING = 1e-9
