@@ -19,6 +19,7 @@ from gap_diagnosis.selection import (
     imitations,
     lacking,
     pairs,
+    servo_part,
     shape,
     slow_rows,
     swinging,
@@ -33,9 +34,9 @@ MODULES = {
     for module in (acceptance, checks, clocks, coarse, controller, domain, drive, force_rows,
                    forward, grid, held_out, imitations, judged, kinematics, lacking, library,
                    loops, machine, misread, motions, online, outliers, pairs, passes, polish,
-                   prepare, propose, scene, search, selection, separation, servo_clocks, shape,
-                   slow_rows, swing, swinging, temperatures, thermal, training, unrecorded,
-                   windows)
+                   prepare, propose, scene, search, selection, separation, servo_clocks,
+                   servo_part, shape, slow_rows, swing, swinging, temperatures, thermal, training,
+                   unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -90,6 +91,7 @@ force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}
 ratio of the swings of twin and record, at most | {swing.AS_MUCH:g}
 remainder over the noise from which a swing is looked for, squares | {swinging.FAST:g}
 share of it that one sine explains, from which on no loop swings | {swinging.STEADY:.0%}
+loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
 gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
 the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}

@@ -14,6 +14,7 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.result import Diagnosis
+from gap_diagnosis.selection.servo_part import hunting
 from stage_core.session import Session
 from stage_twin.effects.law_terms import SINE, VARIABLES
 from tests.gap_diagnosis.conftest import nominal, reference
@@ -83,3 +84,18 @@ def test_what_shakes_the_machine_at_one_frequency_is_no_play() -> None:
     machine = twin.with_effects({'learned_force.x': shaken})
     record = session(machine, twin, path, np.full(len(path), 20.0), 0)
     assert diagnose([record], [], twin).verdict == ['unknown']
+
+
+def test_a_friction_whose_loop_goes_another_way_is_judged_by_the_balance() -> None:
+    """The twin of another integral gain hunts at other moments; that of the machine follows it."""
+    whole = nominal()
+    axis = replace(whole.servo('x'), integral_gain=8e3)
+    twin = replace(whole, axes={'x': axis})
+    path = 0.2 * reference(14.0, twin.control_period, 1)
+    machine = twin.with_effects({'coulomb_friction.x': {'coulomb': 10.0, 'presliding': 0.0}})
+    made = session(machine, twin, path, np.full(len(path), 20.0), 0)
+    found = diagnose([made], [], twin)
+    assert found.verdict == ['coulomb_friction.x'] and not found.parts[0].swinging
+    other = replace(twin, axes={'x': replace(axis, integral_gain=24e3)})
+    part = hunting(found.parts[0], 'x', {}, found.records, other)
+    assert part.swinging == ('coulomb_friction.x',)

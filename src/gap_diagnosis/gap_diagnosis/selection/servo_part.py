@@ -72,7 +72,7 @@ def fit_servo(
             selection = told_by_loop(part, axis, direct, records, twin)
             residual = residual_of(problem, selection)
             part = replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)
-            return _hunting(part, axis, direct, records, twin)
+            return hunting(part, axis, direct, records, twin)
         # Beside a loop that swings at another phase nothing else can be judged.
         swinging = [n for n in accepted if effect_of(n).swings]
         if len(contradicted) > 1 and swinging:
@@ -81,7 +81,7 @@ def fit_servo(
         barred += contradicted
 
 
-def _hunting(
+def hunting(
     part: Part, axis: str, direct: Parameters, records: list[Record], twin: TwinFile
 ) -> Part:
     """The part with a friction that makes the loop hunt among what swings.
