@@ -13,7 +13,7 @@ from gap_diagnosis.evidence import acceptance
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
 from gap_diagnosis.law import judged, search
-from gap_diagnosis.residuals import controller, force_rows, kinematics, unrecorded
+from gap_diagnosis.residuals import controller, kinematics, unrecorded
 from gap_diagnosis.selection import (
     forward,
     imitations,
@@ -31,7 +31,7 @@ from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, checks, clocks, coarse, controller, domain, drive, force_rows,
+    for module in (acceptance, checks, clocks, coarse, controller, domain, drive,
                    forward, grid, held_out, imitations, judged, kinematics, lacking, library,
                    loops, machine, misread, motions, online, outliers, pairs, passes, polish,
                    prepare, propose, scene, search, selection, separation, servo_clocks,
@@ -97,7 +97,6 @@ gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
 the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}
 what is left above the noise and an effect that was lacking explains, from | {forward.LACKING:.0%}
 gap that an effect explains which is impossible alone, and a pair, from | {pairs.NEARLY_ALL:.0%}
-rows of a force balance in a period of the highest frequency it holds | {force_rows.DENSE:g}
 loop's gap that a refinement leaves where the balance was wrong, at most | {polish.MUCH_BETTER:.0%}
 noise that a balance may lose by the tracker's shape, at most | {shape.LOST:.0%}
 what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}

@@ -21,7 +21,6 @@ from gap_diagnosis.input.noise import (
     sampling_jitter,
 )
 from gap_diagnosis.report.document import as_dict
-from gap_diagnosis.residuals import force_rows
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.result import Diagnosis
@@ -245,21 +244,3 @@ def test_a_gap_far_above_its_floor_is_not_explained_by_a_name_either() -> None:
     assert not far_from_explained(9e-6, 3e-6, 1e-6, named=True)
     assert not far_from_explained(90e-6, 7e-6, 1e-6, named=True)
     assert far_from_explained(3e-6, 3e-6, 1e-6, named=False)
-
-
-def test_rows_that_follow_from_their_neighbours_say_nothing_more(
-    planted: Maker, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    twin = nominal()
-    session = planted({'inertia_mismatch.x': {'ratio': 0.2}})
-    rows = Servo([load_record(session, twin)], twin, 'x')
-    rows.cut = 14.0
-    fits = []
-    for dense in (force_rows.DENSE, 1e9):
-        monkeypatch.setattr(force_rows, 'DENSE', dense)
-        rows._keep.clear()
-        problem = rows.problem()
-        fit = Regression(problem).linear({'inertia_mismatch.x': ()})
-        fits.append((len(problem.target), float(fit.coefficients['inertia_mismatch.x'][0])))
-    assert fits[0][0] < 0.1 * fits[1][0]
-    assert fits[0][1] == pytest.approx(fits[1][1], rel=1e-4)

@@ -29,7 +29,6 @@ CORNER = 30.0  # Hz; above it the quantisation of the acceleration is white afte
 #: Hz, of the sharp low-pass beyond it, and the share of noise in the acceleration that is borne.
 CUTS, ATTENUATION = (math.inf, 60.0, 45.0, 30.0, 20.0, 14.0, 10.0, 7.0), 1e-3
 LONGEST = 120.0  # s of a session that are used; longer ones are thinned in whole blocks
-DENSE = 5.0  # rows per period of the highest frequency that the sharp low-pass leaves
 SLIDING = 3.0  # encoder steps within 20 ms, below which the axis counts as resting
 
 
@@ -49,8 +48,7 @@ class ForceRows:
         self.cut = math.inf
         self._signals = [self._prepare(r) for r in records]
         self._predictions = [Prediction(r, twin) for r in records] if twin.effects else []
-        self._sliding = [self._slides(r, s) for r, s in zip(records, self._signals, strict=True)]
-        self._keep: dict[float, list[NDArray[np.bool_]]] = {}  # by the cut
+        self.keep = [self._sliding(r, s) for r, s in zip(records, self._signals, strict=True)]
         self.cut = self._quiet_cut()
         self.simulated = self._of_simulator(twin)
 
@@ -60,22 +58,8 @@ class ForceRows:
         if not runs:
             return None
         rows = ForceRows(runs, twin, self.axis)
-        rows._sliding, rows._keep, rows.cut = self._sliding, self._keep, self.cut
+        rows.keep, rows.cut = self.keep, self.cut
         return rows
-
-    @property
-    def keep(self) -> list[NDArray[np.bool_]]:
-        """Ticks (n,) of each session that are rows: sliding ones, as dense as they say something.
-
-        Behind a sharp low-pass those between them follow from their neighbours.
-        """
-        if self.cut not in self._keep:
-            strides = [max(1, int(1.0 / (DENSE * self.cut * period))) for period in self.periods]
-            self._keep[self.cut] = [
-                sliding & (np.arange(len(sliding)) % stride == 0)
-                for sliding, stride in zip(self._sliding, strides, strict=True)
-            ]
-        return self._keep[self.cut]
 
     def balance(self) -> Array:
         """Force (n,) [N] that the nominal motion does not need."""
@@ -151,7 +135,7 @@ class ForceRows:
             'v_smooth': smooth(velocity, period, 60.0),
         }
 
-    def _slides(self, record: Record, signals: dict[str, Array]) -> NDArray[np.bool_]:
+    def _sliding(self, record: Record, signals: dict[str, Array]) -> NDArray[np.bool_]:
         """Rows at which the axis slides: at rest a force within the friction says nothing."""
         window = max(2, int(round(0.02 / record.period)))
         travel = np.abs(signals['p'][window:] - signals['p'][:-window])
