@@ -126,19 +126,6 @@ def test_session_twice(tmp_path: Path, ros_env: dict[str, str]) -> None:
         assert [str(f) for f in check_bag(first / bag) if f.level != OK] == []
 
 
-def test_ctrl_c_inside_an_exec_leaves_the_exit_status_to_the_command(tmp_path: Path) -> None:
-    # A dataclass that is being imported is such an exec.
-    (tmp_path / 'interrupted.py').write_text(
-        'import os, signal, sys\n'
-        'from stage_bringup.session import take_interrupts\n'
-        'take_interrupts()\n'
-        'try: exec("os.kill(os.getpid(), signal.SIGINT)")\n'
-        'except KeyboardInterrupt: sys.exit(130)\n'
-    )
-    ended = subprocess.run([sys.executable, '-m', 'interrupted'], check=False, cwd=tmp_path)
-    assert ended.returncode == 130
-
-
 def test_interrupted_session_leaves_nothing(tmp_path: Path, ros_env: dict[str, str]) -> None:
     out = tmp_path / 'interrupted'
     process = start(out, ros_env)

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
+from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 
 SENTENCE = 'compiling the kernels (about 40 s, once)'
@@ -78,11 +79,13 @@ def marker() -> Path:
 @contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
     """Processes that are started here do not hear Ctrl-C, and end without a traceback each."""
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Blocked, not ignored: one that comes meanwhile waits for this process.
+    ensure_running()  # The start of multiprocessing's own helper would unblock it.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def compile_missing() -> bool:
@@ -92,9 +95,9 @@ def compile_missing() -> bool:
     print(SENTENCE, flush=True)
     workers, context = min(len(PARTS), os.cpu_count() or 1), multiprocessing.get_context('spawn')
     with ProcessPoolExecutor(workers, context) as pool:
-        with _deaf_to_ctrl_c():
-            waiting = {pool.submit(part): name for name, part in PARTS.items()}
         try:
+            with _deaf_to_ctrl_c():
+                waiting = {pool.submit(part): name for name, part in PARTS.items()}
             for number, done in enumerate(as_completed(waiting), 1):
                 done.result()
                 share = 100 * number / len(PARTS)

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,15 +72,20 @@ class NodeCommand:
 
 
 class Processes:
-    """Processes of the graph, with one log file each in `log_folder`."""
+    """Processes of the graph, with one log file each in `log_folder`.
 
-    def __init__(self, log_folder: Path) -> None:
+    `interrupted` raises where an interrupt came; it is asked at each start and each check.
+    """
+
+    def __init__(self, log_folder: Path, interrupted: Callable[[], None] = lambda: None) -> None:
         self.log_folder = log_folder
+        self._interrupted = interrupted
         log_folder.mkdir(parents=True, exist_ok=True)
         self.running: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, command: NodeCommand) -> None:
         """Start one node; its output goes to ``<name>.log``."""
+        self._interrupted()
         with open(self.log_folder / f'{command.name}.log', 'ab') as log, _deaf():
             self.running[command.name] = subprocess.Popen(
                 command.arguments(),
@@ -103,6 +108,7 @@ class Processes:
         StageError
             With the last line that the ended node wrote.
         """
+        self._interrupted()
         for name, process in self.running.items():
             status = process.poll()
             if status is not None:

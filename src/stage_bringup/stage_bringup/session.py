@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -17,6 +16,7 @@ from stage_bringup.graph import (
     machine_parser,
     options_of,
 )
+from stage_bringup.interrupts import Interrupts
 from stage_bringup.processes import NodeCommand, Processes
 from stage_bringup.provenance import provenance
 from stage_core.errors import StageError, command_line
@@ -101,13 +101,28 @@ def run_graph(
     StageError
         If such a graph runs already.
     """
+    interrupts = Interrupts()
+    try:
+        status = _run(options, nodes, work, interrupts)
+    except BaseException:
+        # An import that an interrupt broke off may raise an error of its own instead.
+        if not interrupts.came:
+            raise
+    return INTERRUPTED if interrupts.came else status
+
+
+def _run(
+    options: Options,
+    nodes: Sequence[NodeCommand],
+    work: Callable[[Processes], None],
+    interrupts: Interrupts,
+) -> int:
     from stage_bringup.kernels import compile_missing
 
     names = [*CONTROL, *(node.name for node in nodes)]
     refuse_second_graph(names)
     options.out.mkdir(parents=True, exist_ok=True)
-    take_interrupts()
-    processes = Processes(options.out / 'log')
+    processes = Processes(options.out / 'log', interrupts.check)
     status = 0
     try:
         if compile_missing():
@@ -119,13 +134,13 @@ def run_graph(
     except StageError as error:
         print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
         status = 1
-    except KeyboardInterrupt:
-        print('interrupted: the stage is brought to rest', file=sys.stderr)
-        status = INTERRUPTED
     finally:
+        interrupts.ending = True
+        if interrupts.came:
+            print('interrupted: the stage is brought to rest', file=sys.stderr)
         killed = processes.end()
-    if killed:
-        print(f'error: {", ".join(killed)} did not end and was killed', file=sys.stderr)
+        if killed:
+            print(f'error: {", ".join(killed)} did not end and was killed', file=sys.stderr)
     return status or int(bool(killed))
 
 
@@ -150,24 +165,6 @@ def refuse_second_graph(names: Sequence[str]) -> None:
                     'the session with another ROS_DOMAIN_ID'
                 )
             time.sleep(0.05)
-
-
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM.
-
-    `python -m` ends by SIGINT, whatever the exit status, if a plain KeyboardInterrupt once came up
-    inside an `exec`, as that of each dataclass is while modules are imported.
-    """
-
-
-def take_interrupts() -> None:
-    """Ctrl-C and SIGTERM take the same way out: the graph is ended before this process is."""
-
-    def interrupt(*_: object) -> None:
-        raise Interrupted
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, interrupt)
 
 
 if __name__ == '__main__':

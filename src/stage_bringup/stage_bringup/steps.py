@@ -76,6 +76,7 @@ class Session:
     @contextmanager
     def step(self, text: str, watch: Callable[[], State] | None = None) -> Iterator[None]:
         """Announce a step and show its progress until it ends."""
+        self.processes.check()
         steps = self.result.data.setdefault('steps', [])
         steps.append(f'[{len(steps) + 1:2d}] {text}')
         print(steps[-1], flush=True)
