@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from benchmarks.experiment.machine import draw, poor_motion, record
 from benchmarks.experiment.machine import nominal as plane
@@ -13,6 +14,7 @@ from benchmarks.experiment.machine import session as run_of
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.result import Diagnosis
 from stage_core.session import Session
+from stage_twin.effects import position_force
 from stage_twin.effects.shared import within_seen
 
 from .conftest import nominal, reference
@@ -52,6 +54,29 @@ def test_a_force_that_changes_on_a_part_of_the_travel(planted: Maker) -> None:
         assert found.parameters['position_force.x'][name][0] == pytest.approx(
             truth[name], abs=7e-4
         )
+
+
+def test_a_force_that_coarse_knots_do_not_follow(planted: Maker) -> None:
+    knots = [-26.0, -5.0, -32.0, 31.0, 44.0, 15.0, -31.0, -15.0, 12.0]
+    quarters = 2.0 * np.random.default_rng(0).standard_normal(16)
+    truth = {'start': -0.03, 'stop': 0.03} | {f'c{k}': c for k, c in enumerate(knots)}
+    truth |= {f'q{k}': float(q) for k, q in enumerate(quarters)}
+    found = diagnose([planted({'position_force.x': truth}, duration=30.0)], [], ALONE)
+    assert found.verdict == ['position_force.x']
+    told = {n: v for n, (v, _) in found.parameters['position_force.x'].items()}
+    places = np.linspace(told['start'], told['stop'], 200)
+    assert np.std(_pull(told, places) - _pull(truth, places)) < 0.5
+
+
+def _pull(known: dict[str, float], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Force (n,) [N] of the effect's parameters at some places [m]."""
+    knots = [
+        np.array([known.get(f'{letter}{k}', 0.0) for k in range(number)])
+        for letter, number in (('c', 9), ('m', 8), ('q', 16))
+    ]
+    return np.array(
+        [position_force.force(p, known['start'], known['stop'], *knots) for p in places]
+    )
 
 
 @pytest.mark.parametrize('seed', [4, 23])

@@ -46,6 +46,11 @@ class Fit:
     crossed: Array
     sessions: dict[int, dict[str, Array]] = field(default_factory=dict)
 
+    @property
+    def size(self) -> int:
+        """Number of free parameters."""
+        return sum(len(t) + len(self.coefficients[n]) for n, t in self.thetas.items())
+
     def mean_square(self, problem: Problem) -> float:
         """Mean square of the residual on the rows that judge."""
         return float(np.mean(self.crossed[problem.judged] ** 2))
@@ -124,7 +129,7 @@ class Regression:
             term = self.problem.terms[owner]
             for k in () if term.phase else term.nuisances:
                 for name, part in parts:
-                    same = [] if name == owner else np.flatnonzero((part.T == own[:, k]).all(1))
+                    same = [] if name == owner else np.flatnonzero((own[:, k] == part.T).all(1))
                     coefficients[owner][k] += coefficients[name][same].sum()
                     coefficients[name][same] = 0.0
 

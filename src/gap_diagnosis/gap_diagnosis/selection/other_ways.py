@@ -9,7 +9,6 @@ same in both directions.
 
 from __future__ import annotations
 
-from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
 from gap_diagnosis.selection.model import Selection
@@ -96,9 +95,4 @@ def _better(selector: Selector, other: Selection, best: Selection) -> bool:
     if low > 0.0 and gain > least(best):
         return True
     loses = high < 0.0 and -gain > least(other)
-    return not loses and (size(other.fit), -gain) < (size(best.fit), 0.0)
-
-
-def size(fit: Fit) -> int:
-    """Number of free parameters of a set."""
-    return sum(len(fit.thetas[n]) + len(fit.coefficients[n]) for n in fit.thetas)
+    return not loses and (other.fit.size, -gain) < (best.fit.size, 0.0)

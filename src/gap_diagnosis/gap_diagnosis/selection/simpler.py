@@ -26,7 +26,11 @@ def merge(selector: Selector, accepted: list[str], fit: Fit) -> tuple[list[str],
         thetas = {**kept.thetas, name: selector.regression.warm_start(kept, name)}
         shape = selector.problem.terms[name]
         other = grow(selector, selector.regression.refine(thetas, list(thetas)), [name])
-        if as_good(selector, other, fit) and selector.admissible(other, name):
+        if (
+            other.size < fit.size
+            and as_good(selector, other, fit)
+            and selector.admissible(other, name)
+        ):
             return [a for a in accepted if a not in held] + [name], other
         selector.problem.terms[name] = shape
     return accepted, fit

@@ -16,6 +16,7 @@ from stage_twin.effects.term import Array, Term, Theta, constant
 
 KNOTS = 9  # of the curve: the shortest wave that they follow is a quarter of the travel
 MIDDLES = KNOTS - 1  # between them, for waves of half that length
+QUARTERS = 2 * MIDDLES  # and between all of these, for waves of a quarter of it
 PARTS = (2, 4, 8)  # of the travel: on one of them, or half-way between two, a force may change
 BINS = 320  # of the travel, in which such a part is looked for
 STARTS = 3  # of them that are fitted
@@ -39,14 +40,21 @@ EFFECT = Effect(
             )
             for k in range(MIDDLES)
         ),
+        *(
+            Parameter(f'q{k}', 'N', -5000.0, 5000.0, 0.0, f'more at odd quarter {k} between knots')
+            for k in range(QUARTERS)
+        ),
     ),
     model='Force on the moving mass through equally spaced knots over the position, cubic between '
-    'them, plus a curve of this kind that is zero at the knots and m half-way between. Catmull '
-    'and Rom, "A class of local interpolating splines" (1974).',
+    'them, plus a curve of this kind that is zero at the knots and m half-way between, and one '
+    'that is zero at all of these and q half-way between them. Catmull and Rom, "A class of local '
+    'interpolating splines" (1974).',
     sentence='a force that depends on the position pulls the axis: {c0} at one end of the '
     'travel, {c8} at the other',
     excited_by='slow strokes over the whole travel in both directions',
     holds=('cable_force', 'force_offset'),
+    # A ripple of several waves beside it is what its knots do not follow.
+    merges=('position_force', 'force_ripple'),
 )
 
 
@@ -60,16 +68,22 @@ def curve(position: float, start: float, stop: float, c: Array) -> float:
     return cubic(before, c[k], c[k + 1], after, share)
 
 
-def force(position: float, start: float, stop: float, c: Array, m: Array) -> float:
+def force(position: float, start: float, stop: float, c: Array, m: Array, q: Array) -> float:
     """Force on the moving mass [N]; held beyond the ends."""
-    k, share = piece(position, start, stop, 2 * len(m))
-    fine = cubic(_fine(m, k - 1), _fine(m, k), _fine(m, k + 1), _fine(m, k + 2), share)
+    fine = _between(position, start, stop, m) + _between(position, start, stop, q)
     return curve(position, start, stop, c) + fine
 
 
 @njit(cache=True)
+def _between(position: float, start: float, stop: float, m: Array) -> float:
+    """Curve that is zero at each other knot [N]."""
+    k, share = piece(position, start, stop, 2 * len(m))
+    return cubic(_fine(m, k - 1), _fine(m, k), _fine(m, k + 1), _fine(m, k + 2), share)
+
+
+@njit(cache=True)
 def _fine(m: Array, k: int) -> float:
-    """Second curve at knot k of both: zero at every other one, and mirrored at the ends."""
+    """Such a curve at knot k: zero at every other one, and mirrored at the ends."""
     if k % 2 == 0:
         return 0.0
     if k < 0:
@@ -80,23 +94,23 @@ def _fine(m: Array, k: int) -> float:
 def term(rows: ForceRows) -> Term:
     """The curve of one newton at each knot; one that hardly varies is a constant force.
 
-    Richer are one with middles, and both on a part of the travel alone.
+    Richer are one with middles, both on a part of the travel alone, and one with quarters.
     """
-    plain = _Curve(rows, KNOTS)
-    within = partial(_within, plain, partial(_within, _Curve(rows, KNOTS + MIDDLES), None))
-    return plain.term(partial(_Curve(rows, KNOTS + MIDDLES).term, within))
+    plain, halved = _Curve(rows, KNOTS), _Curve(rows, KNOTS + MIDDLES)
+    within = partial(_within, plain, partial(_within, halved, partial(_finest, rows)))
+    return plain.term(partial(halved.term, within))
 
 
 class _Curve:
-    """The curves of the first `number` of the knots and the middles between them."""
+    """The curves of the first `number` of the knots, the middles and the quarters."""
 
     def __init__(self, rows: ForceRows, number: int) -> None:
         self.rows, self.path = rows, rows.used(rows.position())
         self.low, self.high = float(self.path.min()), float(self.path.max())
         self.shares = np.linspace(0.0, 1.0, 80 * (KNOTS - 1) + 1)
         self.curves = [
-            np.array([_both(s, 0.0, 1.0, unit[:KNOTS], unit[KNOTS:]) for s in self.shares])
-            for unit in np.eye(KNOTS + MIDDLES)[:number]
+            np.array([_whole(s, 0.0, 1.0, *np.split(unit, LEVELS)) for s in self.shares])
+            for unit in np.eye(len(NAMES))[:number]
         ]
 
     def columns(self, theta: Theta) -> Array:
@@ -126,6 +140,10 @@ class _Curve:
     def _parameters(self, theta: Theta, c: Array) -> dict[str, float]:
         start, stop = self.stretch(theta)
         return {'start': start, 'stop': stop} | dict(zip(NAMES, c.tolist(), strict=False))
+
+
+def _finest(rows: ForceRows) -> Term:
+    return replace(_Curve(rows, len(NAMES)).term(None), own=True)
 
 
 def _within(curve: _Curve, richer: Callable[[], Term] | None) -> Term:
@@ -161,5 +179,10 @@ def _within(curve: _Curve, richer: Callable[[], Term] | None) -> Term:
     )
 
 
-_both = njit(cache=True)(force)
-NAMES = [f'c{k}' for k in range(KNOTS)] + [f'm{k}' for k in range(MIDDLES)]
+LEVELS = KNOTS, KNOTS + MIDDLES  # where middles and quarters begin
+_whole = njit(cache=True)(force)
+NAMES = [
+    *(f'c{k}' for k in range(KNOTS)),
+    *(f'm{k}' for k in range(MIDDLES)),
+    *(f'q{k}' for k in range(QUARTERS)),
+]
