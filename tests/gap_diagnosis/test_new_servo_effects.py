@@ -78,6 +78,9 @@ def test_a_torque_sags_down_to_a_fifth_and_no_further(planted: Maker) -> None:
     assert term.admissible(deep, np.array([0.8 / 0.25]))
     assert not term.admissible(deep, np.array([0.4 / 0.25]))
     assert not term.admissible(plain, np.array([1.2]))
+    # So it does by the heat of the force.
+    hot, knee = (term.columns((3.0, 1.0, k))[:, 0] for k in (1.0, 0.25))
+    assert 0.0 < np.abs(knee).max() < 0.5 * np.abs(hot).max()
     # At a quarter of the largest force the loss has come to four fifths.
     sag = term.parameters(deep, np.array([0.8 / 0.25]))['sag_force']
     assert sag * 0.25 * force.max() == pytest.approx(0.8)

@@ -110,10 +110,15 @@ LEAST_TIME, MOST_TIME = 1.5, 250.0  # s
 WHOLE, KNEES = 1.0, (0.1, 0.3, 0.6)
 #: Share of the force by which the loss at a knee may miss that of `LEAST`.
 NEAR = 0.1
-#: Starts (θ): ways without a memory, the same down to a knee, those that warm, and sets of ways.
+#: Starts (θ): ways alone, those without a memory and the heat down to a knee, and sets of ways.
 _LOGS = [math.log(time) for time in TIMES]
 COLD_WAYS: tuple[Theta, ...] = tuple((k, _LOGS[1], WHOLE) for k in (0.0, 0.5, 1.0, 1.5, 1.95))
-DEEP_WAYS = tuple((k, _LOGS[1], knee) for k in (0.0, 0.5, 1.0, 1.95) for knee in KNEES)
+DEEP_WAYS = tuple(
+    (way, log, knee)
+    for way, logs in (*((k, _LOGS[1:2]) for k in (0.0, 0.5, 1.0, 1.95)), (float(COLD), _LOGS))
+    for log in logs
+    for knee in KNEES
+)
 WARM_WAYS = tuple((float(way), log, WHOLE) for way in (COLD, COLD + 1) for log in _LOGS)
 SEVERAL = tuple((float(k), log, WHOLE) for k in range(ALONE + 1, HIGHEST + 1) for log in _LOGS)
 
@@ -136,20 +141,27 @@ def term(rows: ForceRows) -> Term | None:
     scale = np.array([strongest**2, strongest, fastest, strongest**2, 1.0])
     force = rows.columns(rows.applied())[:, 0]
 
+    def heats(log_time: float) -> list[Array]:
+        """Share that the heat of the force loses, of each session, one at the strongest force."""
+        sessions = zip(rows.commanded(), rows.periods, strict=True)
+        return [_warmed((f / strongest) ** 2, p, math.exp(log_time)) for f, p in sessions]
+
     @lru_cache(maxsize=2 * len(TIMES))
     def ways(log_time: float) -> Array:
         """Force (n, 5) that each way loses whose share is one at the strongest force."""
-        warm: list[list[Array]] = [[], []]
-        forces = zip(rows.commanded(), rows.applied(), rows.periods, strict=True)
-        for commanded, acting, period in forces:
-            heats = (commanded / strongest) ** 2, np.ones_like(acting)
-            for heat, lost in zip(heats, warm, strict=True):
-                lost.append(acting * _warmed(heat, period, math.exp(log_time)))
+        time = math.exp(log_time)
+        once = [
+            _warmed(np.ones_like(f), p, time) for f, p in zip(relative, rows.periods, strict=True)
+        ]
+        warm = [
+            [f * share for f, share in zip(rows.applied(), own, strict=True)]
+            for own in (heats(log_time), once)
+        ]
         return np.column_stack([cold, rows.columns(*warm)])
 
     def columns(theta: Theta) -> Array:
         if _knees(theta):
-            return _deep(rows, shares, theta)
+            return _deep(rows, [*shares, heats(theta[1])], theta)
         return np.asarray(ways(theta[1]) @ _mixed(theta[0]))
 
     def parameters(theta: Theta, c: Array) -> dict[str, float]:
@@ -178,8 +190,8 @@ def term(rows: ForceRows) -> Term | None:
 
 
 def _deep(rows: ForceRows, shares: list[list[Array]], theta: Theta) -> Array:
-    """Force that a way without a memory loses down to a knee (n, 1)."""
-    weights = _mixed(theta[0])[:COLD, 0]
+    """Force that a way loses down to a knee (n, 1)."""
+    weights = _mixed(theta[0])[: COLD + 1, 0]
     lost = [
         sum(weight * share for weight, share in zip(weights, own, strict=True))
         for own in zip(*shares, strict=True)
@@ -191,7 +203,7 @@ def _deep(rows: ForceRows, shares: list[list[Array]], theta: Theta) -> Array:
 
 def _knees(theta: Theta) -> bool:
     """Whether so much is lost that the loss ends at that of `LEAST`."""
-    return theta[0] < COLD - 1 and theta[2] < 0.99 * WHOLE
+    return (theta[0] < COLD - 1 or round(theta[0]) == COLD) and theta[2] < 0.99 * WHOLE
 
 
 def _mixed(way: float) -> Array:
