@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.residuals.servo import Servo
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import EFFECTS
+from stage_twin.effects import EFFECTS, position_dependent_friction
 
 from .conftest import nominal
 
@@ -98,6 +99,28 @@ def test_friction_that_goes_with_the_position_is_named_with_its_curve(planted: M
     level = np.interp(where, estimated, [values[key] for key in LEVELS])
     planted_level = np.interp(where, np.linspace(-0.03, 0.03, len(LEVELS)), list(LEVELS.values()))
     np.testing.assert_allclose(level, planted_level, rtol=0.1)
+
+
+def test_a_friction_that_coarse_knots_do_not_follow(planted: Maker) -> None:
+    name, middles = 'position_dependent_friction.x', (2.0, -2.0, 1.5, -1.5, 2.0, -1.0)
+    between = {f'm{k}': m for k, m in enumerate(middles)}
+    truth = {**LEVELS, **between, 'start': -0.03, 'stop': 0.03, 'presliding': 2e-6}
+    found = diagnose([planted({name: truth}, duration=16.0)], [], nominal())
+    assert found.verdict == [name]
+    told = {key: value for key, (value, _) in found.parameters[name].items()}
+    places = np.linspace(-0.02, 0.02, 40)
+    level, true_level = (
+        [position_dependent_friction.sliding(p, v['start'], v['stop'], *_knots(v)) for p in places]
+        for v in (told, truth)
+    )
+    assert np.std(np.subtract(level, true_level)) < 0.25
+
+
+def _knots(values: dict[str, float]) -> list[NDArray[np.float64]]:
+    return [
+        np.array([values.get(f'{letter}{k}', 0.0) for k in range(number)])
+        for letter, number in (('c', 7), ('m', 6), ('q', 12))
+    ]
 
 
 def test_a_friction_whose_straight_lines_dip_below_none_is_one_of_the_position(

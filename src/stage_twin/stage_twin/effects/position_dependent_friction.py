@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
+from numba import njit
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import (
@@ -19,6 +22,8 @@ from stage_twin.effects.shared import piece
 from stage_twin.effects.term import Array, Term, Theta
 
 KNOTS = 7  # of the level: the shortest wave that they follow is a third of the travel
+MIDDLES = KNOTS - 1  # between them, for waves of half that length
+QUARTERS = 2 * MIDDLES  # and between all of these, for waves of a quarter of it
 #: Least standard deviation of the level along the travel, as a share of its mean.
 LEAST_SPREAD = 0.08
 #: Share of the mean level by which a knot may lie below none: straight lines between knots miss
@@ -32,10 +37,21 @@ EFFECT = Effect(
         Parameter('start', 'm', -20.0, 20.0, 0.0, 'position of the first knot', neutral=None),
         Parameter('stop', 'm', -20.0, 20.0, 0.04, 'position of the last knot', neutral=None),
         *(friction_force(f'c{k}', 8.0 + k, f'sliding force at knot {k}') for k in range(KNOTS)),
+        *(
+            Parameter(
+                f'm{k}', 'N', -5000.0, 5000.0, 0.0, f'more half-way from knot {k} to the next'
+            )
+            for k in range(MIDDLES)
+        ),
+        *(
+            Parameter(f'q{k}', 'N', -5000.0, 5000.0, 0.0, f'more at odd quarter {k} between knots')
+            for k in range(QUARTERS)
+        ),
         PRESLIDING,
     ),
     model='As `coulomb_friction`, with a sliding force through equally spaced knots over the '
-    'position, straight between them. Armstrong-Helouvry, Dupont, Canudas de Wit, "A survey of '
+    'position, straight between them, plus m half-way between them and q half-way between all of '
+    'these. Armstrong-Helouvry, Dupont, Canudas de Wit, "A survey of '
     'models, analysis tools and compensation methods for the control of machines with friction", '
     'Automatica 30 (1994), position-dependent friction.',
     sentence='friction goes with the position, from {c0} at one end of the travel over {c3} in '
@@ -46,10 +62,19 @@ EFFECT = Effect(
 )
 
 
-def sliding(position: float, start: float, stop: float, c: Array) -> float:
-    """Level of the friction [N]; held beyond the ends."""
+def sliding(position: float, start: float, stop: float, c: Array, m: Array, q: Array) -> float:
+    """Level of the friction [N], nowhere below none; held beyond the ends."""
     k, share = piece(position, start, stop, len(c) - 1)
-    return c[k] + share * (c[k + 1] - c[k])
+    level = c[k] + share * (c[k + 1] - c[k])
+    level += _between(position, start, stop, m) + _between(position, start, stop, q)
+    return max(level, 0.0)
+
+
+@njit(cache=True)
+def _between(position: float, start: float, stop: float, m: Array) -> float:
+    """Straight lines that are zero at each other knot [N]."""
+    k, share = piece(position, start, stop, 2 * len(m))
+    return m[k // 2] * (share if k % 2 == 0 else 1.0 - share)
 
 
 def stiffness(c: Array, presliding: float) -> float:
@@ -61,12 +86,24 @@ signature = speed_curve
 
 
 def term(rows: ForceRows) -> Term:
-    """The direction near each knot, built up over the pre-sliding displacement (θ)."""
+    """The direction near each knot, built up over the pre-sliding displacement (θ).
+
+    Richer are one with middles, and one with quarters.
+    """
+    return _term(rows, (KNOTS, KNOTS + MIDDLES, len(NAMES)))
+
+
+def _term(rows: ForceRows, numbers: tuple[int, ...]) -> Term:
+    """The first one of some numbers of knots; richer are the others."""
     path = rows.used(rows.position())
     start, stop = float(path.min()), float(path.max())
-    knots = np.linspace(start, stop, KNOTS)
-    near = [[np.interp(p, knots, hat) for p in rows.position()] for hat in np.eye(KNOTS)]
-    along = np.column_stack([np.interp(path, knots, hat) for hat in np.eye(KNOTS)])
+    knots = np.linspace(start, stop, 4 * (KNOTS - 1) + 1)
+    units = np.eye(len(NAMES))[: numbers[0]]
+    hats = np.array(
+        [[_whole(p, start, stop, *np.split(unit, LEVELS)) for p in knots] for unit in units]
+    )
+    near = [[np.interp(p, knots, hat) for p in rows.position()] for hat in hats]
+    along = np.column_stack([np.interp(path, knots, hat) for hat in hats])
 
     def columns(theta: Theta) -> Array:
         z = bristles(rows, theta[0])
@@ -76,18 +113,30 @@ def term(rows: ForceRows) -> Term:
         """Whether the level is one of friction at every knot, and not the same everywhere."""
         level = along @ c
         least = -CUT * np.mean(level)
-        return bool(np.min(c) > least and np.std(level) > LEAST_SPREAD * np.mean(level) > 0.0)
+        uneven = np.std(level) > LEAST_SPREAD * np.mean(level) > 0.0
+        return bool(np.min(c @ hats) > least and uneven)
 
     return Term(
         columns,
-        lambda theta, c: {
-            'start': start,
-            'stop': stop,
-            'presliding': theta[0],
-            **{f'c{k}': max(float(value), 0.0) for k, value in enumerate(c)},
-        },
+        lambda theta, c: {'start': start, 'stop': stop, 'presliding': theta[0], **_levels(c)},
         grid=tuple((g,) for g in presliding_grid(rows)),
         lower=(0.0,),
         upper=(longest_presliding(rows),),
         admissible=varies,
+        richer=partial(_term, rows, numbers[1:]) if len(numbers) > 1 else None,
     )
+
+
+def _levels(c: Array) -> dict[str, float]:
+    """Parameters of the level at the knots, not below none, and of what is more between them."""
+    values = np.concatenate([np.maximum(c[:KNOTS], 0.0), c[KNOTS:]])
+    return dict(zip(NAMES, values.tolist(), strict=False))
+
+
+_whole = njit(cache=True)(sliding)
+LEVELS = KNOTS, KNOTS + MIDDLES  # where middles and quarters begin
+NAMES = [
+    *(f'c{k}' for k in range(KNOTS)),
+    *(f'm{k}' for k in range(MIDDLES)),
+    *(f'q{k}' for k in range(QUARTERS)),
+]
