@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from gap_diagnosis.residuals.normal import predicts, solve, solve_gram
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.search import Recent, Search
+from gap_diagnosis.residuals.starts import Grid, Grids
 from stage_twin.effects.term import Theta
 
 Array = NDArray[np.float64]
@@ -61,7 +62,7 @@ class Regression:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self._kept = Recent(KEPT)
+        self._kept, self._grids = Recent(KEPT), Grids()
         self._freed: tuple[Fit, Array] | None = None
         folds = (problem.time / FOLD).astype(np.int64) % FOLDS
         # Row numbers of each fold, and of its rows that fit.
@@ -80,6 +81,7 @@ class Regression:
     def forget(self) -> None:
         """Keep no columns: the search is over."""
         self._kept.clear()
+        self._grids.clear()
         self._freed = None
 
     def _base(self, name: str) -> Array | float:
@@ -200,10 +202,7 @@ class Regression:
         return found
 
     def warm_start(self, base: Fit, name: str) -> Theta:
-        """Grid point of a term that explains most of what a fitted set leaves on the fit rows.
-
-        Its columns are freed of what the set's columns explain (Frisch, Waugh, Lovell).
-        """
+        """Grid point of a term that explains most of what a fitted set leaves on the fit rows."""
         key = 'start', self.problem.terms[name], self._set(base.thetas)
         return self.problem.tried.once(key, lambda: self._started(base, name))
 
@@ -215,28 +214,17 @@ class Regression:
     def _started(self, base: Fit, name: str) -> Theta:
         term = self.problem.terms[name]
         everywhere = base.residual + self._base(name)
-        grid = term.grid if term.propose is None else term.propose(everywhere)
-        if len(grid) == 1:
-            return grid[0]
+        thetas = term.grid if term.propose is None else term.propose(everywhere)
+        if len(thetas) == 1:
+            return thetas[0]
         rows = self._fit_rows
-        residual = everywhere[rows]
-        orthonormal = self._orthonormal(base)
-        best, most = grid[0], (False, -np.inf)
-        for theta in grid:
-            columns = self.columns(name, theta)[rows]
-            columns = columns - orthonormal @ (orthonormal.T @ columns)
-            if term.fixed:
-                # ||r||² - ||r - c||², r being free of the set's columns already.
-                solution = np.ones(1)
-                explained = float(np.sum(columns[:, 0] * (2.0 * residual - columns[:, 0])))
-            else:
-                solution = solve(columns, residual)
-                explained = float(residual @ columns @ solution)
-            # A start with impossible values leads to none that are possible.
-            rank = (bool(term.admissible(theta, solution)), explained)
-            if rank > most:
-                best, most = theta, rank
-        return best
+
+        def own(theta: Theta) -> Array:
+            return self.columns(name, theta)[rows]
+
+        kept = term.propose is None
+        grid = self._grids.of(term, own) if kept else Grid.of([own(theta) for theta in thetas])
+        return grid.best(term, thetas, everywhere[rows], self._orthonormal(base))
 
     def _orthonormal(self, base: Fit) -> Array:
         """Orthonormal columns (n, k) of what the last set spans on the fit rows."""
