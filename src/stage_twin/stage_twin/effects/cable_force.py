@@ -47,7 +47,7 @@ def term(rows: ForceRows) -> Term:
 
     def columns(theta: Theta) -> Array:
         s = [p - middle - theta[0] * half for p in rows.position()]
-        return rows.columns(s, [si**3 for si in s])
+        return rows.columns(s, [si * si * si for si in s])
 
     def stiffens(theta: Theta, c: Array) -> bool:
         """Whether the spring pulls back over the whole travel."""

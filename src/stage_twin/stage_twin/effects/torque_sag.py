@@ -169,9 +169,10 @@ def term(rows: ForceRows) -> Term | None:
         return {**dict(zip(NAMES, values, strict=True)), 'heat_time': math.exp(theta[1])}
 
     def admissible(theta: Theta, c: Array) -> bool:
+        if np.min(c) <= 0.0:
+            return False
         lost = float(np.abs(columns(theta) @ c).max()) / strongest
-        told = abs(lost - (1.0 - LEAST)) < NEAR if _knees(theta) else lost < 1.0 - LEAST
-        return bool(np.min(c) > 0.0) and told
+        return abs(lost - (1.0 - LEAST)) < NEAR if _knees(theta) else lost < 1.0 - LEAST
 
     def acting(theta: Theta, c: Array) -> float:
         return 1.0 - float(force @ columns(theta) @ c) / float(force @ force)
