@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.diagnose import silent
 from gap_diagnosis.evidence.judgement import strength
 from gap_diagnosis.memory import Memory
@@ -30,16 +31,20 @@ def without_lag(planted: Callable[..., Session], lag: float) -> tuple[Part, Prep
     return replace(part, selection=selection), before
 
 
+def _loop(before: Prepared) -> AxisLoop:
+    return AxisLoop(before.records, before.twin, 'x', before.direct)
+
+
 def test_a_lag_that_the_balance_overlooked_is_taken_by_the_loop(
     planted: Callable[..., Session],
 ) -> None:
     part, before = without_lag(planted, 3e-3)
-    found = with_lacking(part, 'x', before.direct, before.records, before.twin)
+    found = with_lacking(part, _loop(before))
     assert found.selection.accepted == [FRICTION, LAG]
     assert found.selection.fit.thetas[LAG][0] == pytest.approx(3e-3, rel=0.1)
     assert strength(found, LAG) >= 1.0
     # A loop that follows the record lacks nothing.
-    assert with_lacking(found, 'x', before.direct, before.records, before.twin) is found
+    assert with_lacking(found, _loop(before)) is found
 
 
 def test_a_friction_may_be_a_richer_one_for_the_loop(planted: Callable[..., Session]) -> None:
@@ -53,7 +58,7 @@ def test_a_friction_may_be_a_richer_one_for_the_loop(planted: Callable[..., Sess
     evidence = {FRICTION: replace(part.selection.evidence[stribeck], name=FRICTION)}
     plain = replace(part.selection, accepted=[FRICTION], fit=fit, evidence=evidence)
     overlooked = replace(part, selection=plain)
-    found = with_lacking(overlooked, 'x', before.direct, before.records, before.twin)
+    found = with_lacking(overlooked, _loop(before))
     assert found.selection.accepted == [stribeck]
 
 

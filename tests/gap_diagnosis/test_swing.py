@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.experiment.machine import session
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.swing import swings_as_much
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
@@ -28,7 +29,7 @@ def test_another_run_swings_as_much_and_half_a_play_does_not(planted: Maker) -> 
     record = load_record(planted({'drive_play.x': PLAY}), twin)
     for factor, wanted in ((1.02, True), (0.3, False), (4.0, False)):
         found = {'drive_play.x': {**PLAY, 'width': factor * PLAY['width']}}
-        assert swings_as_much('drive_play.x', found, [record], twin) is wanted
+        assert swings_as_much('drive_play.x', found, AxisLoop([record], twin, 'x')) is wanted
 
 
 def assert_product(found: Diagnosis, truth: Mapping[str, float]) -> None:
@@ -97,5 +98,5 @@ def test_a_friction_whose_loop_goes_another_way_is_judged_by_the_balance() -> No
     found = diagnose([made], [], twin)
     assert found.verdict == ['coulomb_friction.x'] and not found.parts[0].swinging
     other = replace(twin, axes={'x': replace(axis, integral_gain=24e3)})
-    part = hunting(found.parts[0], 'x', {}, found.records, other)
+    part = hunting(found.parts[0], AxisLoop(found.records, other, 'x'))
     assert part.swinging == ('coulomb_friction.x',)

@@ -9,10 +9,9 @@ import pytest
 
 from benchmarks.experiment.machine import draw, poor_motion, record
 from benchmarks.experiment.machine import nominal as plane
-from gap_diagnosis.closed_loop.polish import polish
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.selection.told import window_gaps
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
 
@@ -54,14 +53,14 @@ def test_the_loop_tells_a_lag_from_a_delay(planted: str, key: str, rival: str, o
     twin = nominal()
     coarse = replace(twin.servo('x'), encoder_resolution=8e-6)
     twin = replace(twin, axes={'x': coarse})
-    records = [record_of(planted, key, twin)]
+    loop = AxisLoop([record_of(planted, key, twin)], twin, 'x')
 
     def left(name: str, parameter: str) -> float:
         found = {name: {parameter: (2e-3, 1e-4)}}
-        return float(np.mean(window_gaps('x', found, {}, records, twin)))
+        return float(np.mean(loop.window_gaps(found)))
 
     assert left(planted, key) < left(rival, other)
-    refined = polish(records, twin, 'x', {planted: {key: (2.1e-3, 1e-4)}}, {})[planted][key]
+    refined = loop.refined({planted: {key: (2.1e-3, 1e-4)}})[planted][key]
     assert refined[0] == pytest.approx(2e-3, rel=0.01)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.channels import (
     Channel,
     axis_shares,
@@ -17,7 +18,6 @@ from gap_diagnosis.closed_loop.channels import (
     session_rms,
 )
 from gap_diagnosis.closed_loop.misread import misread
-from gap_diagnosis.closed_loop.polish import polish
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import far_from_explained, shrink_of
 from gap_diagnosis.evidence.causes import Run, cause_of, shown_by_encoder, swing_notes, swings
@@ -213,13 +213,8 @@ def _refined(
     if before.twin.kind != 'servo' or not part.name.startswith('servo') or not plain:
         return plain
     axis = part.name[-1]
-    own = {n: v for n, v in known.items() if n.endswith(f'.{axis}')}
-
-    def fit() -> Parameters:
-        progress(f'closed loop of axis {axis}: refining {", ".join(plain)}')
-        return polish(before.records, before.twin, axis, plain, own)
-
-    found = memory.once(('polish', axis, repr((plain, own))), fit)
+    progress(f'closed loop of axis {axis}: refining {", ".join(plain)}')
+    found = AxisLoop(before.records, before.twin, axis, known, memory).refined(plain)
     return widened(found, before.laws[axis]) if axis in before.laws else found
 
 

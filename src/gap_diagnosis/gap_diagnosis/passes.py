@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.held_out import with_windows
 from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simulated
 from gap_diagnosis.evidence import judgement as judge
@@ -282,7 +283,8 @@ def servo_part(
     def fit() -> Part:
         progress(f'command -> encoder of axis {axis}: reading the equation of motion backwards')
         own = replace(problem, terms=dict(problem.terms))
-        part = fit_servo(rows, own, before.records, before.twin, direct, seed, barred)
+        loop = AxisLoop(before.records, before.twin, axis, direct, memory)
+        part = fit_servo(rows, own, loop, seed, barred)
         column = before.records[0].column(axis)
         return replace(part, row_axis=np.full(len(part.problem.target), column), rows=rows)
 

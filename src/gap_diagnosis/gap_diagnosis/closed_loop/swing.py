@@ -7,16 +7,12 @@ with it strays from the twin without.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import scored_ticks
 from gap_diagnosis.parameters import Effects
-from stage_core.quantities import split_effect
-from stage_core.twin_file import TwinFile
 
 #: Factor by which the two swings may differ. With a right play the twin swings 0.50 to 1.02 times
 #: as much as the record.
@@ -26,15 +22,14 @@ AS_MUCH = 2.5
 LEAST_SHARE = 0.85
 
 
-def swings_as_much(name: str, effects: Effects, records: Sequence[Record], twin: TwinFile) -> bool:
+def swings_as_much(name: str, effects: Effects, loop: AxisLoop) -> bool:
     """Whether the encoder strays as far in the twin with an effect as it does in the record."""
     rest = {n: v for n, v in effects.items() if n != name}
-    channel = f'encoder.{split_effect(name)[1]}'
     recorded, own = [], []
-    for record in [r for r in records if r.held_out_session] or records:
+    for record in loop.judging:
         mask = scored_ticks(record)
-        without = replay(record, twin, rest)[channel][mask]
+        without = replay(record, loop.twin, rest)[loop.channel][mask]
         recorded.append(without)
-        own.append(without - replay(record, twin, effects)[channel][mask])
+        own.append(without - replay(record, loop.twin, effects)[loop.channel][mask])
     ratio = float(np.linalg.norm(np.concatenate(own)) / np.linalg.norm(np.concatenate(recorded)))
     return 1.0 / AS_MUCH < ratio < AS_MUCH

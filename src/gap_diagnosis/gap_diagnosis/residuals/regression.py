@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from gap_diagnosis.residuals.normal import predicts, solve, solve_gram
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.search import Recent, Search
+from gap_diagnosis.residuals.shared_columns import yield_shared
 from gap_diagnosis.residuals.starts import Grid, Grids
 from stage_twin.effects.term import Theta
 
@@ -112,28 +113,12 @@ class Regression:
         for name, part in free:
             coefficients[name] = solution[at : at + part.shape[1]]
             at += part.shape[1]
-        self._yield_shared(free, coefficients)
+        yield_shared(problem.terms, free, coefficients)
         residual = target - matrix @ solution
         sessions = self._refit_nuisances(thetas, coefficients, residual)
         crossed = self._crossed(matrix, target, residual) if problem.crossable else residual
         crossed = crossed / self._acting(thetas, coefficients)
         return Fit(dict(thetas), coefficients, residual, crossed, sessions)
-
-    def _yield_shared(
-        self, parts: list[tuple[str, Array]], coefficients: dict[str, Array]
-    ) -> None:
-        """Leave a column that two terms have to the one of which it is a session's nuisance.
-
-        The rows do not tell how much of it is whose: an offset of the tracker's frame is also one
-        of a guide's reference line.
-        """
-        for owner, own in parts:
-            term = self.problem.terms[owner]
-            for k in () if term.phase else term.nuisances:
-                for name, part in parts:
-                    same = [] if name == owner else np.flatnonzero((own[:, k] == part.T).all(1))
-                    coefficients[owner][k] += coefficients[name][same].sum()
-                    coefficients[name][same] = 0.0
 
     def _acting(self, thetas: dict[str, Theta], coefficients: dict[str, Array]) -> float:
         """Force that acts per force that is asked for, above zero."""

@@ -9,20 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
-from gap_diagnosis.closed_loop.polish import polish
-from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.evidence.describe import describe
-from gap_diagnosis.evidence.judgement import channel_floor
-from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import scored_ticks
-from gap_diagnosis.parameters import Effects, Parameters, plain_values
-from gap_diagnosis.residuals.measured_noise import with_noise
 from gap_diagnosis.selection.model import Selection, Trial
 from gap_diagnosis.selection.parts import Part
-from stage_core.errors import StageError
-from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of
 
 #: Floors of the encoder up to which the loop follows the record.
@@ -35,19 +25,15 @@ LEFT = 0.5
 MOST = 4
 
 
-def with_lacking(
-    part: Part, axis: str, direct: Parameters, records: list[Record], twin: TwinFile
-) -> Part:
+def with_lacking(part: Part, loop: AxisLoop) -> Part:
     """The part with the effect beside which the loop follows the held-out record far better."""
-    fixed = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
 
-    def gap(found: Parameters) -> float:
-        refined = polish(records, twin, axis, found, fixed)
-        return loop_gap(axis, plain_values({**refined, **direct}), records, twin)
+    def gap(some: Part) -> float:
+        found = describe(some.selection, some.selector.regression)
+        return loop.gap(loop.with_known(loop.refined(found)))
 
-    before = gap(describe(part.selection, part.selector.regression))
-    floor = channel_floor(with_noise(twin, records), f'encoder.{axis}')
-    if before < FOLLOWS * floor or math.isinf(before):
+    before = gap(part)
+    if before < FOLLOWS * loop.floor or math.isinf(before):
         return part
     best, least = part, LEFT * before
     for trial in _candidates(part):
@@ -56,22 +42,10 @@ def with_lacking(
             part.selector.admissible(other.selection.fit, n) for n in other.selection.accepted
         ):
             continue
-        left = gap(describe(other.selection, other.selector.regression))
+        left = gap(other)
         if left < least:
             best, least = other, left
     return best
-
-
-def loop_gap(axis: str, effects: Effects, records: list[Record], twin: TwinFile) -> float:
-    """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""
-    squares = []
-    for record in [r for r in records if r.held_out_session] or records:
-        try:
-            gap = replay(record, twin, effects)[f'encoder.{axis}']
-        except StageError:
-            return math.inf
-        squares.append(gap[scored_ticks(record)] ** 2)
-    return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
 def _candidates(part: Part) -> list[Trial]:

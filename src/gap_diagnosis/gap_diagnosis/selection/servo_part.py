@@ -6,22 +6,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gap_diagnosis.closed_loop.polish import polish
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.swing import LEAST_SHARE, swings_as_much
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.describe import describe, model_of
-from gap_diagnosis.evidence.judgement import channel_floor
-from gap_diagnosis.input.data import Record
-from gap_diagnosis.parameters import Parameters, plain_values
-from gap_diagnosis.residuals.measured_noise import with_noise
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
-from gap_diagnosis.selection.lacking import loop_gap, with_lacking
+from gap_diagnosis.selection.lacking import with_lacking
 from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_of
 from gap_diagnosis.selection.rivals import find_rivals
 from gap_diagnosis.selection.swinging import swinging_part
 from gap_diagnosis.selection.told import told_by_loop
-from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of
 
 #: Share of the loop's gap from which on a friction that is left makes it hunt: two right ones left
@@ -30,49 +26,41 @@ HUNTS = 0.5
 
 
 def fit_servo(
-    rows: Servo,
-    problem: Problem,
-    records: list[Record],
-    twin: TwinFile,
-    direct: Parameters,
-    seed: int,
-    without: Sequence[str],
+    rows: Servo, problem: Problem, loop: AxisLoop, seed: int, without: Sequence[str]
 ) -> Part:
     """Force balance of an axis; an effect that the closed loop contradicts is taken out.
 
     A disturbance that nothing in the library explains is sometimes imitated in the force
     balance; the twin with such an effect then follows the record worse than without it.
     """
-    axis, barred = rows.axis, list(without)
+    barred = list(without)
     unconfirmed: tuple[str, ...] = ()
     while True:
-        part = fit_part(f'servo.{axis}', problem, SERVO_RULES, seed, barred)
-        if twin.kind != 'servo':
+        part = fit_part(f'servo.{loop.axis}', problem, SERVO_RULES, seed, barred)
+        if loop.twin.kind != 'servo':
             find_rivals(part.selector, part.selection)
             return part
         if not unconfirmed:
             swung = swinging_part(part, rows, seed, barred)
-            if swung is not None and _swings(swung, direct, records, twin):
+            if swung is not None and _swings(swung, loop):
                 return swung
         if not part.selection.accepted:
-            part = with_lacking(part, axis, direct, records, twin)
+            part = with_lacking(part, loop)
         accepted = part.selection.accepted
         if not accepted:
             return replace(part, unconfirmed=unconfirmed)
         found = describe(part.selection, part.selector.regression)
-        contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
+        contradicted = _contradicted(accepted, found, loop)
         if contradicted:
             # Where few rows tell an effect, the loop judges it with the parameters that suit it.
-            own = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
-            found = polish(records, twin, axis, found, own)
-            contradicted = _contradicted(axis, accepted, {**found, **direct}, records, twin)
+            contradicted = _contradicted(accepted, loop.refined(found), loop)
         if not contradicted:
-            part = with_lacking(part, axis, direct, records, twin)
+            part = with_lacking(part, loop)
             find_rivals(part.selector, part.selection)
-            selection = told_by_loop(part, axis, direct, records, twin)
+            selection = told_by_loop(part, loop)
             residual = residual_of(problem, selection)
             part = replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)
-            return hunting(part, axis, direct, records, twin)
+            return hunting(part, loop)
         # Beside a loop that swings at another phase nothing else can be judged.
         swinging = [n for n in accepted if effect_of(n).swings]
         if len(contradicted) > 1 and swinging:
@@ -81,9 +69,7 @@ def fit_servo(
         barred += contradicted
 
 
-def hunting(
-    part: Part, axis: str, direct: Parameters, records: list[Record], twin: TwinFile
-) -> Part:
+def hunting(part: Part, loop: AxisLoop) -> Part:
     """The part with a friction that makes the loop hunt among what swings.
 
     One that sticks and slips goes another way after each small change, so that the loop tells
@@ -93,49 +79,35 @@ def hunting(
     if part.structure.structured or len(frictions) != 1:
         return part
     (name,) = frictions
-    own = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
-    found = polish(records, twin, axis, describe(part.selection, part.selector.regression), own)
-    effects = plain_values({**found, **direct})
-    floor = channel_floor(with_noise(twin, records), f'encoder.{axis}')
-    left = loop_gap(axis, effects, records, twin)
-    without = loop_gap(axis, {n: v for n, v in effects.items() if n != name}, records, twin)
-    hunts = left > max(FAR_BESIDE * floor, HUNTS * without)
+    effects = loop.with_known(loop.refined(describe(part.selection, part.selector.regression)))
+    left = loop.gap(effects)
+    without = loop.gap({n: v for n, v in effects.items() if n != name})
+    hunts = left > max(FAR_BESIDE * loop.floor, HUNTS * without)
     clear = part.selection.evidence[name].share > LEAST_SHARE
-    if hunts and clear and swings_as_much(name, effects, records, twin):
+    if hunts and clear and swings_as_much(name, effects, loop):
         return replace(part, swinging=(name,))
     return part
 
 
-def _swings(part: Part, direct: Parameters, records: list[Record], twin: TwinFile) -> bool:
+def _swings(part: Part, loop: AxisLoop) -> bool:
     """Whether the twin with the effect that swings does so as much as the record."""
-    found = {**describe(part.selection, part.selector.regression), **direct}
-    return all(swings_as_much(n, plain_values(found), records, twin) for n in part.swinging)
+    effects = loop.with_known(describe(part.selection, part.selector.regression))
+    return all(swings_as_much(n, effects, loop) for n in part.swinging)
 
 
-def _contradicted(
-    axis: str,
-    accepted: list[str],
-    found: Parameters,
-    records: list[Record],
-    twin: TwinFile,
-) -> list[str]:
+def _contradicted(accepted: list[str], found: Parameters, loop: AxisLoop) -> list[str]:
     """Effects with which the closed loop follows the held-out record worse than without.
 
     Where the encoder's gap is large and all of them together close almost nothing of it, the
     force balance was imitated and all go. Below the encoder's step nothing is contradicted.
     """
-    effects = plain_values(found)
-
-    def gap(some: dict[str, dict[str, float]]) -> float:
-        return loop_gap(axis, some, records, twin) ** 2
-
-    noisy = with_noise(twin, records).axes[axis]
-    step = float(getattr(noisy, 'encoder_resolution', 1e-6)) ** 2
-    everything = gap(effects)
-    rest = {n: gap({k: v for k, v in effects.items() if k != n}) for n in accepted}
+    effects = loop.with_known(found)
+    step = 12.0 * loop.floor**2
+    nothing, everything = loop.gap({}) ** 2, loop.gap(effects) ** 2
+    rest = {n: loop.gap({k: v for k, v in effects.items() if k != n}) ** 2 for n in accepted}
     best = min(accepted, key=lambda n: rest[n])
-    if math.isinf(everything) or (gap({}) > 4.0 * step and everything > 0.7 * gap({})):
+    if math.isinf(everything) or (nothing > 4.0 * step and everything > 0.7 * nothing):
         # One that is no machine beside the others may hide that they are right.
-        return [best] if rest[best] < 0.7 * min(everything, gap({})) else list(accepted)
+        return [best] if rest[best] < 0.7 * min(everything, nothing) else list(accepted)
     loss = everything - rest[best]
     return [best] if loss > max(0.05 * everything, 0.05 * step) else []

@@ -7,35 +7,24 @@ lag) takes part of the controller's answer for the plant's. The reference of the
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.closed_loop.polish import polish, stepless, without_steps
-from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.describe import describe
-from gap_diagnosis.evidence.judgement import channel_floor
-from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import held_out_windows, inside
-from gap_diagnosis.parameters import Parameters, plain_values
-from gap_diagnosis.residuals.measured_noise import with_noise
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import bootstrap_interval
 from gap_diagnosis.selection.model import Selection
 from gap_diagnosis.selection.parts import Part
-from stage_core.errors import StageError
-from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of
 
 Array = NDArray[np.float64]
 
 
-def told_by_loop(
-    part: Part, axis: str, direct: Parameters, records: list[Record], twin: TwinFile
-) -> Selection:
+def told_by_loop(part: Part, loop: AxisLoop) -> Selection:
     """The selection in which the loop decides between accepted effects and their alternatives.
 
     One with which the loop follows the held-out record worse for certain is no alternative, nor
@@ -43,11 +32,9 @@ def told_by_loop(
     record, decides nothing.
     """
     selector, selection = part.selector, part.selection
-    floor = channel_floor(with_noise(twin, records), f'encoder.{axis}')
 
     def gaps(other: Selection) -> Array:
-        found = describe(other, selector.regression)
-        return window_gaps(axis, found, direct, records, twin)
+        return loop.window_gaps(describe(other, selector.regression))
 
     for name in [n for n in selection.accepted if not effect_of(n).swings]:
         for rival in list(selection.evidence[name].alternatives):
@@ -56,7 +43,7 @@ def told_by_loop(
             other = _exchanged(selector, selection, name, rival)
             possible = all(selector.admissible(other.fit, n) for n in other.accepted)
             mine, its = gaps(selection), gaps(other)
-            if min(_rms(mine), _rms(its)) > FAR_BESIDE * floor:
+            if min(_rms(mine), _rms(its)) > FAR_BESIDE * loop.floor:
                 continue
             low, high = bootstrap_interval(mine - its, selector.seed, level=selector.rules.level)
             if not possible or high < 0.0:
@@ -65,29 +52,6 @@ def told_by_loop(
                 selection = other
                 break
     return selection
-
-
-def window_gaps(
-    axis: str, found: Parameters, direct: Parameters, records: list[Record], twin: TwinFile
-) -> Array:
-    """RMS (w,) of the gap of a loop without encoder steps in each held-out window [m].
-
-    The effects `found` are refined on the other windows; those of `direct` are known.
-    """
-    fixed = {n: v for n, v in direct.items() if n.endswith(f'.{axis}')}
-    refined = polish(records, twin, axis, found, fixed)
-    effects = plain_values({**without_steps(direct), **refined})
-    out = []
-    for record in [r for r in records if r.held_out_session] or records:
-        try:
-            gap = replay(record, stepless(twin, axis), effects)[f'encoder.{axis}']
-        except StageError:
-            gap = np.full(len(record.time), math.inf)
-        for window in held_out_windows(record):
-            rows = inside(record.time, [window]) & record.whole(record.time)
-            if np.any(rows):
-                out.append(float(np.sqrt(np.mean(gap[rows] ** 2))))
-    return np.array(out)
 
 
 def _rms(gaps: Array) -> float:

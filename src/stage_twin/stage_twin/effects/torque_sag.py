@@ -140,28 +140,22 @@ def term(rows: ForceRows) -> Term | None:
     )
     scale = np.array([strongest**2, strongest, fastest, strongest**2, 1.0])
     force = rows.columns(rows.applied())[:, 0]
-
-    def heats(log_time: float) -> list[Array]:
-        """Share that the heat of the force loses, of each session, one at the strongest force."""
-        sessions = zip(rows.commanded(), rows.periods, strict=True)
-        return [_warmed((f / strongest) ** 2, p, math.exp(log_time)) for f, p in sessions]
+    heating = [(f / strongest) ** 2 for f in rows.commanded()]
 
     @lru_cache(maxsize=2 * len(TIMES))
     def ways(log_time: float) -> Array:
         """Force (n, 5) that each way loses whose share is one at the strongest force."""
-        time = math.exp(log_time)
-        once = [
-            _warmed(np.ones_like(f), p, time) for f, p in zip(relative, rows.periods, strict=True)
-        ]
+        once = [np.ones_like(f) for f in relative]
         warm = [
             [f * share for f, share in zip(rows.applied(), own, strict=True)]
-            for own in (heats(log_time), once)
+            for own in (_warmths(heating, rows, log_time), _warmths(once, rows, log_time))
         ]
         return np.column_stack([cold, rows.columns(*warm)])
 
     def columns(theta: Theta) -> Array:
         if _knees(theta):
-            return _deep(rows, [*shares, heats(theta[1])], theta)
+            heat = _warmths(heating, rows, theta[1])
+            return _deep(rows, [*shares, heat], theta)
         return np.asarray(ways(theta[1]) @ _mixed(theta[0]))
 
     def parameters(theta: Theta, c: Array) -> dict[str, float]:
@@ -188,6 +182,12 @@ def term(rows: ForceRows) -> Term | None:
     )
     highest = (float(HIGHEST), math.log(MOST_TIME), WHOLE)
     return replace(plain, richer=lambda: replace(plain, grid=SEVERAL, upper=highest, own=True))
+
+
+def _warmths(heating: list[Array], rows: ForceRows, log_time: float) -> list[Array]:
+    """What each session's heating (n,) has warmed before each tick."""
+    sessions = zip(heating, rows.periods, strict=True)
+    return [_warmed(own, period, math.exp(log_time)) for own, period in sessions]
 
 
 def _deep(rows: ForceRows, shares: list[list[Array]], theta: Theta) -> Array:

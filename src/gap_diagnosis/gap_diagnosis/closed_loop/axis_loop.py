@@ -1,0 +1,100 @@
+"""The closed loop of one axis beside its records: it refines effects, and contradicts them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.closed_loop.polish import polish, stepless, without_steps
+from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.evidence.judgement import channel_floor
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import held_out_windows, inside, scored_ticks
+from gap_diagnosis.memory import Memory
+from gap_diagnosis.parameters import Effects, Parameters, plain_values
+from gap_diagnosis.residuals.measured_noise import with_noise
+from stage_core.errors import StageError
+from stage_core.twin_file import TwinFile
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class AxisLoop:
+    """What the twin's loop makes of the recorded references of an axis.
+
+    Attributes
+    ----------
+    records : arrays of all sessions
+    twin : the nominal twin
+    axis : whose encoder counts
+    known : effects of all axes that are known before any is fitted
+    memory : of what was refined
+    """
+
+    records: list[Record]
+    twin: TwinFile
+    axis: str
+    known: Parameters = field(default_factory=dict)
+    memory: Memory = field(default_factory=Memory)
+
+    @property
+    def channel(self) -> str:
+        """Name of the encoder's gap."""
+        return f'encoder.{self.axis}'
+
+    @cached_property
+    def floor(self) -> float:
+        """Noise floor of the encoder [m]."""
+        return channel_floor(with_noise(self.twin, self.records), self.channel)
+
+    @property
+    def judging(self) -> list[Record]:
+        """Records that judge: whole held-out sessions, if there are any."""
+        return [r for r in self.records if r.held_out_session] or self.records
+
+    def refined(self, found: Parameters) -> Parameters:
+        """Effects of the axis with their parameters refined in the loop (`polish`)."""
+        own = {n: v for n, v in self.known.items() if n.endswith(f'.{self.axis}')}
+
+        def fit() -> Parameters:
+            return polish(self.records, self.twin, self.axis, found, own)
+
+        return self.memory.once(('polish', self.axis, repr((found, own))), fit)
+
+    def with_known(self, found: Parameters) -> dict[str, dict[str, float]]:
+        """Values of effects, those of the known ones among them."""
+        return plain_values({**found, **self.known})
+
+    def gap(self, effects: Effects) -> float:
+        """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""
+        try:
+            gaps = [
+                replay(r, self.twin, effects)[self.channel][scored_ticks(r)] for r in self.judging
+            ]
+        except StageError:
+            return math.inf
+        return float(np.sqrt(np.mean(np.concatenate(gaps) ** 2)))
+
+    def window_gaps(self, found: Parameters) -> Array:
+        """RMS (w,) of the gap in each held-out window [m], of a loop without encoder steps.
+
+        The effects `found` are refined on the other windows.
+        """
+        twin = stepless(self.twin, self.axis)
+        effects = plain_values({**without_steps(self.known), **self.refined(found)})
+        out = []
+        for record in self.judging:
+            try:
+                gap = replay(record, twin, effects)[self.channel]
+            except StageError:
+                gap = np.full(len(record.time), math.inf)
+            for window in held_out_windows(record):
+                rows = inside(record.time, [window]) & record.whole(record.time)
+                if np.any(rows):
+                    out.append(float(np.sqrt(np.mean(gap[rows] ** 2))))
+        return np.array(out)
