@@ -87,6 +87,18 @@ def test_a_friction_shows_where_an_axis_that_never_turns_back_stops(seed: int) -
     assert found.verdict == [case.effect]
 
 
+def test_a_friction_that_falls_by_another_exponent_is_no_negative_viscosity(
+    planted: Maker,
+) -> None:
+    name = 'stribeck_friction.x'
+    truth = {'coulomb': 2.0, 'breakaway': 3.0, 'stribeck_velocity': 20e-3, 'exponent': 0.75}
+    found = diagnose([planted({name: {**truth, 'presliding': 1e-6}}, duration=20.0)], [], ALONE)
+    assert found.verdict == [name]
+    value, deviation = found.parameters[name]['exponent']
+    assert abs(value - truth['exponent']) < 3.0 * deviation
+    assert deviation < 0.1
+
+
 def test_a_friction_that_still_falls_at_the_highest_speed() -> None:
     """A Stribeck velocity of 12 mm/s where no speed above 5 mm/s was seen."""
     truth = {'coulomb': 4.0, 'breakaway': 3.0, 'stribeck_velocity': 12e-3, 'presliding': 2e-6}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from stage_twin.effects.term import Array, Term, Theta
 #: Bounds of the Stribeck velocity and starts of its search [m/s].
 SLOWEST, FASTEST = 1e-4, 0.2
 STRIBECK_GRID = (3e-4, 1e-3, 3e-3, 8e-3, 20e-3, 60e-3)
+#: Exponents of the curve that were measured (Armstrong-Helouvry, "Control of machines with
+#: friction", 1991, names 0.5 to 2 and more), that of a Gaussian curve, and starts of other ones.
+LEAST_EXPONENT, MOST_EXPONENT, GAUSSIAN, EXPONENTS = 0.4, 3.0, 2.0, (0.7, 1.2, 2.0)
 
 EFFECT = Effect(
     name='stribeck_friction',
@@ -41,11 +45,20 @@ EFFECT = Effect(
             neutral=None,
             doubt=DOUBTED_VELOCITY,
         ),
+        Parameter(
+            'exponent',
+            '',
+            LEAST_EXPONENT,
+            MOST_EXPONENT,
+            GAUSSIAN,
+            'of the speed in the curve',
+            neutral=None,
+        ),
         PRESLIDING,
     ),
-    model='LuGre friction with sliding force coulomb + breakaway * exp(-(v / stribeck_velocity)^2)'
-    '. Canudas de Wit, Olsson, Astrom, Lischinsky, "A new model for control of systems with '
-    'friction", IEEE TAC 40 (1995); eqs. 6-7 of paper 3.',
+    model='LuGre friction with sliding force coulomb + breakaway * exp(-(|v| / '
+    'stribeck_velocity)^exponent). Canudas de Wit, Olsson, Astrom, Lischinsky, "A new model for '
+    'control of systems with friction", IEEE TAC 40 (1995); eqs. 6-7 of paper 3.',
     sentence='friction of {coulomb} rises by {breakaway} below {stribeck_velocity}',
     excited_by='constant-speed strokes from 0.1 to 20 mm/s',
     holds=('coulomb_friction',),
@@ -54,10 +67,12 @@ EFFECT = Effect(
 )
 
 
-def sliding(velocity: float, coulomb: float, breakaway: float, stribeck_velocity: float) -> float:
+def sliding(
+    velocity: float, coulomb: float, breakaway: float, stribeck_velocity: float, exponent: float
+) -> float:
     """Level of the friction [N]."""
-    ratio = velocity / stribeck_velocity
-    return coulomb + breakaway * math.exp(-ratio * ratio)
+    ratio = abs(velocity) / stribeck_velocity
+    return coulomb + breakaway * math.exp(-(ratio**exponent))
 
 
 def stiffness(coulomb: float, breakaway: float, presliding: float) -> float:
@@ -69,23 +84,39 @@ signature = speed_curve
 
 
 def term(rows: ForceRows) -> Term:
-    """The direction, and the direction near standstill; θ is pre-sliding and velocity."""
+    """The direction, and the direction near standstill; θ is pre-sliding and velocity.
+
+    In a richer shape the exponent of the curve is the third one.
+    """
 
     def columns(theta: Theta) -> Array:
-        z = bristles(rows, theta[0])
-        near = [np.exp(-((v / theta[1]) ** 2)) for v in rows.smooth_velocity()]
+        z, exponent = bristles(rows, theta[0]), _exponent(theta)
+        near = [np.exp(-((np.abs(v) / theta[1]) ** exponent)) for v in rows.smooth_velocity()]
         return rows.columns(z, [zi * n for zi, n in zip(z, near, strict=True)])
 
-    return Term(
+    starts = [(g, w) for g in presliding_grid(rows) for w in STRIBECK_GRID]
+    plain = Term(
         columns,
         lambda theta, c: {
             'coulomb': float(c[0]),
             'breakaway': float(c[1]),
             'stribeck_velocity': theta[1],
+            'exponent': _exponent(theta),
             'presliding': theta[0],
         },
-        grid=tuple((g, w) for g in presliding_grid(rows) for w in STRIBECK_GRID),
+        grid=tuple(starts),
         lower=(0.0, SLOWEST),
         upper=(longest_presliding(rows), FASTEST),
         admissible=lambda theta, c: bool(min(c[0], c[1]) > 0.0),
     )
+    free = replace(
+        plain,
+        grid=tuple((*start, exponent) for start in starts for exponent in EXPONENTS),
+        lower=(*plain.lower, LEAST_EXPONENT),
+        upper=(*plain.upper, MOST_EXPONENT),
+    )
+    return replace(plain, richer=lambda: free)
+
+
+def _exponent(theta: Theta) -> float:
+    return theta[2] if len(theta) > len(('presliding', 'velocity')) else GAUSSIAN
