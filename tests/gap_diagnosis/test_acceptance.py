@@ -107,13 +107,17 @@ def test_what_closes_nearly_nothing_of_its_axis_is_the_error_of_other_models(
     assert shrink_of('coulomb_friction.x', sides, 0, calm).matters is stands
 
 
-@pytest.mark.parametrize(('left', 'stands'), [(4e-12, False), (1.2e-12, True)])
+@pytest.mark.parametrize(
+    ('left', 'balance', 'stands'),
+    [(4e-12, 0.3, False), (1.2e-12, 0.3, True), (4e-12, 0.95, True)],
+)
 def test_what_was_most_of_what_was_lacking_may_be_little_of_the_gap(
-    left: float, stands: bool
+    left: float, balance: float, stands: bool
 ) -> None:
     after, gap = np.full(6000, left), 5e-10
     encoder = Sides(after + 0.005 * gap, after, 'm', 1e-6, gap)
-    assert shrink_of('base_resonance.x', {'encoder.x': encoder}, 0).matters is stands
+    found = shrink_of('base_resonance.x', {'encoder.x': encoder}, 0, balance=balance)
+    assert found.matters is stands
 
 
 @pytest.mark.parametrize(('closed', 'stands'), [(0.05, False), (0.3, True)])

@@ -41,8 +41,9 @@ LEAST_SHRINK = 0.1
 #: Least share of the squared gap of its axis, above the floor, that a servo effect closes: what is
 #: less, the models of other effects leave. Of 423 named causes the five wrong ones closed 0.000
 #: to 0.005, the right ones 0.014 and more but for one (0.004). An effect that is most of what was
-#: lacking (`LACKING`) may be less: a base beside a friction closed 0.006 of the gap, and 0.9 of
-#: what the friction left.
+#: lacking (`LACKING`), in the loop or in the force balance, may be less: a base beside a friction
+#: closed 0.006 of the gap, and 0.9 of what the friction left; a resonance 0.002 of it, and 0.95 of
+#: what the balance left.
 LEAST_CLOSED = 0.01
 #: Least share of the squared noise of the positions that any other effect closes; the noise is
 #: their floor, or the gap that is left if that is less. Of 177 named causes the two wrong ones
@@ -89,6 +90,7 @@ class Shrink:
     explained: bool = False
     clear: bool = False
     own: Shrink | None = None  # of the channels that it moves, where others hide it
+    balance: float = 0.0  # share that it explains of what the force balance leaves without it
 
     @property
     def share(self) -> float:
@@ -110,7 +112,7 @@ class Shrink:
             noise = min(self.floor, self.after)
             seen = self.clear or closed > LEAST_SEEN * noise**2
             return self.own.matters and (self.least > 0.0 or seen)
-        small = self.closes < LEAST_CLOSED and self.lacking < LACKING
+        small = self.closes < LEAST_CLOSED and max(self.lacking, self.balance) < LACKING
         if self.least > 0.0 and small and not self.explained:
             return False
         beyond_noise = self.unit == 'm' and closed > self.floor**2
@@ -123,6 +125,7 @@ def shrink_of(
     seed: int,
     noise: Collection[str] = (),
     shown_twice: bool = False,
+    balance: float = 0.0,
 ) -> Shrink:
     """How far an effect shrinks the gap, from the channels without and with it.
 
@@ -131,7 +134,8 @@ def shrink_of(
     error of another model is left that an effect could have taken up.
 
     `shown_twice` tells that both the force balance and the tracker's residual show the effect: no
-    error of a model of forces makes the tracker swing.
+    error of a model of forces makes the tracker swing. `balance` is the share that the effect
+    explains of what the force balance leaves without it.
 
     Positions count all together, as `gap.before` does; whether the effect matters is judged on
     those that it moves, as the noise of the others hides what it does. Where a servo effect moves
@@ -149,7 +153,7 @@ def shrink_of(
     servo = link_of(name) == 'servo'
     least = LEAST_SHRINK if servo and not shown_twice else 0.0
     closes = _closes(positions, _gaps_of_axis(sides, name[-1]))
-    own = replace(_shrink(moved, least, worse, seed, closes), explained=explained)
+    own = replace(_shrink(moved, least, worse, seed, closes), explained=explained, balance=balance)
     clear = any(np.mean(s.without - s.with_it) > s.floor**2 for s in positions)
     seen = replace(_shrink(positions, least, worse, seed, closes), own=own, clear=clear)
     if seen.matters or force is None or not servo:

@@ -130,7 +130,8 @@ def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
     if misreads(name):
         # What an encoder reads falsely looks like its noise, and may make it no worse.
         calm -= {f'encoder.{split_effect(name)[1]}'}
-    return shrink_of(name, sides, run.seed, calm, shown_twice=len(showing) > 1)
+    balance = max((p.selection.evidence[name].share for p in showing), default=0.0)
+    return shrink_of(name, sides, run.seed, calm, len(showing) > 1, balance)
 
 
 def _told_by_balance(name: str, part: Part, shrink: Shrink) -> bool:
