@@ -13,7 +13,7 @@ from gap_diagnosis.evidence import acceptance
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
 from gap_diagnosis.law import judged, search
-from gap_diagnosis.residuals import controller, kinematics, unrecorded
+from gap_diagnosis.residuals import commands, controller, kinematics, unrecorded
 from gap_diagnosis.selection import (
     forward,
     imitations,
@@ -31,7 +31,7 @@ from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, checks, clocks, coarse, controller, domain, drive,
+    for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
                    forward, grid, held_out, imitations, judged, kinematics, lacking, library,
                    loops, machine, misread, motions, online, outliers, pairs, passes, polish,
                    prepare, propose, scene, search, selection, separation, servo_clocks,

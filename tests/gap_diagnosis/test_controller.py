@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.experiment.machine import session as run_of
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.input.noise import AxisNoise, Noise
 from gap_diagnosis.report.document import as_dict
+from gap_diagnosis.residuals.commands import controller_findings
 from gap_diagnosis.residuals.controller import (
-    controller_findings,
     force_increments,
     velocity_law,
 )
@@ -22,6 +23,8 @@ from gap_diagnosis.result import Diagnosis
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import ServoAxis, TrackerSpec, TwinFile
+
+from .conftest import nominal, reference
 
 Maker = Callable[..., Session]
 
@@ -183,3 +186,19 @@ def test_a_filter_and_a_mass_that_are_wrong_alike_are_no_other_unit(planted: Mak
     }
     verdict = diagnose([planted(truth)], [], other_gains({})).verdict
     assert sorted(verdict) == sorted(truth)
+
+
+@pytest.mark.parametrize(('limit', 'named'), [(6.0, True), (250.0, False)])
+def test_a_limit_shows_although_the_effort_is_noisy(limit: float, named: bool) -> None:
+    twin = nominal()
+    machine = replace(twin, axes={'x': replace(twin.servo('x'), force_limit=limit)})
+    path = reference(14.0, twin.control_period, 1)
+    made = run_of(machine, machine, path, np.full(len(path), 20.0), 0)
+    old = made.series[topics.COMMAND]
+    effort = old.values['effort.x'] + np.random.default_rng(4).normal(0.0, 0.02, len(old))
+    series = Series(topics.COMMAND, old.stamps, {**old.values, 'effort.x': effort})
+    record = load_record(replace(made, series={**made.series, topics.COMMAND: series}), twin)
+    told = controller_findings([record], twin)
+    assert ('force_saturation.x' in told) is named
+    if named:
+        assert told['force_saturation.x']['limit'][0] == pytest.approx(limit, rel=2e-3)

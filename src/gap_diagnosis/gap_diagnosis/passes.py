@@ -19,7 +19,8 @@ from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_step
 from gap_diagnosis.input.windows import moves_while_judged
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Parameters, plain_values
-from gap_diagnosis.residuals.controller import controller_findings, with_read_gains
+from gap_diagnosis.residuals.commands import controller_findings
+from gap_diagnosis.residuals.controller import with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.measured_noise import (

@@ -16,7 +16,7 @@ from scipy.signal import correlate
 
 from gap_diagnosis.closed_loop.replay import by_channel, replay
 from gap_diagnosis.input.data import Record, load_record
-from gap_diagnosis.residuals.controller import controller_findings
+from gap_diagnosis.residuals.commands import controller_findings
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.session import Session

@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows, inside
-from gap_diagnosis.parameters import Estimates, Parameters
+from gap_diagnosis.parameters import Estimates
 from gap_diagnosis.residuals.operators import band_limited
 from stage_core.twin_file import ServoAxis, TwinFile
 from stage_twin.effects import EFFECTS
@@ -31,8 +31,6 @@ MISMATCH = EFFECTS['controller_mismatch']
 #: Share of the held-out increments of velocity or force commands that another law must explain
 #: beyond the twin's: below it are stored digits and interpolated ticks.
 CLEARLY_BETTER = 0.5
-#: Ticks at the largest force that make a limit: by chance a peak lasts one or two.
-PLATEAU = 5
 #: Ticks that are fitted, below which no law is looked for.
 LEAST_TICKS = 100
 #: Fields of the controller, link by link.
@@ -72,29 +70,6 @@ class Law:
         return (own - base) / scale, self.deviations.get(name, 0.0) / scale
 
 
-def controller_findings(records: list[Record], twin: TwinFile) -> Parameters:
-    """`controller_mismatch` and `force_saturation` of each axis, read from the commands.
-
-    Returns an empty mapping where the recorded commands follow the twin's law.
-    """
-    found: Parameters = {}
-    if twin.kind != 'servo':
-        return found
-    for i, name in enumerate(records[0].axes):
-        if not any(r.moving[i] for r in records):
-            continue
-        axis = twin.servo(name)
-        limit = _plateau(records, i, axis)
-        if limit is not None:
-            found[f'force_saturation.{name}'] = {'limit': (limit, 1e-3 * limit), 'known': (1, 0.0)}
-            axis = replace(axis, force_limit=limit)
-        recorded = all(r.effort_recorded for r in records)
-        mismatch = _mismatch(records, i, axis) if recorded else {}
-        if mismatch:
-            found[f'controller_mismatch.{name}'] = mismatch
-    return found
-
-
 def with_read_gains(records: list[Record], twin: TwinFile) -> TwinFile:
     """The twin with the gains that the recorded commands have, for a file that states none."""
     axes = dict(twin.axes)
@@ -106,18 +81,8 @@ def with_read_gains(records: list[Record], twin: TwinFile) -> TwinFile:
     return replace(twin, axes=axes, gains_stated=True)
 
 
-def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:
-    """Force at which the recorded commands are clipped, below the twin's limit; else None."""
-    force = np.abs(np.concatenate([r.force[:, i] for r in records]))
-    peak = float(force.max())
-    at_peak = force > peak * (1.0 - 1e-9)
-    if peak >= 0.999 * axis.force_limit or np.count_nonzero(at_peak) < PLATEAU:
-        return None
-    runs = np.convolve(at_peak, np.ones(3), 'valid')
-    return peak if runs.max() >= 3.0 else None
-
-
-def _mismatch(records: list[Record], i: int, axis: ServoAxis) -> Estimates:
+def mismatch(records: list[Record], i: int, axis: ServoAxis) -> Estimates:
+    """`controller_mismatch` of an axis; empty where its commands follow the twin's law."""
     records = _as_read(records, i, axis)
     fitted = [r for r in records if not r.held_out_session]
     held_out = [r for r in records if r.held_out_session]

@@ -55,6 +55,8 @@ ANOTHER_LAW = 2.0
 #: and more of controllers with other gains.
 ROUNDED = 1e-9
 CORNER = 30.0  # Hz, of the low-pass on forces
+#: Deviations of an effort's noise by which one without signs may be below zero.
+BELOW_ZERO = 5.0
 #: Share of ticks of the other sign, from which on a record without signs has lost them.
 BOTH_SIGNS = 0.01
 ROUNDS = 3  # of signs and unit in turn
@@ -156,7 +158,8 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimate
         return {}, False
     axis = twin.servo(records[0].axes[i])
     efforts = [r.force[:, i] for r in judged]
-    unsigned = all(effort.min() >= 0.0 for effort in efforts)
+    least = [0.0 if r.noise is None else -BELOW_ZERO * r.noise.axes[i].effort for r in judged]
+    unsigned = all(effort.min() >= low for effort, low in zip(efforts, least, strict=True))
     if unsigned:
         signs = [_signs(r, i, axis, e) for r, e in zip(judged, efforts, strict=True)]
         unsigned = float(np.mean(np.concatenate(signs) < 0.0)) > BOTH_SIGNS
@@ -171,7 +174,9 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimate
         return {}, False
     deviation = math.sqrt(left / float(law @ law))
     if abs(factor - 1.0) < max(LEAST_UNIT, 3.0 * deviation):
-        return ({'factor': (1.0, deviation), 'magnitude': (1.0, 0.0)} if unsigned else {}), True
+        return (
+            {'factor': (1.0, deviation), 'magnitude': (1.0, deviation)} if unsigned else {}
+        ), True
     values = {'factor': (factor, deviation), 'magnitude': (float(unsigned), 0.0)}
     # A loop whose gain has the other sign would run away.
     if factor < 0.0:

@@ -1,0 +1,89 @@
+"""What the recorded commands of a controller tell: a law of its own, a limit of its force."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.parameters import Parameters
+from gap_diagnosis.residuals.controller import force_increments, mismatch, quiet, velocity_law
+from stage_core.twin_file import ServoAxis, TwinFile
+
+Mask = NDArray[np.bool_]
+
+#: Ticks at the largest force that make a limit: by chance a peak lasts one or two.
+PLATEAU = 5
+#: Ticks over which the noise of an effort is averaged, and its deviations below the largest such
+#: average from which on an effort may stand at a limit.
+AVERAGED, BELOW = 9, 2.0
+#: Mean square of what the law leaves of the increments of an effort, over that of the increments:
+#: at a limit at least, and elsewhere at most. At limits it was 4 to 900, at other peaks 0.003.
+HELD, FOLLOWED = 1.5, 0.5
+
+
+def controller_findings(records: list[Record], twin: TwinFile) -> Parameters:
+    """`controller_mismatch` and `force_saturation` of each axis, read from the commands.
+
+    Returns an empty mapping where the recorded commands follow the twin's law.
+    """
+    found: Parameters = {}
+    if twin.kind != 'servo':
+        return found
+    for i, name in enumerate(records[0].axes):
+        if not any(r.moving[i] for r in records):
+            continue
+        axis = twin.servo(name)
+        recorded = all(r.effort_recorded for r in records)
+        exact, noise = _plateau(records, i, axis), max(_effort_noise(r, i) for r in records)
+        limit = exact or (_noisy_plateau(records, i, axis, noise) if recorded else None)
+        if limit is not None:
+            found[f'force_saturation.{name}'] = {'limit': (limit, 1e-3 * limit), 'known': (1, 0.0)}
+            axis = replace(axis, force_limit=exact or limit - 3.0 * noise)
+        other = mismatch(records, i, axis) if recorded else {}
+        if other:
+            found[f'controller_mismatch.{name}'] = other
+    return found
+
+
+def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:
+    """Force at which the recorded commands are clipped, below the twin's limit; else None."""
+    force = np.abs(np.concatenate([r.force[:, i] for r in records]))
+    peak = float(force.max())
+    at_peak = force > peak * (1.0 - 1e-9)
+    if peak >= 0.999 * axis.force_limit or np.count_nonzero(at_peak) < PLATEAU:
+        return None
+    runs = np.convolve(at_peak, np.ones(3), 'valid')
+    return peak if runs.max() >= 3.0 else None
+
+
+def _noisy_plateau(records: list[Record], i: int, axis: ServoAxis, noise: float) -> float | None:
+    """The same of an effort with noise [N]: where it is largest it stands, and the law goes on."""
+    kept = np.ones(AVERAGED) / AVERAGED
+    smooth = [np.convolve(np.abs(r.force[:, i]), kept, 'same') for r in records]
+    least = max(float(one.max()) for one in smooth) - BELOW * noise
+    if noise == 0.0 or least + BELOW * noise >= 0.999 * axis.force_limit:
+        return None
+    high = np.concatenate([(one[1:] >= least) & (one[:-1] >= least) for one in smooth])
+    laws = [force_increments(r, i, axis, velocity_law(r, i, axis)) for r in records]
+    written = [np.diff(r.force[:, i]) for r in records]
+    law, own = (
+        np.concatenate([quiet(r, i, one) for r, one in zip(records, side, strict=True)])
+        for side in (laws, written)
+    )
+
+    def left(rows: Mask) -> float:
+        return float(np.sum((own - law)[rows] ** 2) / max(np.sum(own[rows] ** 2), 1e-300))
+
+    held = np.count_nonzero(high) >= PLATEAU * AVERAGED and left(high) > HELD
+    if not (held and left(~high) < FOLLOWED):
+        return None
+    force = np.concatenate([np.abs(r.force[1:, i]) for r in records])
+    return float(np.median(force[high]))
+
+
+def _effort_noise(record: Record, i: int) -> float:
+    """Noise of the effort of an axis [N]; 0 where it is not known."""
+    return 0.0 if record.noise is None else record.noise.axes[i].effort
