@@ -91,6 +91,7 @@ force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}
 ratio of the swings of twin and record, at most | {swing.AS_MUCH:g}
 remainder over the noise from which a swing is looked for, squares | {swinging.FAST:g}
 share of it that one sine explains, from which on no loop swings | {swinging.STEADY:.0%}
+increments of a noisy effort at a limit that the law leaves, at least | {commands.HELD:.1f} times
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
 gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
