@@ -27,6 +27,7 @@ from gap_diagnosis.selection import (
 from stage_core import clocks
 from stage_driver import servo_clocks
 from stage_twin import loops, machine
+from stage_twin.effects import shared
 from stage_twin.emulators import drive
 
 MODULES = {
@@ -35,7 +36,7 @@ MODULES = {
                    forward, grid, held_out, imitations, judged, kinematics, lacking, library,
                    loops, machine, misread, motions, online, outliers, pairs, passes, polish,
                    prepare, propose, scene, search, selection, separation, servo_clocks,
-                   servo_part, shape, slow_rows, swing, swinging, temperatures, thermal, training,
+                   servo_part, shape, shared, slow_rows, swing, swinging, temperatures, thermal, training,
                    unrecorded, windows)
 }  # fmt: skip
 TABLES = {
@@ -99,6 +100,7 @@ the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}
 what is left above the noise and an effect that was lacking explains, from | {forward.LACKING:.0%}
 gap that an effect explains which is impossible alone, and a pair, from | {pairs.NEARLY_ALL:.0%}
 loop's gap that a refinement leaves where the balance was wrong, at most | {polish.MUCH_BETTER:.0%}
+mean square curvature of a guide, beside that of what it leaves | {shared.ROUGH:g} times
 noise that a balance may lose by the tracker's shape, at most | {shape.LOST:.0%}
 what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}
 what it explains better than the tracker's clock, from | {imitations.UNEXHAUSTED[sensor]:.0%}

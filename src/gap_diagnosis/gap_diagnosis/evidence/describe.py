@@ -9,6 +9,7 @@ import numpy as np
 from gap_diagnosis.evidence.calibrated import SPREAD
 from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.regression import Regression
+from gap_diagnosis.residuals.uncertainty import uncertainty
 from gap_diagnosis.selection.model import Selection
 from stage_twin.effects import effect_of, link_of
 from stage_twin.effects.term import Array, Term, Theta
@@ -21,7 +22,7 @@ def describe(selection: Selection, regression: Regression, given: str | None = N
     central differences. Those of the effect `given` hold for the shape (θ) that was found.
     """
     terms = regression.problem.terms
-    deviations = regression.uncertainty(selection.fit, given)
+    deviations = uncertainty(regression, selection.fit, given)
     out: Parameters = {}
     for name in selection.accepted:
         theta = selection.fit.thetas[name]

@@ -16,6 +16,7 @@ from gap_diagnosis.law.search import Search
 from gap_diagnosis.law.signals import Signals
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit, Regression
+from gap_diagnosis.residuals.uncertainty import uncertainty
 from stage_twin.effects.law_terms import CURVE, TERMS
 from stage_twin.effects.term import Term, Theta
 
@@ -184,7 +185,7 @@ def _said(
         beside = '*s' if one.turning else ''
         text = f'curve({one.first.variable}){beside}'
         return text, parameters, map_values(one, theta, knots, size)
-    spread = regression.uncertainty(fit)
+    spread = uncertainty(regression, fit)
     texts: list[str] = []
     parameters = {}
     values: dict[str, float] = {}

@@ -8,13 +8,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def solve(matrix: Array, target: Array) -> Array:
+def solve(matrix: Array, target: Array, penalty: Array | float = 0.0) -> Array:
     """Least squares through scaled normal equations, a tiny ridge against exact collinearity."""
-    return solve_gram(matrix.T @ matrix, matrix.T @ target)
+    return solve_gram(matrix.T @ matrix, matrix.T @ target, penalty)
 
 
-def solve_gram(gram: Array, right: Array) -> Array:
-    """Solution of normal equations, scaled to a unit diagonal."""
+def solve_gram(gram: Array, right: Array, penalty: Array | float = 0.0) -> Array:
+    """Solution of normal equations, scaled to a unit diagonal.
+
+    `penalty` (k,) is what the square of each coefficient counts beside the squares of the rows.
+    """
+    gram = gram.copy()
+    gram.ravel()[:: len(gram) + 1] += penalty
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
     scale[scale == 0.0] = 1.0
     scaled = gram / np.outer(scale, scale)

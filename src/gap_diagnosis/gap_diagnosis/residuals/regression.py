@@ -25,9 +25,6 @@ from stage_twin.effects.term import Theta
 Array = NDArray[np.float64]
 
 FOLD, FOLDS = 2.0, 6  # s, and number of the folds of cross-validation
-LEAST_BLOCKS = 12  # of which a deviation is told
-SEEN = 1e-10  # least eigenvalue of what the rows show, over the largest: rounding makes 1e-12
-SHARED = 1e-7  # share of a parameter that others may take the place of without a trace
 KEPT = 96 << 20  # bytes of columns that a search may need again
 
 
@@ -71,7 +68,7 @@ class Regression:
             (np.flatnonzero(folds == k), np.flatnonzero((folds == k) & problem.fit))
             for k in range(FOLDS)
         ]
-        self._fit_rows = np.flatnonzero(problem.fit)
+        self.fit_rows = np.flatnonzero(problem.fit)
 
     def columns(self, name: str, theta: Theta) -> Array:
         """Columns (n, k) of a term; the last ones are kept."""
@@ -108,7 +105,8 @@ class Regression:
         if not free:
             return Fit(dict(thetas), coefficients, target, target)
         matrix = np.hstack([part for _, part in free])
-        solution = solve(matrix[self._fit_rows], target[self._fit_rows])
+        rows, penalty = self.fit_rows, self._penalty(free)
+        solution = solve(matrix[rows], target[rows], penalty)
         at = 0
         for name, part in free:
             coefficients[name] = solution[at : at + part.shape[1]]
@@ -116,7 +114,9 @@ class Regression:
         yield_shared(problem.terms, free, coefficients)
         residual = target - matrix @ solution
         sessions = self._refit_nuisances(thetas, coefficients, residual)
-        crossed = self._crossed(matrix, target, residual) if problem.crossable else residual
+        crossed = residual
+        if problem.crossable:
+            crossed = self._crossed(matrix, target, residual, penalty)
         crossed = crossed / self._acting(thetas, coefficients)
         return Fit(dict(thetas), coefficients, residual, crossed, sessions)
 
@@ -126,7 +126,12 @@ class Regression:
         lost = sum(1.0 - terms[n].acting(t, coefficients[n]) for n, t in thetas.items())
         return max(1.0 - lost, 1e-3)
 
-    def _crossed(self, matrix: Array, target: Array, residual: Array) -> Array:
+    def _penalty(self, parts: list[tuple[str, Array]]) -> Array:
+        """What the squares of the coefficients (k,) of columns (n, k) count."""
+        terms, rows = self.problem.terms, self.fit_rows
+        return np.concatenate([terms[name].penalty(part[rows]) for name, part in parts])
+
+    def _crossed(self, matrix: Array, target: Array, residual: Array, penalty: Array) -> Array:
         """Residual in which each fit row is judged by coefficients of the other folds.
 
         Folds are windows of two seconds dealt out in turn; their Gram matrices add up, so that a
@@ -140,7 +145,7 @@ class Regression:
         right = sum(part[2] for part in parts)
         crossed = residual.copy()
         for rows, own_gram, own_right in parts:
-            coefficients = solve_gram(gram - own_gram, right - own_right)
+            coefficients = solve_gram(gram - own_gram, right - own_right, penalty)
             crossed[rows] = target[rows] - matrix[rows] @ coefficients
         return crossed
 
@@ -202,7 +207,7 @@ class Regression:
         thetas = term.grid if term.propose is None else term.propose(everywhere)
         if len(thetas) == 1:
             return thetas[0]
-        rows = self._fit_rows
+        rows = self.fit_rows
 
         def own(theta: Theta) -> Array:
             return self.columns(name, theta)[rows]
@@ -215,8 +220,8 @@ class Regression:
         """Orthonormal columns (n, k) of what the last set spans on the fit rows."""
         if self._freed is None or self._freed[0] is not base:
             free = [n for n in base.thetas if not self.problem.terms[n].fixed]
-            parts = [self.columns(n, base.thetas[n])[self._fit_rows] for n in free]
-            matrix = np.hstack([np.zeros((len(self._fit_rows), 0)), *parts])
+            parts = [self.columns(n, base.thetas[n])[self.fit_rows] for n in free]
+            matrix = np.hstack([np.zeros((len(self.fit_rows), 0)), *parts])
             scaled = matrix / (np.linalg.norm(matrix, axis=0) + 1e-300)
             self._freed = base, np.linalg.qr(scaled)[0]
         return self._freed[1]
@@ -251,12 +256,12 @@ class Regression:
                 values[n][i] = float(value)
             return {n: tuple(v) for n, v in values.items()}
 
-        rows = self._fit_rows
+        rows = self.fit_rows
         target = self.problem.target + sum(self._base(n) for n in thetas)
         search = Search(
             target[rows],
             lambda name, theta: self.columns(name, theta)[rows],
-            {n for n in thetas if terms[n].fixed},
+            terms,
             KEPT,
         )
 
@@ -275,62 +280,3 @@ class Regression:
             ftol=1e-5,
         )
         return unpack(np.asarray(result.x))
-
-    def uncertainty(self, fit: Fit, given: str | None = None) -> dict[str, tuple[Array, Array]]:
-        """Standard deviations of (θ, coefficients) of each term of a fit.
-
-        Gauss-Newton covariance over all parameters together; the residual's autocorrelation is
-        in it through the sums of blocks (sandwich estimate). The θ of the term `given` is held
-        where it was found: its deviations are zero. So are those of parameters that others can
-        take the place of, which no rows tell.
-        """
-        problem, rows = self.problem, self._fit_rows
-        jacobian, layout = [], []
-        for name, theta in fit.thetas.items():
-            columns = self.columns(name, theta)[rows]
-            coefficients = fit.coefficients[name]
-            for i in range(0 if name == given else len(theta)):
-                term = problem.terms[name]
-                step = term.steps[i] if term.steps else 1e-3 * (term.upper[i] - term.lower[i])
-                moved = list(theta)
-                moved[i] += step if theta[i] + step < term.upper[i] else -step
-                difference = self.columns(name, tuple(moved))[rows] - columns
-                jacobian.append(difference @ coefficients / (moved[i] - theta[i]))
-                layout.append((name, 0))
-            for k in range(0 if problem.terms[name].fixed else columns.shape[1]):
-                jacobian.append(columns[:, k])
-                layout.append((name, 1))
-        if not jacobian:
-            return {}
-        matrix = np.column_stack(jacobian)
-        scale = np.linalg.norm(matrix, axis=0)
-        scale[scale == 0.0] = np.inf  # what changes nothing here has no deviation
-        matrix = matrix / scale
-        gram = matrix.T @ matrix
-        values, vectors = np.linalg.eigh(gram)
-        kept = values > SEEN * values[-1]
-        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-        seen = (vectors[:, ~kept] ** 2).sum(axis=1) < SHARED
-        scores = matrix * fit.residual[rows][:, None]
-        labels = np.unique(problem.block[rows], return_inverse=True)[1]
-        count, variance = int(labels.max()) + 1, np.zeros(matrix.shape[1])
-        # What a model leaves may be slow: blocks are doubled as long as a dozen are left, and the
-        # largest figure counts (Flyvbjerg and Petersen, J. Chem. Phys. 91, 1989).
-        while count >= LEAST_BLOCKS or not variance.any():
-            sums = np.zeros((count, matrix.shape[1]))
-            np.add.at(sums, labels, scores)
-            variance = np.maximum(variance, np.diag(inverse @ (sums.T @ sums) @ inverse))
-            labels, count = labels // 2, (count + 1) // 2
-            if count < 2:
-                break
-        deviation = np.where(seen, np.sqrt(variance), 0.0) / scale
-        out: dict[str, tuple[Array, Array]] = {}
-        for name in fit.thetas:
-            held = [0.0] * len(fit.thetas[name]) if name == given else []
-            out[name] = (
-                np.array(
-                    held + [d for d, at in zip(deviation, layout, strict=True) if at == (name, 0)]
-                ),
-                np.array([d for d, at in zip(deviation, layout, strict=True) if at == (name, 1)]),
-            )
-        return out

@@ -7,14 +7,14 @@ terms, are kept, so that a step costs what has moved.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.normal import solve_gram
-from stage_twin.effects.term import Theta
+from stage_twin.effects.term import Term, Theta
 
 Array = NDArray[np.float64]
 
@@ -48,20 +48,24 @@ class Search:
     """Residuals (n,) of the fit rows of sets of terms.
 
     `columns` gives those of a term (n, k) on the fit rows, `target` (n,) is that of the whole
-    set, and terms of `fixed` have the coefficient one.
+    set.
     """
 
     def __init__(
-        self, target: Array, columns: Callable[[str, Theta], Array], fixed: set[str], most: int
+        self,
+        target: Array,
+        columns: Callable[[str, Theta], Array],
+        terms: Mapping[str, Term],
+        most: int,
     ) -> None:
-        self._target, self._make, self._fixed = target, columns, fixed
+        self._target, self._make, self._terms = target, columns, terms
         self._columns, self._products = Recent(most), Recent(most)
 
     def residual(self, thetas: dict[str, Theta]) -> Array:
         """What a set leaves with its best coefficients."""
         target, free = self._target, []
         for name, theta in thetas.items():
-            if name in self._fixed:
+            if self._terms[name].fixed:
                 target = target - self._own(name, theta)[:, 0]
             else:
                 free.append((name, theta))
@@ -69,7 +73,8 @@ class Search:
             return target
         gram = np.block([[self._product(a, b) for b in free] for a in free])
         right = np.concatenate([self._own(*one).T @ target for one in free])
-        solution, at = solve_gram(gram, right), 0
+        penalty = [self._terms[one[0]].penalty(self._own(*one)) for one in free]
+        solution, at = solve_gram(gram, right, np.concatenate(penalty)), 0
         for one in free:
             own = self._own(*one)
             target = target - own @ solution[at : at + own.shape[1]]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gap_diagnosis.residuals.uncertainty import uncertainty
 from gap_diagnosis.selection.parts import Part, residual_of
 
 #: What a force balance may lose by the tracker's shape, in the mean square of its noise. A mode of
@@ -25,7 +26,7 @@ def with_shape_of(part: Part, tracker: Part) -> Part:
         if not own or len(own) != len(seen):
             continue
         doubts = [
-            p.selector.regression.uncertainty(p.selection.fit)[name][0] for p in (part, tracker)
+            uncertainty(p.selector.regression, p.selection.fit)[name][0] for p in (part, tracker)
         ]
         if np.all(doubts[1] < doubts[0]):
             part = _shaped(part, name, seen)

@@ -9,7 +9,14 @@ from numpy.polynomial.legendre import legval
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.shared import CENTRE, HALF_RANGE, ORDERS, next_order, within_seen
+from stage_twin.effects.shared import (
+    CENTRE,
+    HALF_RANGE,
+    ORDERS,
+    next_order,
+    roughness,
+    within_seen,
+)
 from stage_twin.effects.term import Array, Term, Theta, constant
 
 _HIGHER = tuple(
@@ -106,6 +113,7 @@ def _curved(rows: TrackerRows, highest: int) -> Term:
         upper=(1.0,),
         admissible=admissible,
         richer=partial(_curved, rows, next_order(highest)) if highest < ORDERS else None,
+        roughness=roughness(0, highest),
         holds=False,
         alone=len(rows.axes) == 1,
     )

@@ -9,7 +9,14 @@ from numpy.polynomial.legendre import leg2poly, legval
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.shared import CENTRE, HALF_RANGE, ORDERS, next_order, within_seen
+from stage_twin.effects.shared import (
+    CENTRE,
+    HALF_RANGE,
+    ORDERS,
+    next_order,
+    roughness,
+    within_seen,
+)
 from stage_twin.effects.term import Array, Term, Theta
 
 #: Largest travel of the guide over that of the session, on which the guide's line may be defined.
@@ -85,9 +92,12 @@ def _term(rows: TrackerRows, highest: int) -> Term:
     curves = [legval(s, orders.T).T for s in places]
     slope = np.polyfit(np.concatenate(places), np.concatenate(curves), 1)[0]  # (k,)
     between, visited = not rows.rests, np.concatenate(places)
+    # Lines that leave more than the curve's own are nothing that high orders could tell.
+    other_line = between and highest < ORDERS
 
     def removed(theta: Theta) -> Array:
-        return np.asarray(theta[0] * slope + _slopes(theta[1], highest))
+        share, reach = theta or (0.0, 1.0)
+        return np.asarray(share * slope + _slopes(reach, highest))
 
     def columns(theta: Theta) -> Array:
         if not between:
@@ -103,7 +113,7 @@ def _term(rows: TrackerRows, highest: int) -> Term:
         curve = c[: len(slope)]
         return {
             **dict(zip(NAMES, curve.tolist(), strict=False)),
-            'slope': -float(removed(theta) @ curve) if theta else 0.0,
+            'slope': -float(removed(theta) @ curve) if between else 0.0,
             'offset': float(c[-1]) if between else 0.0,
             'centre': centre,
             'half_range': half,
@@ -119,11 +129,13 @@ def _term(rows: TrackerRows, highest: int) -> Term:
     return Term(
         columns,
         parameters,
-        grid=((0.0, 1.0), (1.0, 1.0), (0.0, 1.3)) if between else ((),),
-        lower=(-0.3, 1.0) if between else (),
-        upper=(1.3, WIDEST) if between else (),
+        grid=((0.0, 1.0), (1.0, 1.0), (0.0, 1.3)) if other_line else ((),),
+        lower=(-0.3, 1.0) if other_line else (),
+        upper=(1.3, WIDEST) if other_line else (),
+        own=highest == ORDERS,
         admissible=admissible,
         richer=partial(_term, rows, next_order(highest)) if highest < ORDERS and between else None,
+        roughness=np.append(roughness(2, highest), [0.0] * between),
     )
 
 

@@ -40,6 +40,8 @@ class Term:
     alone : whether nothing but its explaining all that is no noise speaks for it: a curve that
         other errors could have, and that no second channel shows
     answer : θ -> columns (n, k) that the encoder's noise alone makes, where a resonance lifts it
+    roughness : what the square of each coefficient (k,) counts, in squares of the first column: a
+        curve is smooth where the rows do not tell it; None where they tell all
     follows : largest share of an error that goes with the axis' own force that the columns follow
     acting : (θ, coefficients) -> force that acts per force that is asked for; residuals are
         compared in units of the latter, as a drive that gives nothing would leave nothing
@@ -63,6 +65,7 @@ class Term:
     holds: bool = True
     alone: bool = False
     answer: Callable[[Theta], Array] | None = None
+    roughness: Array | None = None
     follows: float = 1.0
     acting: Callable[[Theta, Array], float] = lambda theta, coefficients: 1.0
 
@@ -70,6 +73,12 @@ class Term:
     def next(self) -> Term | None:
         """The next richer shape, the same one each time; None of the richest."""
         return None if self.richer is None else self.richer()
+
+    def penalty(self, columns: Array) -> Array:
+        """What the square of each coefficient (k,) counts beside the rows' own squares (n, k)."""
+        if self.roughness is None:
+            return np.zeros(columns.shape[1])
+        return self.roughness * float(columns[:, 0] @ columns[:, 0])
 
     def share(self, theta: Theta, coefficients: Array) -> Array:
         """What the effect explains of the target (n,): all of it, less what the twin has."""
