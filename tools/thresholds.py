@@ -36,8 +36,8 @@ MODULES = {
                    forward, grid, held_out, imitations, judged, kinematics, lacking, library,
                    loops, machine, misread, motions, online, outliers, pairs, passes, polish,
                    prepare, propose, scene, search, selection, separation, servo_clocks,
-                   servo_part, shape, shared, slow_rows, swing, swinging, temperatures, thermal, training,
-                   unrecorded, windows)
+                   servo_part, shape, shared, slow_rows, swing, swinging, temperatures, thermal,
+                   training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
