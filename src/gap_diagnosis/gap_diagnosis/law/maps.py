@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from gap_diagnosis.law.library import REACHES, Candidate, Shape
 from gap_diagnosis.law.signals import Signals
 from stage_twin.effects import law_terms as lt
+from stage_twin.effects.knots import smooth
 from stage_twin.effects.term import Term, Theta
 
 Array = NDArray[np.float64]
@@ -31,7 +32,7 @@ def maps(signals: Signals) -> dict[Candidate, Term]:
 
 def _term(one: Candidate, signals: Signals, low: float, high: float) -> Term:
     at = np.linspace(low, high, POINTS)
-    curves = [np.array([lt.curve(x, low, high, unit) for x in at]) for unit in np.eye(lt.KNOTS)]
+    curves = [np.array([smooth(x, low, high, unit) for x in at]) for unit in np.eye(lt.KNOTS)]
     ticks = signals.ticks[one.first.variable]
 
     def columns(theta: Theta) -> Array:

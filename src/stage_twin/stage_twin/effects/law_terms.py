@@ -12,7 +12,7 @@ import math
 from numba import njit
 
 from stage_twin.effects.definition import Parameter
-from stage_twin.effects.position_force import curve
+from stage_twin.effects.knots import smooth
 from stage_twin.effects.term import Array
 
 TERMS, KNOTS = 4, 13
@@ -105,7 +105,7 @@ def product(term: Array, x: tuple[float, ...], way: float, law: Array) -> float:
     two = way if second == DIRECTION else x[second]
     value = 1.0
     if int(term[SHAPE]) == CURVE:
-        value = curve(one, term[SCALE], term[BEND], law[KNOT:])
+        value = smooth(one, term[SCALE], term[BEND], law[KNOT:])
     elif first != 0:
         value = factor(one, term[SHAPE], term[SCALE], term[BEND])
     if second != 0:

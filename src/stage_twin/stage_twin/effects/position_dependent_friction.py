@@ -17,13 +17,11 @@ from stage_twin.effects.friction import (
     presliding_grid,
     speed_curve,
 )
+from stage_twin.effects.knots import Knots, piece
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.shared import piece
 from stage_twin.effects.term import Array, Term, Theta
 
-KNOTS = 7  # of the level: the shortest wave that they follow is a third of the travel
-MIDDLES = KNOTS - 1  # between them, for waves of half that length
-QUARTERS = 2 * MIDDLES  # and between all of these, for waves of a quarter of it
+KNOTS = Knots(7)  # of the level: the shortest wave that they follow is a third of the travel
 #: Least standard deviation of the level along the travel, as a share of its mean.
 LEAST_SPREAD = 0.08
 #: Share of the mean level by which a knot may lie below none: straight lines between knots miss
@@ -36,17 +34,11 @@ EFFECT = Effect(
     parameters=(
         Parameter('start', 'm', -20.0, 20.0, 0.0, 'position of the first knot', neutral=None),
         Parameter('stop', 'm', -20.0, 20.0, 0.04, 'position of the last knot', neutral=None),
-        *(friction_force(f'c{k}', 8.0 + k, f'sliding force at knot {k}') for k in range(KNOTS)),
         *(
-            Parameter(
-                f'm{k}', 'N', -5000.0, 5000.0, 0.0, f'more half-way from knot {k} to the next'
-            )
-            for k in range(MIDDLES)
+            friction_force(f'c{k}', 8.0 + k, f'sliding force at knot {k}')
+            for k in range(KNOTS.count)
         ),
-        *(
-            Parameter(f'q{k}', 'N', -5000.0, 5000.0, 0.0, f'more at odd quarter {k} between knots')
-            for k in range(QUARTERS)
-        ),
+        *KNOTS.more,
         PRESLIDING,
     ),
     model='As `coulomb_friction`, with a sliding force through equally spaced knots over the '
@@ -90,18 +82,15 @@ def term(rows: ForceRows) -> Term:
 
     Richer are one with middles, and one with quarters.
     """
-    return _term(rows, (KNOTS, KNOTS + MIDDLES, len(NAMES)))
+    return _term(rows, KNOTS.numbers)
 
 
 def _term(rows: ForceRows, numbers: tuple[int, ...]) -> Term:
     """The first one of some numbers of knots; richer are the others."""
     path = rows.used(rows.position())
     start, stop = float(path.min()), float(path.max())
-    knots = np.linspace(start, stop, 4 * (KNOTS - 1) + 1)
-    units = np.eye(len(NAMES))[: numbers[0]]
-    hats = np.array(
-        [[_whole(p, start, stop, *np.split(unit, LEVELS)) for p in knots] for unit in units]
-    )
+    knots = np.linspace(start, stop, 4 * (KNOTS.count - 1) + 1)
+    hats = KNOTS.units(_whole, knots, numbers[0])
     near = [[np.interp(p, knots, hat) for p in rows.position()] for hat in hats]
     along = np.column_stack([np.interp(path, knots, hat) for hat in hats])
 
@@ -129,14 +118,7 @@ def _term(rows: ForceRows, numbers: tuple[int, ...]) -> Term:
 
 def _levels(c: Array) -> dict[str, float]:
     """Parameters of the level at the knots, not below none, and of what is more between them."""
-    values = np.concatenate([np.maximum(c[:KNOTS], 0.0), c[KNOTS:]])
-    return dict(zip(NAMES, values.tolist(), strict=False))
+    return KNOTS.named(np.concatenate([np.maximum(c[: KNOTS.count], 0.0), c[KNOTS.count :]]))
 
 
 _whole = njit(cache=True)(sliding)
-LEVELS = KNOTS, KNOTS + MIDDLES  # where middles and quarters begin
-NAMES = [
-    *(f'c{k}' for k in range(KNOTS)),
-    *(f'm{k}' for k in range(MIDDLES)),
-    *(f'q{k}' for k in range(QUARTERS)),
-]

@@ -10,13 +10,11 @@ import numpy as np
 from numba import njit
 
 from stage_twin.effects.definition import Effect, Parameter
+from stage_twin.effects.knots import Knots, cubic, piece, smooth
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.shared import cubic, piece
 from stage_twin.effects.term import Array, Term, Theta, constant
 
-KNOTS = 9  # of the curve: the shortest wave that they follow is a quarter of the travel
-MIDDLES = KNOTS - 1  # between them, for waves of half that length
-QUARTERS = 2 * MIDDLES  # and between all of these, for waves of a quarter of it
+KNOTS = Knots(9)  # the shortest wave that they follow is a quarter of the travel
 PARTS = (2, 4, 8)  # of the travel: on one of them, or half-way between two, a force may change
 BINS = 320  # of the travel, in which such a part is looked for
 STARTS = 3  # of them that are fitted
@@ -32,18 +30,9 @@ EFFECT = Effect(
         Parameter('stop', 'm', -20.0, 20.0, 0.01, 'position of the last knot', neutral=None),
         *(
             Parameter(f'c{k}', 'N', -5000.0, 5000.0, 0.5 * (k - 4.5), f'force at knot {k}')
-            for k in range(KNOTS)
+            for k in range(KNOTS.count)
         ),
-        *(
-            Parameter(
-                f'm{k}', 'N', -5000.0, 5000.0, 0.0, f'more half-way from knot {k} to the next'
-            )
-            for k in range(MIDDLES)
-        ),
-        *(
-            Parameter(f'q{k}', 'N', -5000.0, 5000.0, 0.0, f'more at odd quarter {k} between knots')
-            for k in range(QUARTERS)
-        ),
+        *KNOTS.more,
     ),
     model='Force on the moving mass through equally spaced knots over the position, cubic between '
     'them, plus a curve of this kind that is zero at the knots and m half-way between, and one '
@@ -58,20 +47,10 @@ EFFECT = Effect(
 )
 
 
-@njit(cache=True)
-def curve(position: float, start: float, stop: float, c: Array) -> float:
-    """Cubic curve through equally spaced knots [N]; held beyond the ends."""
-    last = len(c) - 1
-    k, share = piece(position, start, stop, last)
-    before = c[k - 1] if k > 0 else 2.0 * c[k] - c[k + 1]
-    after = c[k + 2] if k + 2 <= last else 2.0 * c[k + 1] - c[k]
-    return cubic(before, c[k], c[k + 1], after, share)
-
-
 def force(position: float, start: float, stop: float, c: Array, m: Array, q: Array) -> float:
     """Force on the moving mass [N]; held beyond the ends."""
     fine = _between(position, start, stop, m) + _between(position, start, stop, q)
-    return curve(position, start, stop, c) + fine
+    return smooth(position, start, stop, c) + fine
 
 
 @njit(cache=True)
@@ -96,7 +75,7 @@ def term(rows: ForceRows) -> Term:
 
     Richer are one with middles, both on a part of the travel alone, and one with quarters.
     """
-    plain, halved = _Curve(rows, KNOTS), _Curve(rows, KNOTS + MIDDLES)
+    plain, halved = (_Curve(rows, number) for number in KNOTS.numbers[:2])
     within = partial(_within, plain, partial(_within, halved, partial(_finest, rows)))
     return plain.term(partial(halved.term, within))
 
@@ -107,11 +86,8 @@ class _Curve:
     def __init__(self, rows: ForceRows, number: int) -> None:
         self.rows, self.path = rows, rows.used(rows.position())
         self.low, self.high = float(self.path.min()), float(self.path.max())
-        self.shares = np.linspace(0.0, 1.0, 80 * (KNOTS - 1) + 1)
-        self.curves = [
-            np.array([_whole(s, 0.0, 1.0, *np.split(unit, LEVELS)) for s in self.shares])
-            for unit in np.eye(len(NAMES))[:number]
-        ]
+        self.shares = np.linspace(0.0, 1.0, 80 * (KNOTS.count - 1) + 1)
+        self.curves = KNOTS.units(_whole, self.shares, number)
 
     def columns(self, theta: Theta) -> Array:
         """Columns (n, k) of a stretch of the travel, of the whole without θ."""
@@ -132,18 +108,18 @@ class _Curve:
             constant(self.columns(())),
             self._parameters,
             admissible=lambda theta, c: (
-                5.0 * float(np.ptp(c[:KNOTS])) > float(np.max(np.abs(c[:KNOTS])))
+                5.0 * float(np.ptp(c[: KNOTS.count])) > float(np.max(np.abs(c[: KNOTS.count])))
             ),
             richer=richer,
         )
 
     def _parameters(self, theta: Theta, c: Array) -> dict[str, float]:
         start, stop = self.stretch(theta)
-        return {'start': start, 'stop': stop} | dict(zip(NAMES, c.tolist(), strict=False))
+        return {'start': start, 'stop': stop, **KNOTS.named(c)}
 
 
 def _finest(rows: ForceRows) -> Term:
-    return replace(_Curve(rows, len(NAMES)).term(None), own=True)
+    return replace(_Curve(rows, KNOTS.numbers[-1]).term(None), own=True)
 
 
 def _within(curve: _Curve, richer: Callable[[], Term] | None) -> Term:
@@ -179,10 +155,4 @@ def _within(curve: _Curve, richer: Callable[[], Term] | None) -> Term:
     )
 
 
-LEVELS = KNOTS, KNOTS + MIDDLES  # where middles and quarters begin
 _whole = njit(cache=True)(force)
-NAMES = [
-    *(f'c{k}' for k in range(KNOTS)),
-    *(f'm{k}' for k in range(MIDDLES)),
-    *(f'q{k}' for k in range(QUARTERS)),
-]

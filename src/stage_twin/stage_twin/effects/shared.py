@@ -79,22 +79,6 @@ def screw_angle(position: float, period: float, lead: float) -> float:
     return 2.0 * math.pi * position / (period if period > SHORTEST_LENGTH else lead)
 
 
-@njit
-def piece(position: float, start: float, stop: float, count: int) -> tuple[int, float]:
-    """Which of `count` equal pieces between two ends, and the share of it; held beyond them."""
-    at = min(max((position - start) / max(stop - start, 1e-9), 0.0), 1.0) * count
-    k = min(int(at), count - 1)
-    return k, at - k
-
-
-@njit
-def cubic(before: float, here: float, there: float, after: float, share: float) -> float:
-    """Catmull and Rom's curve through four knots, between the second and the third."""
-    slope, next_slope, rise = 0.5 * (there - before), 0.5 * (after - here), there - here
-    bend = 3.0 * rise - 2.0 * slope - next_slope + share * (slope + next_slope - 2.0 * rise)
-    return here + share * (slope + share * bend)
-
-
 def filtered(
     b: list[float], a: list[float], signal: Array, initial: list[float] | None = None
 ) -> Array:
