@@ -119,4 +119,5 @@ def term(rows: ForceRows) -> Term:
 
 
 def _exponent(theta: Theta) -> float:
-    return theta[2] if len(theta) > len(('presliding', 'velocity')) else GAUSSIAN
+    """The third of θ where it is free, else that of a Gaussian curve."""
+    return (*theta, GAUSSIAN)[2]
