@@ -29,7 +29,7 @@ from gap_diagnosis.evidence.localise import conditions_of
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import held_out_windows
+from gap_diagnosis.input.windows import held_out_windows, judging
 from gap_diagnosis.law.learn import learn
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Parameters, plain_values
@@ -263,7 +263,7 @@ def _conclude(
     progress: Progress,
 ) -> Diagnosis:
     twin, seen = prepared.twin, prepared.seen
-    scored = [r for r in records if r.held_out_session] or records
+    scored = judging(records)
     effects = plain_values(parameters)
     before, after = position_rms(channels, 'before'), position_rms(channels, 'after')
     progress('leaving out one cause at a time')

@@ -13,7 +13,7 @@ from gap_diagnosis.closed_loop.polish import polish, stepless, without_steps
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import held_out_windows, inside, scored_ticks
+from gap_diagnosis.input.windows import held_out_windows, inside, judging, scored_ticks
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
@@ -52,11 +52,6 @@ class AxisLoop:
         """Noise floor of the encoder [m]."""
         return channel_floor(with_noise(self.twin, self.records), self.channel)
 
-    @property
-    def judging(self) -> list[Record]:
-        """Records that judge: whole held-out sessions, if there are any."""
-        return [r for r in self.records if r.held_out_session] or self.records
-
     def refined(self, found: Parameters) -> Parameters:
         """Effects of the axis with their parameters refined in the loop (`polish`)."""
         own = {n: v for n, v in self.known.items() if n.endswith(f'.{self.axis}')}
@@ -74,7 +69,8 @@ class AxisLoop:
         """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""
         try:
             gaps = [
-                replay(r, self.twin, effects)[self.channel][scored_ticks(r)] for r in self.judging
+                replay(r, self.twin, effects)[self.channel][scored_ticks(r)]
+                for r in judging(self.records)
             ]
         except StageError:
             return math.inf
@@ -88,7 +84,7 @@ class AxisLoop:
         twin = stepless(self.twin, self.axis)
         effects = plain_values({**without_steps(self.known), **self.refined(found)})
         out = []
-        for record in self.judging:
+        for record in judging(self.records):
             try:
                 gap = replay(record, twin, effects)[self.channel]
             except StageError:

@@ -12,7 +12,7 @@ from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import Sides
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import STARTED, scored_ticks
+from gap_diagnosis.input.windows import STARTED, judging, scored_ticks
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -69,7 +69,7 @@ def gap_channels(
     parts: list[Part],
 ) -> dict[str, Channel]:
     """Every channel on the held-out rows: nominal twin before, corrected twin after."""
-    scored = [r for r in records if r.held_out_session] or records
+    scored = judging(records)
     channels: dict[str, Channel] = {}
     for record in scored:
         before = replay(record, twin, {})

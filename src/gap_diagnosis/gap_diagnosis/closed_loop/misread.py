@@ -8,16 +8,14 @@ is not. The wave of the table shows in the tracker alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.channels import Channel
-from gap_diagnosis.closed_loop.polish import polish
-from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.reading_wave import MISREADS
-from gap_diagnosis.input.windows import scored_ticks
 from gap_diagnosis.parameters import Parameters, plain_values
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -33,7 +31,7 @@ TABLE = 'cyclic_pitch_error'
 
 
 def misread(
-    records: Sequence[Record],
+    records: list[Record],
     twin: TwinFile,
     parameters: Parameters,
     channels: Mapping[str, Channel],
@@ -47,7 +45,6 @@ def misread(
     friction makes up for a wave, too.
     """
     effects = plain_values(parameters)
-    scored = [r for r in records if r.held_out_session] or list(records)
     for name, values in effects.items():
         effect, axis = split_effect(name)
         encoder = channels.get(f'encoder.{axis}')
@@ -63,11 +60,10 @@ def misread(
         read = {f'{MISREADS}.{axis}': {k: (v, 0.0) for k, v in wave.items()}}
         rest = {n: v for n, v in parameters.items() if n != name}
         forces = {n: v for n, v in rest.items() if link_of(n) == 'servo' and n[-1] == axis}
-        refitted = polish(list(records), twin, axis, forces, read) if forces else {}
-        other = plain_values({**rest, **refitted, **read})
-        gaps = [replay(r, twin, other)[encoder.name][scored_ticks(r)] for r in scored]
+        loop = AxisLoop(records, twin, axis, read)
+        refitted = loop.refined(forces) if forces else {}
         floor = floors[encoder.name] ** 2
-        left = float(np.mean(np.concatenate(gaps) ** 2)) - floor
+        left = loop.gap(plain_values({**rest, **refitted, **read})) ** 2 - floor
         if left < (1.0 - CLOSES) * (encoder.rms('after') ** 2 - floor):
             return name
     return None

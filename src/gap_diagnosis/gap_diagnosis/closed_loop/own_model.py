@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import declared_commands
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import held_out_windows, inside, scored_ticks
+from gap_diagnosis.input.windows import held_out_windows, inside, judging, scored_ticks
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 from stage_core.whole_file import write_whole
@@ -61,8 +61,7 @@ class OwnModel:
 
     def gap(self, path: Path) -> float:
         """RMS [m] over the held-out ticks and the axes of the records."""
-        scored = [r for r in self.records if r.held_out_session] or self.records
-        parts = [np.ravel(self.run(r, path)[scored_ticks(r)]) for r in scored]
+        parts = [np.ravel(self.run(r, path)[scored_ticks(r)]) for r in judging(self.records)]
         return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
     def refined(self, wanted: Plants) -> dict[str, Plant]:

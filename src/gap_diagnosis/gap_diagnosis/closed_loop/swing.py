@@ -11,7 +11,7 @@ import numpy as np
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.input.windows import scored_ticks
+from gap_diagnosis.input.windows import judging, scored_ticks
 from gap_diagnosis.parameters import Effects
 
 #: Factor by which the two swings may differ. With a right play the twin swings 0.50 to 1.02 times
@@ -26,7 +26,7 @@ def swings_as_much(name: str, effects: Effects, loop: AxisLoop) -> bool:
     """Whether the encoder strays as far in the twin with an effect as it does in the record."""
     rest = {n: v for n, v in effects.items() if n != name}
     recorded, own = [], []
-    for record in loop.judging:
+    for record in judging(loop.records):
         mask = scored_ticks(record)
         without = replay(record, loop.twin, rest)[loop.channel][mask]
         recorded.append(without)

@@ -54,8 +54,12 @@ def scored_ticks(record: Record) -> Mask:
     return inside(record.time, held_out_windows(record)) & record.whole(record.time)
 
 
+def judging(records: Sequence[Record]) -> list[Record]:
+    """Records that judge: whole held-out sessions, if there are any."""
+    return [r for r in records if r.held_out_session] or list(records)
+
+
 def moves_while_judged(records: Sequence[Record], i: int) -> bool:
     """Whether an axis moves in the held-out windows of any record that is judged."""
-    judged = [r for r in records if r.held_out_session] or records
-    paths = [(r, r.encoder[scored_ticks(r), i]) for r in judged if r.moving[i]]
+    paths = [(r, r.encoder[scored_ticks(r), i]) for r in judging(records) if r.moving[i]]
     return any(len(q) > 0 and float(np.ptp(q)) > least_travel(r, i) for r, q in paths)

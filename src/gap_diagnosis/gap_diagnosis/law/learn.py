@@ -12,7 +12,7 @@ from gap_diagnosis.closed_loop.channels import Channel, position_rms
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence.acceptance import SIGMAS
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import scored_ticks
+from gap_diagnosis.input.windows import judging, scored_ticks
 from gap_diagnosis.law.judged import Law, law_of
 from gap_diagnosis.law.search import ABOUT_THE_SAME
 from gap_diagnosis.law.signals import Signals, error_signals, force_signals
@@ -183,11 +183,10 @@ def _gap(
         return now, position_rms({**channels, name: replace(channels[name], after=gaps)}, 'after')
     name = f'encoder.{axis}'
     others = {n: v for n, v in effects.items() if n not in law.instead}
-    scored = [r for r in records if r.held_out_session] or list(records)
     try:
         gaps = [
             replay(r, twin, {**others, law.effect: law.values})[name][scored_ticks(r)]
-            for r in scored
+            for r in judging(records)
         ]
     except StageError:
         return now, float('inf')

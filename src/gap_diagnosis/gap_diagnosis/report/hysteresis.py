@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import judging
 from gap_diagnosis.report.figures import AFTER, BEFORE, scale
 from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array, legend_above, paired, plain, styled
@@ -63,7 +64,7 @@ class Hysteresis:
 
 def hysteresis(diagnosis: Diagnosis) -> list[Hysteresis]:
     """The force and the tracker channels of every axis that turns back."""
-    scored = scored_records(diagnosis)
+    scored = judging(diagnosis.records)
     found = []
     for channel in diagnosis.channels.values():
         kind, _, axis = channel.name.partition('.')
@@ -82,11 +83,6 @@ def hysteresis(diagnosis: Diagnosis) -> list[Hysteresis]:
             middle = np.array([0.5 * (a + b) for a, b in pairwise(edges)])
             found.append(Hysteresis(channel, middle, before, after))
     return found
-
-
-def scored_records(diagnosis: Diagnosis) -> list[Record]:
-    """The records that the channels' windows come from: the held-out ones, or all."""
-    return [r for r in diagnosis.records if r.held_out_session] or list(diagnosis.records)
 
 
 def _motion(record: Record, axis: str, time: Array) -> tuple[Array, Array, Array]:

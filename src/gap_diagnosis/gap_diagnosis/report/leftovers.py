@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import judging
 from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array
 
@@ -35,7 +35,7 @@ class Leftover:
 
 def leftovers(diagnosis: Diagnosis) -> list[Leftover]:
     """Events that stand out of what the corrected twin leaves, of every position channel."""
-    found = []
+    found, scored = [], judging(diagnosis.records)
     counts = {
         f'encoder.{name}': getattr(axis, 'encoder_resolution', 0.0)
         for name, axis in diagnosis.twin.axes.items()
@@ -45,7 +45,7 @@ def leftovers(diagnosis: Diagnosis) -> list[Leftover]:
             continue
         events: list[tuple[float, float, bool]] = []
         for record, time, after in zip(
-            _records(diagnosis, channel), channel.time, channel.after, strict=True
+            scored[-len(channel.time) :], channel.time, channel.after, strict=True
         ):
             reversals = _reversals(record, channel.name[-1])
             for at, size in _events(time, after):
@@ -66,12 +66,6 @@ def leftovers(diagnosis: Diagnosis) -> list[Leftover]:
                 )
             )
     return found
-
-
-def _records(diagnosis: Diagnosis, channel: Channel) -> list[Record]:
-    """The records that a channel's windows come from: the held-out ones, or all."""
-    chosen = [r for r in diagnosis.records if r.held_out_session] or diagnosis.records
-    return chosen[-len(channel.time) :]
 
 
 def _events(time: Array, values: Array) -> list[tuple[float, float]]:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import judging
 from gap_diagnosis.report.figures import AFTER, BEFORE
-from gap_diagnosis.report.hysteresis import scored_records
 from gap_diagnosis.result import Diagnosis
 from stage_core.drawing import Array, canvas, plain, styled
 from stage_core.theme import INK
@@ -34,7 +34,7 @@ class Response:
 
 def responses(diagnosis: Diagnosis) -> list[Response]:
     """Response of the closed loop of each axis, as recorded and by both twins."""
-    scored = scored_records(diagnosis)
+    scored = judging(diagnosis.records)
     found = []
     for name, channel in diagnosis.channels.items():
         kind, _, axis = name.partition('.')
