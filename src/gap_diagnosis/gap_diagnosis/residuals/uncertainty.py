@@ -80,7 +80,8 @@ def _deviations(regression: Regression, fit: Fit, columns: list[_Column]) -> Arr
     inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
     seen = (vectors[:, ~kept] ** 2).sum(axis=1) < SHARED
     variance = _scattered(regression, fit, matrix, inverse)
-    variance += inverse**2 @ (penalty * _roughness(columns))
+    told = 1.0 - penalty * np.diag(inverse)
+    variance += inverse**2 @ (penalty * _roughness(columns, told))
     return np.asarray(np.where(seen, np.sqrt(variance), 0.0) / scale)
 
 
@@ -104,13 +105,14 @@ def _scattered(regression: Regression, fit: Fit, matrix: Array, inverse: Array) 
     return variance
 
 
-def _roughness(columns: list[_Column]) -> Array:
-    """What each coefficient (k,) usually counts as rough.
+def _roughness(columns: list[_Column], told: Array) -> Array:
+    """What each coefficient (k,) usually counts as rough, and how much of each the rows tell.
 
     A curve is about as rough where the rows do not tell it as where they do.
     """
-    counted: dict[str, list[float]] = {}
-    for c in columns:
-        if c.penalty > 0.0:
-            counted.setdefault(c.name, []).append(c.penalty * c.value**2)
-    return np.array([np.mean(counted[c.name]) if c.penalty > 0.0 else 0.0 for c in columns])
+    out = np.zeros(len(columns))
+    for name in {c.name for c in columns}:
+        own = np.array([c.name == name and c.penalty > 0.0 for c in columns])
+        counted = sum(c.penalty * c.value**2 for c in columns if c.name == name)
+        out[own] = counted / max(float(np.sum(told[own])), 1.0)
+    return out

@@ -11,6 +11,10 @@ from numba import njit
 from stage_twin.effects.definition import Parameter
 from stage_twin.effects.term import Array
 
+#: What the mean square curvature of a force counts beside the mean square of what it leaves. Two
+#: bumps that were passed once are predicted to 0.999 with it, and not at all without.
+STIFF = 1e-7
+
 
 @dataclass(frozen=True)
 class Knots:
@@ -39,6 +43,16 @@ class Knots:
         """The first parameters by their names, as many as there are values."""
         names = [*(f'c{k}' for k in range(self.count)), *(p.name for p in self.more)]
         return dict(zip(names, values.tolist(), strict=False))
+
+    def roughness(self, number: int) -> Array:
+        """What the squares of the first parameters count, see `Term.roughness`.
+
+        `STIFF` times the integral of the square of the second derivative, over a travel of 2.
+        """
+        gaps = self.count - 1
+        lengths = np.repeat([2.0 / gaps, 1.0 / gaps], [gaps, 2 * gaps])
+        fine = STIFF * 32.0 / lengths**3
+        return np.concatenate([np.zeros(self.count), fine])[:number]
 
     def units(self, curve: Callable[..., float], places: Array, number: int) -> Array:
         """Curves (number, n) of one unit of each of the first parameters.

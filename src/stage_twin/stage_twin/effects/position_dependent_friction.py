@@ -112,6 +112,7 @@ def _term(rows: ForceRows, numbers: tuple[int, ...]) -> Term:
         lower=(0.0,),
         upper=(longest_presliding(rows),),
         admissible=varies,
+        roughness=KNOTS.roughness(numbers[0]),
         richer=partial(_term, rows, numbers[1:]) if len(numbers) > 1 else None,
     )
 

@@ -111,6 +111,7 @@ class _Curve:
                 5.0 * float(np.ptp(c[: KNOTS.count])) > float(np.max(np.abs(c[: KNOTS.count])))
             ),
             richer=richer,
+            roughness=KNOTS.roughness(len(self.curves)),
         )
 
     def _parameters(self, theta: Theta, c: Array) -> dict[str, float]:

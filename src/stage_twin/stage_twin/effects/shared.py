@@ -46,13 +46,13 @@ def next_order(highest: int) -> int:
 
 
 def roughness(lowest: int, highest: int) -> Array:
-    """What the squares of the factors (k,) of Legendre polynomials count beside the lowest.
+    """What the squares of the factors (k,) of Legendre polynomials count, see `Term.roughness`.
 
     `ROUGH` times the integral of the square of d/ds (1 - s²) df/ds, which makes k (k + 1) Pk of Pk
     (smoothing splines: Wahba, SIAM J. Sci. Stat. Comput. 2, 1981).
     """
     k = np.arange(lowest, highest + 1)
-    return np.asarray(ROUGH * (k * (k + 1.0)) ** 2 * (2.0 * lowest + 1.0) / (2.0 * k + 1.0))
+    return np.asarray(ROUGH * (k * (k + 1.0)) ** 2 / (2.0 * k + 1.0))
 
 
 #: Range of a curve over the travel in that at the places that were visited: 1.00 in 35 sessions

@@ -40,8 +40,8 @@ class Term:
     alone : whether nothing but its explaining all that is no noise speaks for it: a curve that
         other errors could have, and that no second channel shows
     answer : θ -> columns (n, k) that the encoder's noise alone makes, where a resonance lifts it
-    roughness : what the square of each coefficient (k,) counts, in squares of the first column: a
-        curve is smooth where the rows do not tell it; None where they tell all
+    roughness : what the square of each coefficient (k,) counts, in squares of the columns that
+        count nothing: a curve is smooth where the rows do not tell it; None where they tell all
     follows : largest share of an error that goes with the axis' own force that the columns follow
     acting : (θ, coefficients) -> force that acts per force that is asked for; residuals are
         compared in units of the latter, as a drive that gives nothing would leave nothing
@@ -78,7 +78,7 @@ class Term:
         """What the square of each coefficient (k,) counts beside the rows' own squares (n, k)."""
         if self.roughness is None:
             return np.zeros(columns.shape[1])
-        return self.roughness * float(columns[:, 0] @ columns[:, 0])
+        return self.roughness * float(np.sum(columns[:, self.roughness == 0.0] ** 2))
 
     def share(self, theta: Theta, coefficients: Array) -> Array:
         """What the effect explains of the target (n,): all of it, less what the twin has."""
