@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def solve(matrix: Array, target: Array, penalty: Array | float = 0.0) -> Array:
+def solve(matrix: Array, target: Array) -> Array:
     """Least squares through scaled normal equations, a tiny ridge against exact collinearity."""
-    return solve_gram(matrix.T @ matrix, matrix.T @ target, penalty)
+    return solve_gram(matrix.T @ matrix, matrix.T @ target)
 
 
 def solve_gram(gram: Array, right: Array, penalty: Array | float = 0.0) -> Array:

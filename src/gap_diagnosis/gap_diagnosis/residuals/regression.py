@@ -105,8 +105,10 @@ class Regression:
         if not free:
             return Fit(dict(thetas), coefficients, target, target)
         matrix = np.hstack([part for _, part in free])
-        rows, penalty = self.fit_rows, self._penalty(free)
-        solution = solve(matrix[rows], target[rows], penalty)
+        fitted = matrix[self.fit_rows]
+        gram, right = fitted.T @ fitted, fitted.T @ target[self.fit_rows]
+        penalty = self._penalty(free, np.diag(gram))
+        solution = solve_gram(gram, right, penalty)
         at = 0
         for name, part in free:
             coefficients[name] = solution[at : at + part.shape[1]]
@@ -126,10 +128,11 @@ class Regression:
         lost = sum(1.0 - terms[n].acting(t, coefficients[n]) for n, t in thetas.items())
         return max(1.0 - lost, 1e-3)
 
-    def _penalty(self, parts: list[tuple[str, Array]]) -> Array:
-        """What the squares of the coefficients (k,) of columns (n, k) count."""
-        terms, rows = self.problem.terms, self.fit_rows
-        return np.concatenate([terms[name].penalty(part[rows]) for name, part in parts])
+    def _penalty(self, parts: list[tuple[str, Array]], squares: Array) -> Array:
+        """What the squares of the coefficients (k,) of columns with such squares (k,) count."""
+        ends = np.cumsum([part.shape[1] for _, part in parts])[:-1]
+        own = zip(parts, np.split(squares, ends), strict=True)
+        return np.concatenate([self.problem.terms[name].penalty(s) for (name, _), s in own])
 
     def _crossed(self, matrix: Array, target: Array, residual: Array, penalty: Array) -> Array:
         """Residual in which each fit row is judged by coefficients of the other folds.

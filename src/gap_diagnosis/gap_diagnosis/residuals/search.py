@@ -73,7 +73,7 @@ class Search:
             return target
         gram = np.block([[self._product(a, b) for b in free] for a in free])
         right = np.concatenate([self._own(*one).T @ target for one in free])
-        penalty = [self._terms[one[0]].penalty(self._own(*one)) for one in free]
+        penalty = [self._terms[one[0]].penalty(np.diag(self._product(one, one))) for one in free]
         solution, at = solve_gram(gram, right, np.concatenate(penalty)), 0
         for one in free:
             own = self._own(*one)

@@ -61,7 +61,7 @@ class Grid:
                 freed = self.columns[:, point] - taken @ share
                 gram, along = freed.T @ freed, residual @ freed
             # Of a fixed one ||r||² - ||r - c||², r being free of the set's columns already.
-            penalty = term.penalty(self.columns[:, point])
+            penalty = term.penalty(np.diag(whole))
             solutions.append(np.ones(1) if term.fixed else solve_gram(gram, along, penalty))
             most = 2.0 * along[0] - gram[0, 0] if term.fixed else along @ solutions[-1]
             explained.append(float(most))

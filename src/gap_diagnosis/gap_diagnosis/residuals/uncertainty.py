@@ -62,7 +62,7 @@ def _columns(regression: Regression, fit: Fit, name: str, held: bool) -> list[_C
         change = (regression.columns(name, tuple(moved))[rows] - own) @ coefficients
         out.append(_Column(name, False, change / (moved[i] - theta[i])))
     if not term.fixed:
-        counts = term.penalty(own).tolist()
+        counts = term.penalty(np.sum(own**2, axis=0)).tolist()
         values = coefficients.tolist()
         out += [_Column(name, True, *one) for one in zip(own.T, counts, values, strict=True)]
     return out

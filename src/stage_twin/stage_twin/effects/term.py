@@ -74,11 +74,11 @@ class Term:
         """The next richer shape, the same one each time; None of the richest."""
         return None if self.richer is None else self.richer()
 
-    def penalty(self, columns: Array) -> Array:
-        """What the square of each coefficient (k,) counts beside the rows' own squares (n, k)."""
+    def penalty(self, squares: Array) -> Array:
+        """What the square of each coefficient (k,) counts beside its column's squares (k,)."""
         if self.roughness is None:
-            return np.zeros(columns.shape[1])
-        return self.roughness * float(np.sum(columns[:, self.roughness == 0.0] ** 2))
+            return np.zeros(len(squares))
+        return self.roughness * float(np.sum(squares[self.roughness == 0.0]))
 
     def share(self, theta: Theta, coefficients: Array) -> Array:
         """What the effect explains of the target (n,): all of it, less what the twin has."""
