@@ -28,6 +28,15 @@ from ..patience import PATIENCE
 
 #: Rows of a stage at rest are this near to each other [m]; the noise of the tracker is 1 µm.
 STANDS = 2e-5
+#: Lines that a node's part of a failure has, at the end of its output.
+TOLD = 6
+
+
+class NodeEnded(Exception):
+    """A node has ended by itself.
+
+    No failure of an assertion: tests that try again what a busy machine upset must not go on.
+    """
 
 
 class Nodes(Processes):
@@ -38,15 +47,19 @@ class Nodes(Processes):
         self.commands = {command.name: command for command in commands}
         #: Cleared where the graph no longer answers, so that the next test need not wait.
         self.usable = True
+        self._killed: set[str] = set()
 
     def run(self, *names: str) -> None:
         """Start nodes, all of them if none is named."""
         for name in names or tuple(self.commands):
+            self._killed.discard(name)
             self.start(self.commands[name])
 
     def signal(self, name: str, number: int) -> None:
         """Send a signal; SIGKILL waits until the process is gone."""
         process = self.running[name]
+        if number == signal.SIGKILL:
+            self._killed.add(name)
         process.send_signal(number)
         if number == signal.SIGKILL:
             process.wait()
@@ -59,6 +72,30 @@ class Nodes(Processes):
         """Everything a node has printed."""
         return (self.log_folder / f'{name}.log').read_text(errors='replace')
 
+    def told(self) -> str:
+        """The last lines of every node's output."""
+        return '\n'.join(f'--- {name}:\n{self._last_lines(name)}' for name in self.running)
+
+    def _last_lines(self, name: str) -> str:
+        lines = [line for line in self.log(name).splitlines() if line.strip()]
+        return '\n'.join(lines[-TOLD:]) or 'no output'
+
+    def alive(self) -> None:
+        """Check that no node has ended but those that a test killed.
+
+        Raises
+        ------
+        NodeEnded
+            With exit status and last lines of each that has.
+        """
+        ended = [
+            f'{name} ended with status {process.returncode}:\n{self._last_lines(name)}'
+            for name, process in self.running.items()
+            if name not in self._killed and process.poll() is not None
+        ]
+        if ended:
+            raise NodeEnded('\n'.join(ended))
+
     def dead(self) -> list[str]:
         """Names of the processes that have ended."""
         return [name for name, process in self.running.items() if process.poll() is not None]
@@ -67,10 +104,12 @@ class Nodes(Processes):
 class Watch:
     """A client of the graph that keeps what the stage did, by stamp.
 
-    `lean` keeps the encoder only: four more topics at 1 kHz are a load of their own.
+    `lean` keeps the encoder only: four more topics at 1 kHz are a load of their own. Waiting for
+    what `nodes` do ends where one of them has ended.
     """
 
-    def __init__(self, lockstep: bool, lean: bool = False) -> None:
+    def __init__(self, lockstep: bool, lean: bool = False, nodes: Nodes | None = None) -> None:
+        self._nodes = nodes
         self.client = GraphClient('reliability', use_sim_time=lockstep)
         self.states: dict[str, tuple[bytes, str, dict[str, str], float]] = {}
         #: Rows (stamp [ns], x, y): encoder [m], tracker [m], velocity command [m/s], set-points.
@@ -146,12 +185,27 @@ class Watch:
         return self.states.get(status, (b'', '', {}, 0.0))[2].get(key, '')
 
     def wait(self, condition: Callable[[], bool], what: str, timeout: float = PATIENCE) -> None:
-        """Wait for a condition; the failure tells every status."""
+        """Wait for a condition; the failure tells every status and each node's last lines."""
+
+        def holds() -> bool:
+            # Asked first: what a node did before its end may be what is waited for.
+            if condition():
+                return True
+            self._alive()
+            return False
+
         try:
-            self.client.wait_for(condition, timeout, what, poll=0.01)
+            self.client.wait_for(holds, timeout, what, poll=0.01)
         except StageError as error:
-            known = {name: state[1] for name, state in self.states.items()}
-            raise AssertionError(f'{error}; statuses: {known}') from error
+            raise AssertionError(f'{error}; {self._known()}') from error
+
+    def _alive(self) -> None:
+        if self._nodes is not None:
+            self._nodes.alive()
+
+    def _known(self) -> str:
+        known = {name: state[1:3] for name, state in self.states.items()}
+        return f'statuses: {known}\n{self._nodes.told() if self._nodes is not None else ""}'
 
     def move(self, x: float, y: float) -> None:
         """Publish a position set-point [m]."""
@@ -183,12 +237,13 @@ class Watch:
     def home(self) -> None:
         """Reset what is latched, enable, home; the failure tells every status."""
         try:
+            self.client.wait_for_service('/stage_driver/reset_fault', PATIENCE, self._alive)
             self.client.trigger('/stage_driver/reset_fault', PATIENCE)
             self.client.set_bool('/stage_driver/enable', True, PATIENCE)
             self.client.trigger('/stage_driver/home', PATIENCE)
         except StageError as error:
-            known = {name: state[1:3] for name, state in self.states.items()}
-            raise AssertionError(f'{error}; statuses: {known}') from error
+            self._alive()
+            raise AssertionError(f'{error}; {self._known()}') from error
 
     def silent(
         self, rows: deque, seconds: float = 0.5, also: Callable[[], bool] = lambda: True
@@ -242,7 +297,7 @@ def running(
     watch = None
     try:
         nodes.run()
-        watch = Watch(options.clock == 'lockstep', lean)
+        watch = Watch(options.clock == 'lockstep', lean, nodes)
         yield nodes, watch
     finally:
         if watch is not None:

@@ -1,10 +1,13 @@
-"""Processes of the graph: an interrupt is heard whenever it comes."""
+"""Processes of the graph: an interrupt is heard whenever it comes; ports are their own."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 from pathlib import Path
+from socket import SOCK_DGRAM, SOCK_STREAM
+
+from stage_bringup.graph import free_port
 
 #: Sends itself Ctrl-C in the middle of the fork of a node, which sleeps; a second thread, like
 #: those of DDS, would take the signal from a first one that blocks it.
@@ -34,3 +37,11 @@ def test_ctrl_c_while_a_node_is_started_is_heard(tmp_path: Path) -> None:
     )
     # The node is known, and ends at SIGTERM as any other.
     assert done.stdout == 'heard 1 []\n', done.stderr
+
+
+def test_a_free_port_is_none_of_those_that_dds_gives_to_nodes() -> None:
+    # Participant p of domain d listens at 7400 + 250 d + 10 + 2 p and at the port after it.
+    first = [7400 + 250 * d + 10 + 2 * p for d in range(233) for p in range(40)]
+    theirs = {*first, *(port + 1 for port in first)}
+    drawn = {free_port(kind) for kind in (SOCK_DGRAM, SOCK_STREAM) for _ in range(300)}
+    assert len(drawn) > 300 and not drawn & theirs

@@ -13,6 +13,9 @@ from typing import Any
 from stage_bringup.processes import NodeCommand
 from stage_core.errors import StageError
 
+#: UDP ports of ROS 2 domain d begin at DDS_PORTS + d DDS_DOMAIN, two for each participant from the
+#: eleventh on; a graph on one machine finds no more than 32 participants.
+DDS_PORTS, DDS_DOMAIN, DDS_TAKES = 7400, 250, 110
 #: What `control` holds in one process.
 CONTROL = ('stage_driver', 'contour_ctrl')
 
@@ -80,6 +83,8 @@ def config_folder() -> Path:
 def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
     """A port of the loopback interface that nobody uses now, below the ephemeral range.
 
+    It is none that DDS gives to a node that starts later, in any domain.
+
     Raises
     ------
     StageError
@@ -89,6 +94,8 @@ def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
     draw = random.SystemRandom()
     for _ in range(200):
         port = draw.randrange(20000, 32000)
+        if (port - DDS_PORTS) % DDS_DOMAIN < DDS_TAKES:
+            continue
         with socket.socket(socket.AF_INET, kind) as probe:
             try:
                 probe.bind(('127.0.0.1', port))
