@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from benchmarks.experiment.machine import session
-from gap_diagnosis.diagnose import diagnose
-from gap_diagnosis.result import Diagnosis
 from stage_core.session import Session
 from stage_core.twin_file import TrackerSpec, TwinFile
 
@@ -56,12 +54,3 @@ def nominal(axes: tuple[str, ...] = ('x',)) -> TwinFile:
 def planted() -> Callable[..., Session]:
     """Maker of sessions with planted effects."""
     return make_session
-
-
-@pytest.fixture(scope='session')
-def open_question(planted: Callable[..., Session]) -> Diagnosis:
-    """A diagnosis after which something remains: play that the library does not know."""
-    session = planted({'backlash.x': {'width': 20e-6}}, axes=('x', 'y'), duration=12.0)
-    found = diagnose([session], [], TwinFile.nominal_servo(), without=['backlash'])
-    assert 'unknown' in found.verdict
-    return found

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from contour_ctrl.contour_parameters import PARAMETERS, make_timed
-from gap_diagnosis.evidence.judgement import name_beside_unknown
 from gap_diagnosis.experiment import library, motions
 from gap_diagnosis.experiment.design import Experiment, design
 from gap_diagnosis.experiment.library import Library, left_open
@@ -24,7 +23,6 @@ from gap_diagnosis.experiment.separation import Predicted, decided, margin, squa
 from gap_diagnosis.report import experiment as file
 from gap_diagnosis.result import Diagnosis
 from stage_core.errors import StageError
-from stage_core.pages import Page
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of
 
@@ -215,13 +213,3 @@ def test_the_contour_controller_takes_the_motion(experiment: Experiment, tmp_pat
     path.write_text('t,x\n0,1\n')
     with pytest.raises(StageError, match='no timed motion'):
         make_timed(values.__getitem__)
-
-
-def test_what_no_run_can_confirm_stands_beside_unknown(open_question: Diagnosis) -> None:
-    causes = [replace(c) for c in open_question.causes]
-    name_beside_unknown(causes, [], ['drive_play.x', 'coulomb_friction.y'])
-    beside = {c.effect: c.alternatives for c in causes if c.status == 'accepted'}
-    assert beside['unknown'] == ['drive_play.x']
-    page = Page('test')
-    file.section(page, replace(open_question, causes=causes))
-    assert 'drive_play.x would explain the force' in page.render()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +12,7 @@ from gap_diagnosis.law.judged import Law, law_of
 from gap_diagnosis.law.learn import Remainder, best, firm
 from gap_diagnosis.law.search import sound
 from gap_diagnosis.law.signals import Signals
-from gap_diagnosis.report import document, page
-from gap_diagnosis.residuals.nominal import Prediction
 from gap_diagnosis.residuals.problem import Problem
-from gap_diagnosis.result import Diagnosis
 from stage_twin.effects.friction import DRY, presliding_state
 
 PERIOD = 5e-3
@@ -131,28 +127,3 @@ def test_units_of_coefficients() -> None:
     assert per('m', ['m', 'K']) == '1/K'
     assert per('N', ['m/s^2']) == 'N·s²/m'
     assert per('N', []) == 'N'
-
-
-def test_an_open_question_gets_a_law_beside_unknown(open_question: Diagnosis, tmp_path) -> None:
-    """Play that the library does not know goes with the direction of the motion."""
-    (law,) = (one for one in open_question.laws if one.channel == 'error.x')
-    assert law.range.keys() == {'s'} and law.interval[0] > 0.8
-    assert law.parameters['a1'][0] == pytest.approx(-10e-6, rel=0.05)
-    assert law.parameters['reach1'][0] == pytest.approx(20e-6, rel=0.1)
-    assert open_question.verdict == ['unknown']
-    assert open_question.after == law.gap[0] > 5.0 * law.gap[1] / 2.0
-    content = json.loads(document.write(open_question, tmp_path).read_text('utf-8'))
-    assert content['law'][0]['expression'] == law.expression
-    assert content['law'][0]['shrink_ci95'] == pytest.approx(law.interval)
-    assert f'error of x = {law.expression}' in page.render(open_question)
-    _twin_runs(open_question, law.after)
-
-
-def _twin_runs(found: Diagnosis, after: float) -> None:
-    """The corrected twin leaves of the held-out points what the law was said to leave."""
-    record = found.records[0]
-    own = Prediction(record, found.corrected_twin).table()[:, 0]
-    part = next(p for p in found.parts if p.name == 'tracker')
-    rows = part.row_axis == 0
-    left = (part.problem.gap[rows] - own)[part.problem.held_out[rows]]
-    assert np.sqrt(np.mean(left**2)) == pytest.approx(after, rel=0.02)
