@@ -8,14 +8,16 @@ is not. The wave of the table shows in the tracker alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.closed_loop.polish import polish
+from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.reading_wave import MISREADS
+from gap_diagnosis.input.windows import judging, scored_ticks
 from gap_diagnosis.parameters import Parameters, plain_values
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -31,7 +33,7 @@ TABLE = 'cyclic_pitch_error'
 
 
 def misread(
-    records: list[Record],
+    records: Sequence[Record],
     twin: TwinFile,
     parameters: Parameters,
     channels: Mapping[str, Channel],
@@ -60,10 +62,11 @@ def misread(
         read = {f'{MISREADS}.{axis}': {k: (v, 0.0) for k, v in wave.items()}}
         rest = {n: v for n, v in parameters.items() if n != name}
         forces = {n: v for n, v in rest.items() if link_of(n) == 'servo' and n[-1] == axis}
-        loop = AxisLoop(records, twin, axis, read)
-        refitted = loop.refined(forces) if forces else {}
+        refitted = polish(list(records), twin, axis, forces, read) if forces else {}
+        other = plain_values({**rest, **refitted, **read})
+        gaps = [replay(r, twin, other)[encoder.name][scored_ticks(r)] for r in judging(records)]
         floor = floors[encoder.name] ** 2
-        left = loop.gap(plain_values({**rest, **refitted, **read})) ** 2 - floor
+        left = float(np.mean(np.concatenate(gaps) ** 2)) - floor
         if left < (1.0 - CLOSES) * (encoder.rms('after') ** 2 - floor):
             return name
     return None
