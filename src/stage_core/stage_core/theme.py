@@ -89,8 +89,8 @@ def laid_out(figure: Any) -> Iterator[None]:
 
     To lay it out takes as long as to draw it, and is done at each use otherwise.
     """
-    figure.draw_without_rendering()
     engine = figure.get_layout_engine()
+    engine.execute(figure)
     figure.set_layout_engine('none')
     yield
     figure.set_layout_engine(engine)
