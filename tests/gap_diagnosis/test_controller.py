@@ -167,6 +167,20 @@ def test_an_effort_that_is_no_force_in_newtons_is_said_and_mended(
     assert result.parameters['coulomb_friction.x']['coulomb'][0] == pytest.approx(15.0, rel=0.05)
 
 
+def test_an_effort_without_sign_is_told_although_noise_takes_it_below_zero(
+    planted: Maker,
+) -> None:
+    convention = {'effort_convention.x': {'factor': 1.0, 'magnitude': 1.0}}
+    made = planted(convention, duration=10.0)
+    old = made.series[topics.COMMAND]
+    noise = np.random.default_rng(4).normal(0.0, 0.02, len(old))
+    effort = old.values['effort.x'] + noise
+    assert effort.min() < 0.0
+    noisy = Series(topics.COMMAND, old.stamps, {**old.values, 'effort.x': effort})
+    result = found(replace(made, series={**made.series, topics.COMMAND: noisy}), {})
+    assert result.verdict == ['effort_convention.x']
+
+
 def test_the_signs_of_magnitudes_are_those_whose_increments_follow_the_law() -> None:
     force = 3.0 * np.sin(np.arange(1.0, 60.0))
     np.testing.assert_array_equal(_path(np.abs(force), np.diff(force)), np.sign(force))
