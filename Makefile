@@ -41,7 +41,8 @@ check: venv
 lint: venv
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	.venv/bin/mypy $(patsubst %/__init__.py,%,$(wildcard src/*/*/__init__.py))
+	.venv/bin/mypy $(patsubst %/__init__.py,%,$(wildcard src/*/*/__init__.py)) \
+		benchmarks/*/*.py benchmarks/*.py tools/*.py
 
 bench: venv
 	@PATH="$(CURDIR)/.venv/bin:$$PATH" bash benchmarks/run.sh

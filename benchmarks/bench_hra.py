@@ -53,10 +53,12 @@ def main() -> None:
         nodes = parameter_nodes(BASIS.domain, size, 'interior')
         values = generator.uniform(size=(size, 2))
 
-        def plain(nodes=nodes, values=values, size=size):
+        def plain(
+            nodes: np.ndarray = nodes, values: np.ndarray = values, size: int = size
+        ) -> np.ndarray:
             return np.linalg.solve(collocation_matrix(BASIS, nodes, size - 1), values)
 
-        def accurate(nodes=nodes, values=values):
+        def accurate(nodes: np.ndarray = nodes, values: np.ndarray = values) -> np.ndarray:
             return solve(factorise(BASIS, nodes), values)
 
         true = exact.solve(exact.collocation(BASIS, nodes, size - 1), values)
@@ -73,14 +75,18 @@ def main() -> None:
         nodes = parameter_nodes(BASIS.domain, rows, 'interior')
         values = generator.uniform(size=(rows, 2))
 
-        def plain(nodes=nodes, values=values, columns=columns):
+        def plain_fit(
+            nodes: np.ndarray = nodes, values: np.ndarray = values, columns: int = columns
+        ) -> np.ndarray:
             matrix = collocation_matrix(BASIS, nodes, columns - 1)
             return np.linalg.lstsq(matrix, values, rcond=None)[0]
 
-        def accurate(nodes=nodes, values=values, columns=columns):
+        def accurate_fit(
+            nodes: np.ndarray = nodes, values: np.ndarray = values, columns: int = columns
+        ) -> tuple[np.ndarray, np.ndarray]:
             return least_squares(factorise(BASIS, nodes, columns - 1), values)
 
-        first, second = best_time(plain), best_time(accurate)
+        first, second = best_time(plain_fit), best_time(accurate_fit)
         print(
             f'{rows:4d} x {columns:2d}       {first * 1e6:8.0f} µs          '
             f'{second * 1e6:8.0f} µs  {second / first:15.2f}'

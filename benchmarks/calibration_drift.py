@@ -57,7 +57,7 @@ def session(places: np.ndarray, size: float, kind: str, generator: np.random.Gen
     direction = approach_direction(np.vstack([[-0.04, -0.04], places]))[1:]
     error = size * screw(places, direction) + drift(kind, generator, count)
     error += generator.normal(0.0, NOISE, places.shape)
-    times, none = 3.0 * np.arange(count), np.empty((count, 0))
+    times, none = 3.0 * np.arange(count, dtype=float), np.empty((count, 0))
     axes = ('x', 'y')
     return Samples(places, places + error, direction, none, times, (), axes, 0.0, True)
 

@@ -18,9 +18,11 @@ import numpy as np
 
 from calibrator.compare import compare, table
 from calibrator.models import make_model
+from calibrator.models.structured import Structured
 from calibrator.phase_table import PhaseTable
 from calibrator.prepare import approach_direction
 from calibrator.samples import Samples
+from calibrator.training import Training
 from session_bags.measured import data_folder
 from stage_core.errors import command_line
 
@@ -116,9 +118,10 @@ def ess_tank(folder: Path) -> None:
     results = compare(samples, METHODS.split())
     print(table(results))
     structured = results['structured']
-    if hasattr(structured, 'model'):
-        print(f'period {np.degrees(structured.model.state["leads"][0]):.2f} deg; widest terms:')
-        rows = sorted(structured.model.parameters(), key=lambda r: -abs(r['value']))[:6]
+    if isinstance(structured, Training) and isinstance(structured.model, Structured):
+        model = structured.model
+        print(f'period {np.degrees(model.state["leads"][0]):.2f} deg; widest terms:')
+        rows = sorted(model.parameters(), key=lambda r: -abs(r['value']))[:6]
         for row in rows:
             print(f'  {row["name"]:16s} {1e6 * row["value"]:9.2f} ± {1e6 * row["std"]:.2f} µrad')
 

@@ -10,9 +10,9 @@ import numpy as np
 from contour_ctrl import contour_error, curves, nurbs, reference
 from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.path import PathTable
-from hra_curves.arc_length import ArcLength
+from hra_curves.arc_length import ArcLength, Curve
 
-CURVES = {
+CURVES: dict[str, Curve] = {
     'circle 20 mm': curves.circle(0.02),
     'square, corners 5 mm': curves.square(0.04, 0.005),
     'star, corners 2 mm': curves.star(0.03, 0.015, 0.002),

@@ -57,7 +57,8 @@ def main() -> int:
     q, temperatures, x = make_robot(samples)
     clock = np.arange(samples) * PERIOD
     derivatives = np.stack([derivatives_at(clock, sensor, clock) for sensor in temperatures.T], 2)
-    terms = thermal_terms(q, temperatures, *derivatives, temperatures.mean(axis=0))
+    first, second = derivatives
+    terms = thermal_terms(q, temperatures, first, second, temperatures.mean(axis=0))
     order = np.random.default_rng(1).permutation(samples)
     count = int(0.7 * samples)
     splits = {

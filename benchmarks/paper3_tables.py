@@ -41,6 +41,11 @@ def row(name: str, runs: Runs, seeds: int) -> np.ndarray:
     return np.asarray(values)
 
 
+def final(gains: Gains, settings: LearningSettings | None) -> Runs:
+    """The figures of the last iteration of a seed's machine."""
+    return lambda seed: rig.learn(seed, gains, settings)[0][-1]
+
+
 def header(title: str) -> None:
     """Print the head of a table."""
     print(f'\n{title}\n')
@@ -73,21 +78,17 @@ def ratios(name: str, first: np.ndarray, last: np.ndarray) -> None:
 def tables(title: str, gains: Gains, tuned: rig.Tuned, seeds: int) -> None:
     """Schemes 1 to 3 with one velocity feed-forward."""
     header(title)
-
-    def last(settings: LearningSettings | None) -> Runs:
-        return lambda seed: rig.learn(seed, gains, settings)[0][-1]
-
     ours, printed = rig.designed(tuned), rig.printed(tuned)
     first = row('1, first lap', lambda seed: rig.learn(seed, gains, None, 1)[0][0], seeds)
-    settled = row('1, lap 30', last(None), seeds)
-    row('2, iteration 30', last(replace(ours, reinforced=False)), seeds)
-    third = row('3, iteration 30', last(ours), seeds)
+    settled = row('1, lap 30', final(gains, None), seeds)
+    row('2, iteration 30', final(gains, replace(ours, reinforced=False)), seeds)
+    third = row('3, iteration 30', final(gains, ours), seeds)
     fixed = replace(printed, reinforced=False)
     row('2 as printed, best iteration', lambda seed: best(rig.learn(seed, gains, fixed)[0]), seeds)
-    row('2 as printed, iteration 30', last(fixed), seeds)
-    plain = row('3 as printed, iteration 30', last(printed), seeds)
+    row('2 as printed, iteration 30', final(gains, fixed), seeds)
+    plain = row('3 as printed, iteration 30', final(gains, printed), seeds)
     half = replace(fixed, gain=(0.5 * printed.gain[0], 0.5 * printed.gain[1]))
-    row('2 as printed with half the rate', last(half), seeds)
+    row('2 as printed with half the rate', final(gains, half), seeds)
     print()
     ratios('3 against 1 (first lap)', first, third)
     ratios('3 against 1 (lap 30)', settled, third)
@@ -176,14 +177,10 @@ def readings(tuned: rig.Tuned, seeds: int) -> None:
     }
     for name, settings in cmacs.items():
         gains = replace(tuned.scheme_1, cmac=settings)
-        row(name, lambda s, g=gains: rig.learn(s, g, None)[0][-1], seeds)
+        row(name, final(gains, None), seeds)
     for reading in ('literal', 'recommended'):
-        settings = replace(rig.printed(tuned), reading=reading)
-        row(
-            f'regulator {reading}',
-            lambda s, c=settings: rig.learn(s, tuned.scheme_1, c)[0][-1],
-            seeds,
-        )
+        learning = replace(rig.printed(tuned), reading=reading)
+        row(f'regulator {reading}', final(tuned.scheme_1, learning), seeds)
 
 
 def settings() -> None:

@@ -10,6 +10,7 @@ their sources.
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import sys
 import textwrap
@@ -255,6 +256,10 @@ def _orders(found: Mapping[str, Any]) -> list[str]:
     return []
 
 
+def _fresh(name: str) -> dict[str, Any]:
+    return diagnosed(ROWS[name], data_folder())
+
+
 @command_line
 def main(arguments: Sequence[str] | None = None) -> int:
     """Diagnose the rows that are not there yet, and write the page.
@@ -272,7 +277,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parsed.out.mkdir(parents=True, exist_ok=True)
     for name in parsed.only:
         print(name, file=sys.stderr, flush=True)
-        kept(parsed.out / f'{name}.json', lambda n=name: diagnosed(ROWS[n], data_folder()))
+        kept(parsed.out / f'{name}.json', functools.partial(_fresh, name))
     files = {n: parsed.out / f'{n}.json' for n in ROWS}
     rows = {n: json.loads(p.read_text(encoding='utf-8')) for n, p in files.items() if p.exists()}
     parsed.page.write_text(page(rows) + '\n', encoding='utf-8')

@@ -48,23 +48,23 @@ def nodes(priority: bool, together: bool, lockstep: bool) -> list[NodeCommand]:
     """Twin, driver and controller; the last two in one process where they are `together`."""
     port = free_port(socket.SOCK_DGRAM)
     # Who is waited for goes first: the plant, then the driver, then the controller.
-    plant, driver, controller = (
-        {'thread_priority': value if priority else 0} for value in (45, 40, 35)
-    )
-    plant |= {
+    first, second, third = (45, 40, 35) if priority else (0, 0, 0)
+    plant = {
+        'thread_priority': first,
         'twin': config_folder() / 'twin_reality.yaml',
         'clock': 'lockstep' if lockstep else 'realtime',
         'drive_port': port,
         'tracker_protocol': 'none',
     }
     timed = {'use_sim_time': True} if lockstep else {}
+    driver = {'drive_port': port, 'thread_priority': second, **timed}
     found = [
         NodeCommand('stage_twin', 'stage_twin.node', plant),
-        NodeCommand('stage_driver', 'stage_driver.node', {'drive_port': port, **driver, **timed}),
+        NodeCommand('stage_driver', 'stage_driver.node', driver),
         NodeCommand(
             'contour_ctrl',
             'contour_ctrl.node',
-            {'iterations': 3, **controller, **timed},
+            {'iterations': 3, 'thread_priority': third, **timed},
             (config_folder() / 'contour_ctrl.yaml',),
         ),
     ]

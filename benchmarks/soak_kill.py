@@ -106,7 +106,7 @@ def main() -> int:
     failures: list[str] = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        running(Options(out=Path(folder) / 'out'), **SHORT) as (nodes, watch),
+        running(Options(out=Path(folder) / 'out'), lean=False, **SHORT) as (nodes, watch),
     ):
         watch.wait(lambda: watch.value('stage_driver: state', 'connected') == 'True', 'the drive')
         arrive(watch, 0.01, 0.01)

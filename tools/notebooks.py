@@ -37,11 +37,13 @@ def cells(source: str) -> Iterator[tuple[str, str]]:
 def run_cell(code: str, names: dict[str, Any]) -> tuple[str, Any]:
     """Run a cell; what it prints, and the value of its last line."""
     tree = ast.parse(code)
-    last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
+    last = tree.body[-1] if tree.body else None
     value = None
+    if isinstance(last, ast.Expr):
+        tree.body.pop()
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         exec(compile(tree, '<cell>', 'exec'), names)
-        if last is not None:
+        if isinstance(last, ast.Expr):
             value = eval(compile(ast.Expression(last.value), '<cell>', 'eval'), names)
     return printed.getvalue().rstrip(), value
 

@@ -103,7 +103,7 @@ def record(
         runs.append((reference, velocity, *out))
     stack = [np.column_stack([run[j] for run in runs]) for j in range(7)]
     reference, velocity, motor, encoder, filtered, command, force = stack
-    t = np.arange(len(reference)) * period
+    t = np.arange(len(reference), dtype=float) * period
     temperature_time = np.arange(0.0, duration, 1.0)
     warm = [float(generator.uniform(2.0, 9.0)) for _ in axes]
     lag = [float(generator.uniform(0.3, 1.0)) * duration for _ in axes]
@@ -194,9 +194,9 @@ def _table(
             elif effect == 'hidden_vibration':
                 table[:, i] += value['size'] * np.sin(2.0 * np.pi * value['frequency'] * t)
     if 'nonorthogonality' in truth:
-        angle = truth['nonorthogonality']['angle']
-        table[:, 0] -= math.sin(angle) * motor[:, 1]
-        table[:, 1] -= (1.0 - math.cos(angle)) * motor[:, 1]
+        skew = truth['nonorthogonality']['angle']
+        table[:, 0] -= math.sin(skew) * motor[:, 1]
+        table[:, 1] -= (1.0 - math.cos(skew)) * motor[:, 1]
     if 'hidden_twist' in truth:
         size = truth['hidden_twist']['size']
         table[:, 0] += size * np.sin(motor[:, 0] / 0.006) * np.sin(motor[:, 1] / 0.007)

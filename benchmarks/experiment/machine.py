@@ -67,7 +67,7 @@ def draw(seed: int) -> Case:
 def poor_motion(case: Case) -> Array:
     """Reference (n, 2) [m] of the first session: little of what would tell effects apart."""
     generator = np.random.default_rng(1000 + case.seed)
-    t = np.arange(round(DURATION / PERIOD)) * PERIOD
+    t = np.arange(round(DURATION / PERIOD), dtype=float) * PERIOD
     if case.motion == 'one_way':
         steps = [_strokes(t, generator, 0.004, forth=True) for _ in AXES]
     elif case.motion == 'one_speed':

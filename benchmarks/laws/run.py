@@ -99,7 +99,7 @@ def simulated(
     period = NOMINAL_TWIN.control_period
     paths = [moves(generator, DURATION, period) for _ in 'xy']
     reference, velocity = (np.column_stack([p[i] for p in paths]) for i in (0, 1))
-    time = np.arange(len(reference)) * period
+    time = np.arange(len(reference), dtype=float) * period
     warm = 20.0 + np.outer(1.0 - np.exp(-time / 15.0), generator.uniform(2.0, 6.0, 2))
     made = simulate(
         NOMINAL_TWIN.with_effects(effects), reference, velocity, temperatures=warm, seed=seed

@@ -70,7 +70,7 @@ class ServoAxes:
         self._expected[:] = 0.0
         self._predicted[:] = self.encoder
 
-    def measure(self, positions: Sequence[float], ticks: int = 1) -> None:
+    def measure(self, positions: Sequence[float] | NDArray[np.float64], ticks: int = 1) -> None:
         """Take the encoder's positions q_k [m], `ticks` after those before."""
         self.encoder[:] = positions
         servo_loop.estimate_velocity(self.encoder, self._memory, self._gains, ticks * self.period)
