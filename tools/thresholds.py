@@ -27,7 +27,7 @@ from gap_diagnosis.selection import (
 from stage_core import clocks
 from stage_driver import servo_clocks
 from stage_twin import loops, machine
-from stage_twin.effects import knots, shared
+from stage_twin.effects import knots, shared, straightness
 from stage_twin.emulators import drive
 
 MODULES = {
@@ -36,8 +36,8 @@ MODULES = {
                    forward, grid, held_out, imitations, judged, kinematics, knots, lacking,
                    library, loops, machine, misread, motions, online, outliers, pairs, passes,
                    polish, prepare, propose, scene, search, selection, separation, servo_clocks,
-                   servo_part, shape, shared, slow_rows, swing, swinging, temperatures, thermal,
-                   training, unrecorded, windows)
+                   servo_part, shape, shared, slow_rows, straightness, swing, swinging,
+                   temperatures, thermal, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -101,6 +101,7 @@ what is left above the noise and an effect that was lacking explains, from | {fo
 gap that an effect explains which is impossible alone, and a pair, from | {pairs.NEARLY_ALL:.0%}
 loop's gap that a refinement leaves where the balance was wrong, at most | {polish.MUCH_BETTER:.0%}
 mean square curvature of a guide, beside that of what it leaves | {shared.ROUGH:g} times
+the same for the slope of a reference line | {straightness.LINE:g} times
 the same for a force or a friction along the travel | {knots.STIFF:g} times
 noise that a balance may lose by the tracker's shape, at most | {shape.LOST:.0%}
 what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}

@@ -71,6 +71,17 @@ def test_they_predict_places_that_no_row_of_a_fit_was_at(
     assert rough.mean_square(problem) > 10.0 * smooth.mean_square(problem)
 
 
+def test_a_knot_that_no_row_was_near_takes_no_deviation_from_the_others() -> None:
+    # 1e-8 in the last column is a row's share of a hat whose foot alone was reached.
+    problem, _ = _force(1)
+    columns = problem.terms['bend'].columns(()).copy()
+    columns[:, -1] = 1e-8
+    term = replace(problem.terms['bend'], columns=constant(columns))
+    regression = Regression(replace(problem, terms={'bend': term}))
+    deviations = uncertainty(regression, regression.linear({'bend': ()}))['bend'][1]
+    assert np.all(deviations[: KNOTS.count] > 0.0)
+
+
 def test_the_errors_of_a_guide_are_as_large_as_their_deviations() -> None:
     errors = []
     for seed in range(20):

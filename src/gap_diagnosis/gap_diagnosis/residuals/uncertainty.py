@@ -71,10 +71,10 @@ def _columns(regression: Regression, fit: Fit, name: str, held: bool) -> list[_C
 def _deviations(regression: Regression, fit: Fit, columns: list[_Column]) -> Array:
     """Standard deviation (k,) of the parameter of each column; zero where no rows tell it."""
     matrix = np.column_stack([c.rows for c in columns])
-    scale = np.linalg.norm(matrix, axis=0)
+    penalty = np.array([c.penalty for c in columns])
+    scale = np.sqrt(np.sum(matrix**2, axis=0) + penalty)
     scale[scale == 0.0] = np.inf  # what changes nothing here has no deviation
-    matrix = matrix / scale
-    penalty = np.array([c.penalty for c in columns]) / scale**2
+    matrix, penalty = matrix / scale, penalty / scale**2
     values, vectors = np.linalg.eigh(matrix.T @ matrix + np.diag(penalty))
     kept = values > SEEN * values[-1]
     inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T

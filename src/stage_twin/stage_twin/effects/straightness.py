@@ -13,17 +13,20 @@ from stage_twin.effects.shared import (
     CENTRE,
     HALF_RANGE,
     ORDERS,
-    next_order,
+    SINGLY,
     roughness,
     within_seen,
 )
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Array, Term, Theta, constant
 
 #: Largest travel of the guide over that of the session, on which the guide's line may be defined.
 WIDEST = 1.5
 #: Largest offset of the reference line as a share of the curve's largest factor: that of a bow
 #: whose line is the one over twice the travel of the session.
 FARTHEST = 1.5
+#: What the slope of the reference line counts as rough beside all orders, see `Term.roughness`. Of
+#: two guides 1e-4 predicted one badly and 1e-2 the other.
+LINE = 1e-3
 _HIGHER = tuple(
     Parameter(f'p{k}', 'm', -1e-3, 1e-3, 0.0, f'factor of P{k}(s)') for k in range(4, ORDERS + 1)
 )
@@ -92,12 +95,9 @@ def _term(rows: TrackerRows, highest: int) -> Term:
     curves = [legval(s, orders.T).T for s in places]
     slope = np.polyfit(np.concatenate(places), np.concatenate(curves), 1)[0]  # (k,)
     between, visited = not rows.rests, np.concatenate(places)
-    # Lines that leave more than the curve's own are nothing that high orders could tell.
-    other_line = between and highest < ORDERS
 
     def removed(theta: Theta) -> Array:
-        share, reach = theta or (0.0, 1.0)
-        return np.asarray(share * slope + _slopes(reach, highest))
+        return np.asarray(theta[0] * slope + _slopes(theta[1], highest))
 
     def columns(theta: Theta) -> Array:
         if not between:
@@ -113,7 +113,7 @@ def _term(rows: TrackerRows, highest: int) -> Term:
         curve = c[: len(slope)]
         return {
             **dict(zip(NAMES, curve.tolist(), strict=False)),
-            'slope': -float(removed(theta) @ curve) if between else 0.0,
+            'slope': -float(removed(theta) @ curve) if theta else 0.0,
             'offset': float(c[-1]) if between else 0.0,
             'centre': centre,
             'half_range': half,
@@ -129,13 +129,43 @@ def _term(rows: TrackerRows, highest: int) -> Term:
     return Term(
         columns,
         parameters,
-        grid=((0.0, 1.0), (1.0, 1.0), (0.0, 1.3)) if other_line else ((),),
-        lower=(-0.3, 1.0) if other_line else (),
-        upper=(1.3, WIDEST) if other_line else (),
-        own=highest == ORDERS,
+        grid=((0.0, 1.0), (1.0, 1.0), (0.0, 1.3)) if between else ((),),
+        lower=(-0.3, 1.0) if between else (),
+        upper=(1.3, WIDEST) if between else (),
         admissible=admissible,
-        richer=partial(_term, rows, next_order(highest)) if highest < ORDERS and between else None,
+        richer=(partial(_term, rows, highest + 1) if highest < SINGLY else partial(_any, rows))
+        if between
+        else None,
         roughness=np.append(roughness(2, highest), [0.0] * between),
+    )
+
+
+def _any(rows: TrackerRows) -> Term:
+    """All orders, beside a line and an offset of any size that a guide's curve has.
+
+    Which line was removed is no question of θ here: high orders grow without bound beyond the
+    travel, and the slope is as small as the points allow (`LINE`).
+    """
+    centre, half = rows.travel
+    places = [(position - centre) / half for position in rows.position()]
+    curves = [legval(s, np.eye(ORDERS + 1)).T for s in places]  # P0 to P20
+    visited = np.concatenate(places)
+
+    def admissible(theta: Theta, c: Array) -> bool:
+        largest = float(np.max(np.abs(c[2:])))
+        line = float(np.max(np.abs(c[:2])))
+        return largest < 1e-3 and line <= FARTHEST * largest and within_seen(c, visited)
+
+    def parameters(theta: Theta, c: Array) -> dict[str, float]:
+        found = dict(zip(('offset', 'slope', *NAMES), c.tolist(), strict=True))
+        return {**found, 'centre': centre, 'half_range': half}
+
+    return Term(
+        constant(rows.across(curves)),
+        parameters,
+        admissible=admissible,
+        own=True,
+        roughness=np.concatenate([[0.0, LINE], roughness(2, ORDERS)]),
     )
 
 
