@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.regression import Fit, Regression
+from stage_twin.effects.term import Theta
 
 Array = NDArray[np.float64]
 
@@ -17,13 +18,15 @@ SHARED = 1e-7  # share of a parameter that others may take the place of without 
 
 
 class _Column(NamedTuple):
-    """What the rows (n,) change with a parameter, and what its square counts as rough."""
+    """What a parameter changes: the rows (n,), and how rough each factor of its curve is (k,).
+
+    The square of the latter is what that factor counts (`Term.penalty`).
+    """
 
     name: str
     linear: bool
     rows: Array
-    penalty: float = 0.0
-    value: float = 0.0
+    rough: Array
 
 
 def uncertainty(
@@ -52,37 +55,59 @@ def uncertainty(
 
 def _columns(regression: Regression, fit: Fit, name: str, held: bool) -> list[_Column]:
     """Those of a term on the fit rows; of its coefficients alone where θ is held."""
-    term, theta, rows = regression.problem.terms[name], fit.thetas[name], regression.fit_rows
-    own, coefficients = regression.columns(name, theta)[rows], fit.coefficients[name]
+    term, theta, coefficients = regression.problem.terms[name], fit.thetas[name], fit.coefficients
+    own, weights = _weighted(regression, name, theta)
     out = []
     for i in range(0 if held else len(theta)):
         step = term.steps[i] if term.steps else 1e-3 * (term.upper[i] - term.lower[i])
         moved = list(theta)
         moved[i] += step if theta[i] + step < term.upper[i] else -step
-        change = (regression.columns(name, tuple(moved))[rows] - own) @ coefficients
-        out.append(_Column(name, False, change / (moved[i] - theta[i])))
+        step = moved[i] - theta[i]
+        columns, others = _weighted(regression, name, tuple(moved))
+        change = (columns - own) @ coefficients[name] / step
+        out.append(_Column(name, False, change, (others - weights) * coefficients[name] / step))
     if not term.fixed:
-        counts = term.penalty(np.sum(own**2, axis=0)).tolist()
-        values = coefficients.tolist()
-        out += [_Column(name, True, *one) for one in zip(own.T, counts, values, strict=True)]
+        each = zip(own.T, np.diag(weights), strict=True)
+        out += [_Column(name, True, rows, rough) for rows, rough in each]
     return out
+
+
+def _weighted(regression: Regression, name: str, theta: Theta) -> tuple[Array, Array]:
+    """Columns (n, k) of a term on the fit rows, and the roots of what their factors count (k,)."""
+    own = regression.columns(name, theta)[regression.fit_rows]
+    counts = regression.problem.terms[name].penalty(np.sum(own**2, axis=0))
+    return own, np.sqrt(counts)
 
 
 def _deviations(regression: Regression, fit: Fit, columns: list[_Column]) -> Array:
     """Standard deviation (k,) of the parameter of each column; zero where no rows tell it."""
     matrix = np.column_stack([c.rows for c in columns])
-    penalty = np.array([c.penalty for c in columns])
-    scale = np.sqrt(np.sum(matrix**2, axis=0) + penalty)
+    curves = [_curve(regression, fit, columns, name) for name in fit.thetas]
+    rough = np.concatenate([curve for curve, _ in curves])
+    values = np.concatenate([value for _, value in curves])
+    scale = np.sqrt(np.sum(matrix**2, axis=0) + np.sum(rough**2, axis=0))
     scale[scale == 0.0] = np.inf  # what changes nothing here has no deviation
-    matrix, penalty = matrix / scale, penalty / scale**2
-    values, vectors = np.linalg.eigh(matrix.T @ matrix + np.diag(penalty))
-    kept = values > SEEN * values[-1]
-    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+    matrix, rough = matrix / scale, rough / scale
+    eigenvalues, vectors = np.linalg.eigh(matrix.T @ matrix + rough.T @ rough)
+    kept = eigenvalues > SEEN * eigenvalues[-1]
+    inverse = (vectors[:, kept] / eigenvalues[kept]) @ vectors[:, kept].T
     seen = (vectors[:, ~kept] ** 2).sum(axis=1) < SHARED
     variance = _scattered(regression, fit, matrix, inverse)
-    told = 1.0 - penalty * np.diag(inverse)
-    variance += inverse**2 @ (penalty * _roughness(columns, told))
+    told = 1.0 - np.sum((rough @ inverse) * rough, axis=1)
+    ends = np.cumsum([len(value) for _, value in curves])[:-1]
+    variance += (inverse @ rough.T) ** 2 @ _usual(np.split(values, ends), np.split(told, ends))
     return np.asarray(np.where(seen, np.sqrt(variance), 0.0) / scale)
+
+
+def _curve(
+    regression: Regression, fit: Fit, columns: list[_Column], name: str
+) -> tuple[Array, Array]:
+    """How rough a term's factors (m,) are per parameter (m, k), and what each counts (m,)."""
+    weights = _weighted(regression, name, fit.thetas[name])[1]
+    used = weights > 0.0
+    none = np.zeros(len(weights))
+    rough = np.column_stack([c.rough if c.name == name else none for c in columns])[used]
+    return rough, (weights * fit.coefficients[name])[used] ** 2
 
 
 def _scattered(regression: Regression, fit: Fit, matrix: Array, inverse: Array) -> Array:
@@ -105,14 +130,13 @@ def _scattered(regression: Regression, fit: Fit, matrix: Array, inverse: Array) 
     return variance
 
 
-def _roughness(columns: list[_Column], told: Array) -> Array:
-    """What each coefficient (k,) usually counts as rough, and how much of each the rows tell.
+def _usual(values: list[Array], told: list[Array]) -> Array:
+    """What each factor of each curve usually counts, by what it counts and how far rows tell it.
 
     A curve is about as rough where the rows do not tell it as where they do.
     """
-    out = np.zeros(len(columns))
-    for name in {c.name for c in columns}:
-        own = np.array([c.name == name and c.penalty > 0.0 for c in columns])
-        counted = sum(c.penalty * c.value**2 for c in columns if c.name == name)
-        out[own] = counted / max(float(np.sum(told[own])), 1.0)
-    return out
+    usual = [
+        np.full(len(own), np.sum(own) / max(float(np.sum(share)), 1.0))
+        for own, share in zip(values, told, strict=True)
+    ]
+    return np.concatenate(usual)
