@@ -13,8 +13,8 @@ from typing import Any
 from stage_bringup.processes import NodeCommand
 from stage_core.errors import StageError
 
-#: UDP ports of ROS 2 domain d begin at DDS_PORTS + d DDS_DOMAIN, two for each participant from the
-#: eleventh on; a graph on one machine finds no more than 32 participants.
+#: UDP ports of ROS 2 domain d begin at DDS_PORTS + d DDS_DOMAIN: ten for the domain, then two for
+#: each participant (default ports of OMG DDSI-RTPS 2.5). Fifty participants are left room.
 DDS_PORTS, DDS_DOMAIN, DDS_TAKES = 7400, 250, 110
 #: What `control` holds in one process.
 CONTROL = ('stage_driver', 'contour_ctrl')

@@ -18,9 +18,10 @@ SHARED = 1e-7  # share of a parameter that others may take the place of without 
 
 
 class _Column(NamedTuple):
-    """What a parameter changes: the rows (n,), and how rough each factor of its curve is (k,).
+    """Derivatives by a parameter: of the rows (n,), and of the penalised roots of its term (k,).
 
-    The square of the latter is what that factor counts (`Term.penalty`).
+    A penalised root is a coefficient times the root of its penalty (`Term.penalty`), so that the
+    sum of their squares is what the penalty adds to the squares of the rows.
     """
 
     name: str
@@ -73,7 +74,7 @@ def _columns(regression: Regression, fit: Fit, name: str, held: bool) -> list[_C
 
 
 def _weighted(regression: Regression, name: str, theta: Theta) -> tuple[Array, Array]:
-    """Columns (n, k) of a term on the fit rows, and the roots of what their factors count (k,)."""
+    """Columns (n, k) of a term on the fit rows, and the roots of their penalties (k,)."""
     own = regression.columns(name, theta)[regression.fit_rows]
     counts = regression.problem.terms[name].penalty(np.sum(own**2, axis=0))
     return own, np.sqrt(counts)
@@ -102,7 +103,7 @@ def _deviations(regression: Regression, fit: Fit, columns: list[_Column]) -> Arr
 def _curve(
     regression: Regression, fit: Fit, columns: list[_Column], name: str
 ) -> tuple[Array, Array]:
-    """How rough a term's factors (m,) are per parameter (m, k), and what each counts (m,)."""
+    """Derivatives (m, k) of a term's penalised roots by all parameters; their squares (m,)."""
     weights = _weighted(regression, name, fit.thetas[name])[1]
     used = weights > 0.0
     none = np.zeros(len(weights))
@@ -131,9 +132,10 @@ def _scattered(regression: Regression, fit: Fit, matrix: Array, inverse: Array) 
 
 
 def _usual(values: list[Array], told: list[Array]) -> Array:
-    """What each factor of each curve usually counts, by what it counts and how far rows tell it.
+    """Variance (m,) of the penalised roots, by their squares and the share that the rows tell.
 
-    A curve is about as rough where the rows do not tell it as where they do.
+    It is one for each curve: a curve is about as rough where the rows do not tell it as where they
+    do.
     """
     usual = [
         np.full(len(own), np.sum(own) / max(float(np.sum(share)), 1.0))

@@ -141,10 +141,10 @@ def _term(rows: TrackerRows, highest: int) -> Term:
 
 
 def _any(rows: TrackerRows) -> Term:
-    """All orders, beside a line and an offset of any size that a guide's curve has.
+    """All orders, beside the slope and the offset of a reference line.
 
-    Which line was removed is no question of θ here: high orders grow without bound beyond the
-    travel, and the slope is as small as the points allow (`LINE`).
+    θ cannot say which line the maker removed: beyond the travel high orders grow without bound.
+    The slope is a coefficient instead, and is kept small where the points do not tell it (`LINE`).
     """
     centre, half = rows.travel
     places = [(position - centre) / half for position in rows.position()]

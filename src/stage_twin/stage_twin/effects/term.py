@@ -40,8 +40,9 @@ class Term:
     alone : whether nothing but its explaining all that is no noise speaks for it: a curve that
         other errors could have, and that no second channel shows
     answer : θ -> columns (n, k) that the encoder's noise alone makes, where a resonance lifts it
-    roughness : what the square of each coefficient (k,) counts, in squares of the columns that
-        count nothing: a curve is smooth where the rows do not tell it; None where they tell all
+    roughness : penalty (k,) on the square of each coefficient, which keeps a curve smooth where
+        the rows do not tell it. Its unit is the sum of squares of the columns whose entry is zero;
+        None: no penalty
     follows : largest share of an error that goes with the axis' own force that the columns follow
     acting : (θ, coefficients) -> force that acts per force that is asked for; residuals are
         compared in units of the latter, as a drive that gives nothing would leave nothing
@@ -75,7 +76,7 @@ class Term:
         return None if self.richer is None else self.richer()
 
     def penalty(self, squares: Array) -> Array:
-        """What the square of each coefficient (k,) counts beside its column's squares (k,)."""
+        """Penalty (k,) on the square of each coefficient; `squares` (k,) are sums over columns."""
         if self.roughness is None:
             return np.zeros(len(squares))
         return self.roughness * float(np.sum(squares[self.roughness == 0.0]))
