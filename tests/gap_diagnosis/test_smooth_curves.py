@@ -38,13 +38,13 @@ def _problem(rows: Array, columns: Array, rough: Array, seed: int) -> Problem:
     return Problem(rows + noise, ~held, held, block, TIME, number, {'bend': term}, NOISE)
 
 
-def _guide(seed: int) -> tuple[Problem, Array]:
-    """A guide as rough as `roughness` takes it to be, beside an offset."""
+def _guide(seed: int, larger: float = 1.0) -> tuple[Problem, Array]:
+    """A guide as rough as `roughness` takes it to be, beside an offset, or a larger one."""
     rough = np.append(0.0, roughness(2, ORDERS))
     curves = np.delete(np.eye(ORDERS + 1), 1, axis=0)
     columns: Array = np.stack([legval(PATH, one) for one in curves], axis=1)
     usual = 1e-3 / np.sqrt(np.append(1e-5, rough[1:]))
-    truth: Array = usual * np.random.default_rng(seed).normal(size=len(usual))
+    truth: Array = larger * usual * np.random.default_rng(seed).normal(size=len(usual))
     rows: Array = columns @ truth
     return _problem(rows, columns, rough, seed), truth
 
@@ -71,6 +71,7 @@ def test_they_predict_places_that_no_row_of_a_fit_was_at(
     assert rough.mean_square(problem) > 10.0 * smooth.mean_square(problem)
 
 
+
 def test_a_knot_that_no_row_was_near_takes_no_deviation_from_the_others() -> None:
     # 1e-8 in the last column is a row's share of a hat whose foot alone was reached.
     problem, _ = _force(1)
@@ -91,3 +92,40 @@ def test_the_errors_of_a_guide_are_as_large_as_their_deviations() -> None:
         deviations = uncertainty(regression, fit)['bend'][1]
         errors.append((fit.coefficients['bend'] - truth) / deviations)
     assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.4
+
+
+def _with_gaps(seed: int) -> Problem:
+    """A guide of which two steps are held out: no other row was at their places."""
+    problem, _ = _guide(seed, 30.0)
+    held = np.isin(TIME // 2.0, (3.0, 8.0))
+    return replace(problem, fit=~held, held_out=held)
+
+
+def test_rows_are_foreseen_as_surely_as_their_errors_are_small() -> None:
+    errors, variances = [], []
+    for seed in range(40):
+        problem = _with_gaps(seed)
+        fit = Regression(problem).linear({'bend': ()})
+        held = problem.held_out
+        assert isinstance(fit.variance, np.ndarray) and np.all(fit.variance[problem.fit] == 1.0)
+        errors.append(fit.residual[held] ** 2 / (NOISE**2 * fit.variance[held]))
+        variances.append(fit.variance[held])
+    assert 0.7 < np.mean(errors) < 1.4
+    assert np.median(variances) > 10.0
+
+
+def test_where_a_curve_was_not_told_no_other_effect_is_told_by_its_error() -> None:
+    """An effect that acts at places alone of which the curve knows nothing."""
+    gains: list[tuple[float, float]] = []
+    for seed in range(10):
+        problem = _with_gaps(seed)
+        unsure = Regression(problem).linear({'bend': ()})
+        error = np.where(problem.held_out, unsure.residual, 0.0)
+        other = Term(constant(error[:, None]), lambda theta, c: {}, fixed=True)
+        both = replace(problem, terms={**problem.terms, 'other': other})
+        fit = Regression(both).linear({'bend': (), 'other': ()})
+        squares = np.mean(unsure.residual[problem.judged] ** 2)
+        squares -= np.mean(fit.residual[problem.judged] ** 2)
+        gains.append((squares, unsure.mean_square(problem) - fit.mean_square(both)))
+    by_squares, as_foreseen = np.mean(gains, axis=0)
+    assert by_squares > 10.0 * as_foreseen

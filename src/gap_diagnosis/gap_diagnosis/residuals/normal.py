@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: Added to the unit diagonal of normal equations, against exact collinearity.
+RIDGE = 1e-10
+
 
 def solve(matrix: Array, target: Array) -> Array:
     """Least squares through scaled normal equations, a tiny ridge against exact collinearity."""
@@ -23,7 +26,7 @@ def solve_gram(gram: Array, right: Array, penalty: Array | float = 0.0) -> Array
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
     scale[scale == 0.0] = 1.0
     scaled = gram / np.outer(scale, scale)
-    scaled.ravel()[:: len(scaled) + 1] += 1e-10  # the diagonal
+    scaled.ravel()[:: len(scaled) + 1] += RIDGE  # the diagonal
     return np.asarray(np.linalg.solve(scaled, right / scale) / scale)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from gap_diagnosis.residuals.foreseen import counted, variances
 from gap_diagnosis.residuals.normal import predicts, solve, solve_gram
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.search import Recent, Search
@@ -34,8 +35,10 @@ class Fit:
 
     `crossed` is the residual in which no row is judged by coefficients that it helped to fit:
     held-out rows by those of the fit rows, these by those of the other folds. Rare events (a few
-    reversals, one saturation) then count wherever they happen. It is in units of the force that
-    is asked for, also where the drive gives less (`Term.acting`). `sessions` holds, per held-out
+    reversals, one saturation) then count wherever they happen. Beside a smooth curve its squares
+    count how surely a row was foreseen, too: `variance` (n,) is that of the error of a held-out
+    row over its noise, 1 where no curve is in doubt. `crossed` is in units of the force that is
+    asked for, also where the drive gives less (`Term.acting`). `sessions` holds, per held-out
     session, the coefficients whose nuisances were refitted on its prefix.
     """
 
@@ -44,6 +47,7 @@ class Fit:
     residual: Array
     crossed: Array
     sessions: dict[int, dict[str, Array]] = field(default_factory=dict)
+    variance: Array | float = 1.0
 
     @property
     def size(self) -> int:
@@ -69,6 +73,7 @@ class Regression:
             for k in range(FOLDS)
         ]
         self.fit_rows = np.flatnonzero(problem.fit)
+        self._rest = np.flatnonzero(~problem.fit)
 
     def columns(self, name: str, theta: Theta) -> Array:
         """Columns (n, k) of a term; the last ones are kept."""
@@ -116,11 +121,20 @@ class Regression:
         yield_shared(problem.terms, free, coefficients)
         residual = target - matrix @ solution
         sessions = self._refit_nuisances(thetas, coefficients, residual)
-        crossed = residual
-        if problem.crossable:
-            crossed = self._crossed(matrix, target, residual, penalty)
+        judged = [(self._rest, gram, solution)]
+        judged += self._folded(matrix, target, penalty) if problem.crossable else []
+        crossed, variance = residual.copy(), np.ones(len(residual))
+        for rows, known, found in judged:
+            # Phases and offsets of a held-out session are refitted in its residual.
+            if found is not solution:
+                crossed[rows] = target[rows] - matrix[rows] @ found
+            if penalty.any():
+                noise = problem.floor**2
+                variance[rows] = variances(matrix[rows], known, penalty, found, noise)
+                crossed[rows] = counted(crossed[rows], variance[rows], noise)
         crossed = crossed / self._acting(thetas, coefficients)
-        return Fit(dict(thetas), coefficients, residual, crossed, sessions)
+        variance[self.fit_rows] = 1.0
+        return Fit(dict(thetas), coefficients, residual, crossed, sessions, variance)
 
     def _acting(self, thetas: dict[str, Theta], coefficients: dict[str, Array]) -> float:
         """Force that acts per force that is asked for, above zero."""
@@ -134,8 +148,10 @@ class Regression:
         own = zip(parts, np.split(squares, ends), strict=True)
         return np.concatenate([self.problem.terms[name].penalty(s) for (name, _), s in own])
 
-    def _crossed(self, matrix: Array, target: Array, residual: Array, penalty: Array) -> Array:
-        """Residual in which each fit row is judged by coefficients of the other folds.
+    def _folded(
+        self, matrix: Array, target: Array, penalty: Array
+    ) -> list[tuple[NDArray[np.int64], Array, Array]]:
+        """The rows of each fold that fit, and the Gram matrix and coefficients of the others.
 
         Folds are windows of two seconds dealt out in turn; their Gram matrices add up, so that a
         fold is left out by a subtraction.
@@ -146,11 +162,10 @@ class Regression:
             parts.append((rows, mine.T @ mine, mine.T @ target[own]))
         gram = sum(part[1] for part in parts)
         right = sum(part[2] for part in parts)
-        crossed = residual.copy()
-        for rows, own_gram, own_right in parts:
-            coefficients = solve_gram(gram - own_gram, right - own_right, penalty)
-            crossed[rows] = target[rows] - matrix[rows] @ coefficients
-        return crossed
+        return [
+            (rows, gram - own, solve_gram(gram - own, right - own_right, penalty))
+            for rows, own, own_right in parts
+        ]
 
     def _refit_nuisances(
         self, thetas: dict[str, Theta], coefficients: dict[str, Array], residual: Array

@@ -154,10 +154,14 @@ def _fit_whole(
 
 
 def _structure(calm: Problem, selection: Selection, residual: Array, name: str) -> Structure:
-    """What a residual (n,) as it was measured leaves beside its noise and its stands' errors."""
+    """What a residual (n,) as it was measured leaves beside its noise and its stands' errors.
+
+    Where a curve was not told a row counts by how surely it was foreseen.
+    """
     modelled = calm.whiten(_modelled(calm, selection, residual))
     answer = calm.whiten(_answer(calm, selection))
-    return judge.structure(calm, calm.whiten(residual), modelled, answer, name)
+    foreseen = calm.whiten(residual) / np.sqrt(selection.fit.variance)
+    return judge.structure(calm, foreseen, modelled, answer, name)
 
 
 def _answer(problem: Problem, selection: Selection) -> Array:

@@ -13,7 +13,6 @@ from stage_twin.effects.shared import (
     CENTRE,
     HALF_RANGE,
     ORDERS,
-    next_order,
     roughness,
     within_seen,
 )
@@ -81,25 +80,26 @@ def turn(
 def term(rows: TrackerRows) -> Term | None:
     """The place over the travel, times the other coordinate and alone."""
     if len(rows.axes) == 1:
-        return None if rows.rests else _curved(rows, 2)
+        return None if rows.rests else _curved(rows)
     return Term(
         constant(
             rows.along([np.column_stack([y * s[:, 1], s[:, 1]]) for s, y in _shapes(rows, 1)])
         ),
         lambda theta, c: _parameters(rows, np.array([0.0, c[0]]), float(c[1] / c[0])),
         admissible=lambda theta, c: abs(c[0]) < 5e-3 and abs(c[1]) < abs(c[0]),
-        richer=None if rows.rests else partial(_curved, rows, 2),
+        richer=None if rows.rests else partial(_curved, rows),
     )
 
 
-def _curved(rows: TrackerRows, highest: int) -> Term:
-    """Orders of the yaw up to `highest`, the constant too; θ is the arm.
+def _curved(rows: TrackerRows) -> Term:
+    """All orders of the yaw, the constant too; θ is the arm.
 
     The constant alone would be `nonorthogonality` and an offset. Where the other coordinate turns
     the point as well, no arm makes a scale error of a yaw.
     """
-    shapes = _shapes(rows, highest)
-    places = np.concatenate([s[:, 1] for s, _ in _shapes(rows, 1)])
+    shapes = _shapes(rows, ORDERS)
+    centre, half = rows.travel
+    places = (np.concatenate(rows.position()) - centre) / half
 
     def admissible(theta: Theta, c: Array) -> bool:
         small = float(np.max(np.abs(c))) < 5e-3 and abs(theta[0]) < 0.99
@@ -112,8 +112,7 @@ def _curved(rows: TrackerRows, highest: int) -> Term:
         lower=(-1.0,),
         upper=(1.0,),
         admissible=admissible,
-        richer=partial(_curved, rows, next_order(highest)) if highest < ORDERS else None,
-        roughness=roughness(0, highest),
+        roughness=roughness(0, ORDERS),
         holds=False,
         alone=len(rows.axes) == 1,
     )

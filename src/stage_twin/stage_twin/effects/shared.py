@@ -31,18 +31,13 @@ HALF_RANGE = Parameter(
     neutral=None,
 )
 
-#: Highest order of a curve of the travel, and up to which orders are added one by one.
-ORDERS, SINGLY = 20, 10
+#: Highest order of a curve of the travel.
+ORDERS = 20
 #: What its mean square curvature counts beside the mean square of what it leaves. Of two guides
 #: that are splines, 1e-7 to 1e-5 predict other rows better than any curve of fewer orders.
 ROUGH = 1e-6
 #: Spatial periods below this [m] stand for the lead.
 SHORTEST_LENGTH = 1e-9
-
-
-def next_order(highest: int) -> int:
-    """Highest order of the next richer curve."""
-    return highest + 1 if highest < SINGLY else ORDERS
 
 
 def roughness(lowest: int, highest: int) -> Array:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
-from numpy.polynomial.legendre import leg2poly, legval
+from numpy.polynomial.legendre import legval
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
@@ -13,7 +13,6 @@ from stage_twin.effects.shared import (
     CENTRE,
     HALF_RANGE,
     ORDERS,
-    SINGLY,
     roughness,
     within_seen,
 )
@@ -79,11 +78,11 @@ def across(
 
 def term(rows: TrackerRows) -> Term | None:
     """Legendre polynomials from the second order on over the travel, across the axis."""
-    return _term(rows, 3) if len(rows.axes) == 2 else None
+    return _plain(rows) if len(rows.axes) == 2 else None
 
 
-def _term(rows: TrackerRows, highest: int) -> Term:
-    """Orders 2 to `highest` and an offset; θ says which slope the removed line has.
+def _plain(rows: TrackerRows) -> Term:
+    """Bow and S shape, and an offset; θ says which slope the removed line has.
 
     At (0, 1) it is the line over the session's travel, which no polynomial has, at (1, 1) that
     over the points as they were measured, at (0, r) that over r times the travel. Which one the
@@ -91,13 +90,13 @@ def _term(rows: TrackerRows, highest: int) -> Term:
     """
     centre, half = rows.travel
     places = [(position - centre) / half for position in rows.position()]
-    orders = np.eye(highest + 1)[2:]
-    curves = [legval(s, orders.T).T for s in places]
-    slope = np.polyfit(np.concatenate(places), np.concatenate(curves), 1)[0]  # (k,)
+    curves = [legval(s, np.eye(4)[2:].T).T for s in places]
+    slope = np.polyfit(np.concatenate(places), np.concatenate(curves), 1)[0]  # (2,)
     between, visited = not rows.rests, np.concatenate(places)
 
     def removed(theta: Theta) -> Array:
-        return np.asarray(theta[0] * slope + _slopes(theta[1], highest))
+        # The least-squares line of P3 over -r to r; that of P2 has no slope.
+        return np.asarray(theta[0] * slope + [0.0, 1.5 * (theta[1] ** 2 - 1.0)])
 
     def columns(theta: Theta) -> Array:
         if not between:
@@ -110,20 +109,19 @@ def _term(rows: TrackerRows, highest: int) -> Term:
         )
 
     def parameters(theta: Theta, c: Array) -> dict[str, float]:
-        curve = c[: len(slope)]
         return {
-            **dict(zip(NAMES, curve.tolist(), strict=False)),
-            'slope': -float(removed(theta) @ curve) if theta else 0.0,
+            **dict(zip(NAMES, c[:2].tolist(), strict=False)),
+            'slope': -float(removed(theta) @ c[:2]) if theta else 0.0,
             'offset': float(c[-1]) if between else 0.0,
             'centre': centre,
             'half_range': half,
         }
 
     def admissible(theta: Theta, c: Array) -> bool:
-        largest = float(np.max(np.abs(c[: len(slope)])))
+        largest = float(np.max(np.abs(c[:2])))
         if largest >= 1e-3 or not between:
             return largest < 1e-3
-        curve = np.concatenate([[0.0, -float(removed(theta) @ c[: len(slope)])], c[: len(slope)]])
+        curve = np.array([0.0, -float(removed(theta) @ c[:2]), *c[:2]])
         return abs(c[-1]) <= FARTHEST * largest and within_seen(curve, visited)
 
     return Term(
@@ -133,10 +131,8 @@ def _term(rows: TrackerRows, highest: int) -> Term:
         lower=(-0.3, 1.0) if between else (),
         upper=(1.3, WIDEST) if between else (),
         admissible=admissible,
-        richer=(partial(_term, rows, highest + 1) if highest < SINGLY else partial(_any, rows))
-        if between
-        else None,
-        roughness=np.append(roughness(2, highest), [0.0] * between),
+        richer=partial(_any, rows) if between else None,
+        roughness=np.append(roughness(2, 3), [0.0] * between),
     )
 
 
@@ -167,19 +163,3 @@ def _any(rows: TrackerRows) -> Term:
         own=True,
         roughness=np.concatenate([[0.0, LINE], roughness(2, ORDERS)]),
     )
-
-
-def _slopes(reach: float, highest: int) -> Array:
-    """Slopes (k,) of the least-squares lines of P2 to P`highest` over -reach to reach."""
-    out = []
-    for order in range(2, highest + 1):
-        odd = _odd(order)
-        powers = np.arange(1, 2 * len(odd), 2)
-        out.append(3.0 * float(np.sum(odd * reach ** (powers - 1.0) / (powers + 2.0))))
-    return np.array(out)
-
-
-@cache
-def _odd(order: int) -> Array:
-    """Factors of the odd powers in P`order`, the lowest first."""
-    return np.asarray(leg2poly(np.eye(order + 1)[order])[1::2])

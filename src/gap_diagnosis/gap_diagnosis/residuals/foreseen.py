@@ -1,0 +1,49 @@
+"""Errors of a prediction, by how surely it was made.
+
+A smooth curve (`Term.roughness`) predicts a place that no other row visited by its smoothness
+alone, with an error of its own size. Such a row says little against the curve, and little for
+another effect that happens to go with its error there. So rows are compared by the logarithm of
+their predictive density (Gneiting and Raftery, J. Amer. Statist. Assoc. 102, 2007) instead of by
+their squares: of a row that was foreseen up to its noise that is the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.residuals.normal import RIDGE
+
+Array = NDArray[np.float64]
+
+
+def variances(
+    rows: Array, gram: Array, penalty: Array, coefficients: Array, noise: float
+) -> Array:
+    """Variance (n,) of the error of a prediction, over that of a row's noise: 1 or more.
+
+    Parameters
+    ----------
+    rows : columns at the rows that are predicted (n, k)
+    gram, penalty : of the rows that fitted (k, k), and what the smoothness counts (k,)
+    coefficients : what was fitted (k,)
+    noise : variance of a row's noise
+    """
+    total = gram + np.diag(penalty)
+    scale = np.sqrt(np.diag(total))
+    scale[scale == 0.0] = 1.0
+    root = np.linalg.cholesky(total / np.outer(scale, scale) + RIDGE * np.eye(len(scale)))
+    inverse = np.linalg.inv(root)  # of the scaled matrix: inverse.T @ inverse
+    halves = inverse @ (rows / scale).T  # (k, n)
+    told = 1.0 - penalty / scale**2 * np.sum(inverse**2, axis=0)
+    # A curve is about as rough where the rows do not tell it as where they do.
+    rough = float(penalty @ coefficients**2) / max(float(np.sum(told[penalty > 0.0])), 1.0)
+    moved = (inverse.T @ halves) / scale[:, None]
+    smooth = max(rough / noise - 1.0, 0.0) * (penalty @ moved**2)
+    return np.asarray(1.0 + np.sum(halves**2, axis=0) + smooth)
+
+
+def counted(errors: Array, variance: Array, noise: float) -> Array:
+    """Errors (n,) whose squares are noise * (e² / v + log v)."""
+    squares = errors**2 / variance + noise * np.log(variance)
+    return np.asarray(np.copysign(np.sqrt(squares), errors))
