@@ -13,7 +13,7 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.input.noise import AxisNoise, Noise
 from gap_diagnosis.report.document import as_dict
-from gap_diagnosis.residuals.commands import controller_findings
+from gap_diagnosis.residuals.commands import controller_findings, unlike
 from gap_diagnosis.residuals.controller import (
     force_increments,
     velocity_law,
@@ -216,3 +216,26 @@ def test_a_limit_shows_although_the_effort_is_noisy(limit: float, named: bool) -
     assert ('force_saturation.x' in told) is named
     if named:
         assert told['force_saturation.x']['limit'][0] == pytest.approx(limit, rel=2e-3)
+
+
+@pytest.mark.parametrize(('grows', 'noise'), [(0.0, 0.0), (0.0, 0.05), (0.5, 0.0), (0.5, 0.05)])
+def test_a_gain_that_grows_with_the_error_is_no_law_of_the_twin(
+    planted: Maker, grows: float, noise: float
+) -> None:
+    """With other gains alone nothing is left, however noisy the effort is [N]."""
+    record = load_record(planted({}, duration=10.0), nominal())
+    true = nominal().servo('x')
+    error = record.reference[:, 0] - record.encoder[:, 0]
+    scale = float(np.sqrt(np.mean(error**2)))
+    gain = 1.3 * true.position_gain * (1.0 + grows * error**2 / (error**2 + scale**2))
+    speeds = gain * error + true.velocity_feedforward * record.reference_velocity[:, 0]
+    forces = np.cumsum(force_increments(record, 0, true, speeds))
+    forces += np.random.default_rng(3).normal(0.0, noise, len(forces)) if noise else 0.0
+    made = replace(
+        record,
+        velocity_command=speeds[:, None],
+        force=np.concatenate([[0.0], forces])[:, None],
+    )
+    told = controller_findings([made], nominal())
+    assert set(told) == {'controller_mismatch.x'}
+    assert unlike([made], nominal(), told) == (('x',) if grows else ())

@@ -19,7 +19,7 @@ from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_step
 from gap_diagnosis.input.windows import moves_while_judged
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Parameters, plain_values
-from gap_diagnosis.residuals.commands import controller_findings
+from gap_diagnosis.residuals.commands import controller_findings, unlike
 from gap_diagnosis.residuals.controller import with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.kinematics import Kinematics
@@ -100,6 +100,10 @@ class Prepared:
             if any(np.ptp(r.reference[:, i]) > 0.0 for r in self.records) and not self.stepper
             if axis not in self.moves
         ]
+        still += [
+            f'axis {axis}: its controller does more than gains explain; those named come nearest'
+            for axis in self.unlike
+        ]
         if not self.laws:
             return still
         lost = [axis for axis, law in self.laws.items() if not law.known]
@@ -124,6 +128,11 @@ class Prepared:
     def moving_axes(self) -> list[str]:
         """Axes whose force balance can be judged."""
         return [a for a in self.moves if a not in self.laws or self.laws[a].known]
+
+    @cached_property
+    def unlike(self) -> tuple[str, ...]:
+        """Axes whose controller does more than other gains explain."""
+        return unlike(self.records, self.twin, self.direct)
 
     @cached_property
     def moves(self) -> list[str]:

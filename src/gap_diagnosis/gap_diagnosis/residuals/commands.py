@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.parameters import Parameters
-from gap_diagnosis.residuals.controller import force_increments, mismatch, quiet, velocity_law
+from gap_diagnosis.residuals.controller import (
+    follows,
+    force_increments,
+    mismatch,
+    quiet,
+    velocity_law,
+)
 from stage_core.twin_file import ServoAxis, TwinFile
 
 Mask = NDArray[np.bool_]
@@ -35,17 +41,38 @@ def controller_findings(records: list[Record], twin: TwinFile) -> Parameters:
     for i, name in enumerate(records[0].axes):
         if not any(r.moving[i] for r in records):
             continue
-        axis = twin.servo(name)
-        recorded = all(r.effort_recorded for r in records)
-        exact, noise = _plateau(records, i, axis), max(_effort_noise(r, i) for r in records)
-        limit = exact or (_noisy_plateau(records, i, axis, noise) if recorded else None)
+        axis, limit = _limited(records, i, twin.servo(name))
         if limit is not None:
             found[f'force_saturation.{name}'] = {'limit': (limit, 1e-3 * limit), 'known': (1, 0.0)}
-            axis = replace(axis, force_limit=exact or limit - 3.0 * noise)
-        other = mismatch(records, i, axis) if recorded else {}
+        other = mismatch(records, i, axis) if _effort_recorded(records) else {}
         if other:
             found[f'controller_mismatch.{name}'] = other
     return found
+
+
+def unlike(records: list[Record], twin: TwinFile, found: Parameters) -> tuple[str, ...]:
+    """Axes whose controller does something that the gains that were found do not explain."""
+    out = []
+    for i, name in enumerate(records[0].axes):
+        gains = found.get(f'controller_mismatch.{name}')
+        if gains and not follows(records, i, _limited(records, i, twin.servo(name))[0], gains):
+            out.append(name)
+    return tuple(out)
+
+
+def _effort_recorded(records: list[Record]) -> bool:
+    return all(r.effort_recorded for r in records)
+
+
+def _limited(records: list[Record], i: int, axis: ServoAxis) -> tuple[ServoAxis, float | None]:
+    """An axis with the limit [N] at which its recorded force stands, and the limit if it does."""
+    exact, noise = _plateau(records, i, axis), max(_effort_noise(r, i) for r in records)
+    limit = exact
+    if exact is None and _effort_recorded(records):
+        limit = _noisy_plateau(records, i, axis, noise)
+    if limit is None:
+        return axis, None
+    return replace(axis, force_limit=exact or limit - 3.0 * noise), limit
 
 
 def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:
