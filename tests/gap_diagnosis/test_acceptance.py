@@ -172,3 +172,17 @@ def test_a_force_that_has_no_gap_tells_of_no_effect() -> None:
     force = Sides(nothing, nothing, 'N', 0.1)
     sides = {'tracker.x': Sides(1.01 * noise, noise, 'm', 1e-6), 'force.x': force}
     assert not shrink_of('structural_resonance.x', sides, seed=0).matters
+
+
+@pytest.mark.parametrize(('closed', 'stands'), [(0.8, True), (0.0, False)])
+def test_what_wanders_before_the_tracker_hides_no_resonance_from_the_encoder(
+    closed: float, stands: bool
+) -> None:
+    rng = np.random.default_rng(5)
+    wander, swing = 50e-6 * np.sin(np.linspace(0.0, 9.0, 6000)), 1e-6 * rng.normal(size=6000)
+    left = swing * (1.0 - closed)
+    sides = {
+        'encoder.y': Sides(swing**2, left**2, 'm', 1e-7, 1e-12),
+        'tracker.y': Sides((wander + swing) ** 2, (wander + left) ** 2, 'm', 2e-6, 2.5e-9),
+    }
+    assert shrink_of('structural_resonance.y', sides, seed=0).matters is stands

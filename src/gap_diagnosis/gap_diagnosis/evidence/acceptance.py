@@ -138,8 +138,10 @@ def shrink_of(
     explains of what the force balance leaves without it.
 
     Positions count all together, as `gap.before` does; whether the effect matters is judged on
-    those that it moves, as the noise of the others hides what it does. Where a servo effect moves
-    none that a user would see, the force of its axis counts: the controller takes the effect up.
+    those that it moves, as the noise of the others hides what it does. Where what is unknown moves
+    the tracker by far more than a servo effect does, the encoder of its axis counts alone. Where
+    the effect moves nothing that a user would see, the force of its axis counts: the controller
+    takes it up.
     """
     positions = [s for s in sides.values() if s.unit == 'm']
     moved = [s for s in positions if not np.array_equal(s.without, s.with_it)] or positions
@@ -156,10 +158,14 @@ def shrink_of(
     own = replace(_shrink(moved, least, worse, seed, closes), explained=explained, balance=balance)
     clear = any(np.mean(s.without - s.with_it) > s.floor**2 for s in positions)
     seen = replace(_shrink(positions, least, worse, seed, closes), own=own, clear=clear)
-    if seen.matters or force is None or not servo:
+    if seen.matters or not servo:
         return seen
-    taken_up = _shrink([force], LEAST_SHRINK, worse, seed, _closes([force], [_gap(force)]))
-    return taken_up if taken_up.matters else seen
+    for other in (sides.get(f'encoder.{split_effect(name)[1]}'), force):
+        if other is not None:
+            alone = _shrink([other], LEAST_SHRINK, worse, seed, _closes([other], [_gap(other)]))
+            if alone.matters:
+                return alone
+    return seen
 
 
 def shrink_in_balance(without: Array, with_it: Array, floor: float, seed: int) -> Shrink:
