@@ -107,6 +107,7 @@ noise that a balance may lose by the tracker's shape, at most | {shape.LOST:.0%}
 what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}
 what it explains better than the tracker's clock, from | {imitations.UNEXHAUSTED[sensor]:.0%}
 difference of velocity gain over mass, at most | {passes.SAME_GAIN:.0%}
+what other gains leave of what the twin's law leaves, at most | {controller.PARTLY:.0%}
 what the law of a controller leaves that read the record, at most | {controller.READ:.0%} of noise
 without forces: gains are fitted below | {unrecorded.CALM:g} Hz
 without forces: the law is judged below | {unrecorded.CUT:g} Hz
