@@ -123,13 +123,14 @@ class Regression:
         sessions = self._refit_nuisances(thetas, coefficients, residual)
         judged = [(self._rest, gram, solution)]
         judged += self._folded(matrix, target, penalty) if problem.crossable else []
+        # What a set cannot explain is no doubt of its curve.
+        noise = max(problem.floor**2, float(np.mean(residual[self.fit_rows] ** 2)))
         crossed, variance = residual.copy(), np.ones(len(residual))
         for rows, known, found in judged:
             # Phases and offsets of a held-out session are refitted in its residual.
             if found is not solution:
                 crossed[rows] = target[rows] - matrix[rows] @ found
             if penalty.any():
-                noise = problem.floor**2
                 variance[rows] = variances(matrix[rows], known, penalty, found, noise)
                 crossed[rows] = counted(crossed[rows], variance[rows], noise)
         crossed = crossed / self._acting(thetas, coefficients)
