@@ -71,7 +71,6 @@ def test_they_predict_places_that_no_row_of_a_fit_was_at(
     assert rough.mean_square(problem) > 10.0 * smooth.mean_square(problem)
 
 
-
 def test_a_knot_that_no_row_was_near_takes_no_deviation_from_the_others() -> None:
     # 1e-8 in the last column is a row's share of a hat whose foot alone was reached.
     problem, _ = _force(1)
@@ -108,7 +107,8 @@ def test_rows_are_foreseen_as_surely_as_their_errors_are_small() -> None:
         fit = Regression(problem).linear({'bend': ()})
         held = problem.held_out
         assert isinstance(fit.variance, np.ndarray) and np.all(fit.variance[problem.fit] == 1.0)
-        errors.append(fit.residual[held] ** 2 / (NOISE**2 * fit.variance[held]))
+        left = np.mean(fit.residual[problem.fit] ** 2)
+        errors.append(fit.residual[held] ** 2 / (left * fit.variance[held]))
         variances.append(fit.variance[held])
     assert 0.7 < np.mean(errors) < 1.4
     assert np.median(variances) > 10.0

@@ -37,9 +37,9 @@ class Fit:
     held-out rows by those of the fit rows, these by those of the other folds. Rare events (a few
     reversals, one saturation) then count wherever they happen. Beside a smooth curve its squares
     count how surely a row was foreseen, too: `variance` (n,) is that of the error of a held-out
-    row over its noise, 1 where no curve is in doubt. `crossed` is in units of the force that is
-    asked for, also where the drive gives less (`Term.acting`). `sessions` holds, per held-out
-    session, the coefficients whose nuisances were refitted on its prefix.
+    row over that of the rows that were fitted, 1 where no curve is in doubt. `crossed` is in units
+    of the force that is asked for, also where the drive gives less (`Term.acting`). `sessions`
+    holds, per held-out session, the coefficients whose nuisances were refitted on its prefix.
     """
 
     thetas: dict[str, Theta]
@@ -124,15 +124,15 @@ class Regression:
         judged = [(self._rest, gram, solution)]
         judged += self._folded(matrix, target, penalty) if problem.crossable else []
         # What a set cannot explain is no doubt of its curve.
-        noise = max(problem.floor**2, float(np.mean(residual[self.fit_rows] ** 2)))
+        left = max(problem.floor**2, float(np.mean(residual[self.fit_rows] ** 2)))
         crossed, variance = residual.copy(), np.ones(len(residual))
         for rows, known, found in judged:
             # Phases and offsets of a held-out session are refitted in its residual.
             if found is not solution:
                 crossed[rows] = target[rows] - matrix[rows] @ found
             if penalty.any():
-                variance[rows] = variances(matrix[rows], known, penalty, found, noise)
-                crossed[rows] = counted(crossed[rows], variance[rows], noise)
+                variance[rows] = variances(matrix[rows], known, penalty, found, left)
+                crossed[rows] = counted(crossed[rows], variance[rows], problem.floor**2)
         crossed = crossed / self._acting(thetas, coefficients)
         variance[self.fit_rows] = 1.0
         return Fit(dict(thetas), coefficients, residual, crossed, sessions, variance)
