@@ -13,7 +13,7 @@ from gap_diagnosis.evidence import acceptance
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, windows
 from gap_diagnosis.law import judged, search
-from gap_diagnosis.residuals import commands, controller, kinematics, unrecorded
+from gap_diagnosis.residuals import commands, controller, foreseen, kinematics, unrecorded
 from gap_diagnosis.selection import (
     forward,
     imitations,
@@ -33,7 +33,7 @@ from stage_twin.emulators import drive
 MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
-                   forward, grid, held_out, imitations, judged, kinematics, knots, lacking,
+                   foreseen, forward, grid, held_out, imitations, judged, kinematics, knots, lacking,
                    library, loops, machine, misread, motions, online, outliers, pairs, passes,
                    polish, prepare, propose, scene, search, selection, separation, servo_clocks,
                    servo_part, shape, shared, slow_rows, straightness, swing, swinging,
@@ -103,6 +103,7 @@ loop's gap that a refinement leaves where the balance was wrong, at most | {poli
 mean square curvature of a guide, beside that of what it leaves | {shared.ROUGH:g} times
 the same for the slope of a reference line | {straightness.LINE:g} times
 the same for a force or a friction along the travel | {knots.STIFF:g} times
+squares that a curve leaves where it was fitted if it is believed | {foreseen.BELIEVED:g} noises
 noise that a balance may lose by the tracker's shape, at most | {shape.LOST:.0%}
 what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}
 what it explains better than the tracker's clock, from | {imitations.UNEXHAUSTED[sensor]:.0%}

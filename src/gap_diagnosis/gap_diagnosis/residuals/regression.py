@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from gap_diagnosis.residuals.foreseen import counted, variances
+from gap_diagnosis.residuals.foreseen import BELIEVED, counted, variances
 from gap_diagnosis.residuals.normal import predicts, solve, solve_gram
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.search import Recent, Search
@@ -37,8 +37,8 @@ class Fit:
     held-out rows by those of the fit rows, these by those of the other folds. Rare events (a few
     reversals, one saturation) then count wherever they happen. Beside a smooth curve its squares
     count how surely a row was foreseen, too: `variance` (n,) is that of the error of a held-out
-    row over that of the rows that were fitted, 1 where no curve is in doubt. `crossed` is in units
-    of the force that is asked for, also where the drive gives less (`Term.acting`). `sessions`
+    row over its noise, 1 where no curve is in doubt or none is believed. `crossed` is in units of
+    the force that is asked for, also where the drive gives less (`Term.acting`). `sessions`
     holds, per held-out session, the coefficients whose nuisances were refitted on its prefix.
     """
 
@@ -123,16 +123,17 @@ class Regression:
         sessions = self._refit_nuisances(thetas, coefficients, residual)
         judged = [(self._rest, gram, solution)]
         judged += self._folded(matrix, target, penalty) if problem.crossable else []
-        # What a set cannot explain is no doubt of its curve.
-        left = max(problem.floor**2, float(np.mean(residual[self.fit_rows] ** 2)))
-        crossed, variance = residual.copy(), np.ones(len(residual))
+        noise, crossed, variance = problem.floor**2, residual.copy(), np.ones(len(residual))
+        # A curve that is far off where it was fitted, or beside a drift, is not believed elsewhere.
+        near = np.mean(residual[self.fit_rows] ** 2) < BELIEVED * noise
+        believed = penalty.any() and near and not problem.whitening
         for rows, known, found in judged:
             # Phases and offsets of a held-out session are refitted in its residual.
             if found is not solution:
                 crossed[rows] = target[rows] - matrix[rows] @ found
-            if penalty.any():
-                variance[rows] = variances(matrix[rows], known, penalty, found, left)
-                crossed[rows] = counted(crossed[rows], variance[rows], problem.floor**2)
+            if believed:
+                variance[rows] = variances(matrix[rows], known, penalty, found, noise)
+                crossed[rows] = counted(crossed[rows], variance[rows], noise)
         crossed = crossed / self._acting(thetas, coefficients)
         variance[self.fit_rows] = 1.0
         return Fit(dict(thetas), coefficients, residual, crossed, sessions, variance)
