@@ -124,7 +124,7 @@ class Regression:
         judged = [(self._rest, gram, solution)]
         judged += self._folded(matrix, target, penalty) if problem.crossable else []
         noise, crossed, variance = problem.floor**2, residual.copy(), np.ones(len(residual))
-        # A curve that is far off where it was fitted, or beside a drift, is not believed elsewhere.
+        # A curve that is far off where it was fitted, or beside a drift, is believed nowhere else.
         near = np.mean(residual[self.fit_rows] ** 2) < BELIEVED * noise
         believed = penalty.any() and near and not problem.whitening
         for rows, known, found in judged:
