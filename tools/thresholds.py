@@ -34,10 +34,10 @@ MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
                    foreseen, forward, grid, held_out, imitations, judged, kinematics, knots,
-                   lacking, library, loops, machine, misread, motions, online, outliers, pairs, passes,
-                   polish, prepare, propose, scene, search, selection, separation, servo_clocks,
-                   servo_part, shape, shared, slow_rows, straightness, swing, swinging,
-                   temperatures, thermal, training, unrecorded, windows)
+                   lacking, library, loops, machine, misread, motions, online, outliers, pairs,
+                   passes, polish, prepare, propose, scene, search, selection, separation,
+                   servo_clocks, servo_part, shape, shared, slow_rows, straightness, swing,
+                   swinging, temperatures, thermal, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
