@@ -10,6 +10,7 @@ import pytest
 from numpy.polynomial.legendre import legval
 from numpy.typing import NDArray
 
+from gap_diagnosis.residuals.foreseen import variances
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.residuals.uncertainty import uncertainty
@@ -128,3 +129,15 @@ def test_where_a_curve_was_not_told_no_other_effect_is_told_by_its_error() -> No
         gains.append((squares, unsure.mean_square(problem) - fit.mean_square(both)))
     by_squares, as_foreseen = np.mean(gains, axis=0)
     assert by_squares > 10.0 * as_foreseen
+
+
+def test_a_column_of_one_fold_alone_stands_beside_a_curve() -> None:
+    """What the other folds hold of it is rounding, which may be below zero."""
+    rng = np.random.default_rng(1)
+    curve = rng.normal(size=(50, 3))
+    gram = np.zeros((4, 4))
+    gram[:3, :3] = curve.T @ curve
+    gram[3, 3] = -1e-8
+    rows = np.column_stack([curve, np.zeros(50)])
+    found = variances(rows, gram, np.array([0.0, 0.1, 0.1, 0.0]), np.ones(4), 1.0)
+    assert np.all(np.isfinite(found)) and np.all(found >= 1.0)

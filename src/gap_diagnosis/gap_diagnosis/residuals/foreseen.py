@@ -35,6 +35,8 @@ def variances(
     noise : variance of a row's noise
     """
     total = gram + np.diag(penalty)
+    # Of a column of one fold alone the others hold rounding errors, of either sign.
+    total.ravel()[:: len(total) + 1] = np.maximum(np.diag(total), 0.0)
     scale = np.sqrt(np.diag(total))
     scale[scale == 0.0] = 1.0
     root = np.linalg.cholesky(total / np.outer(scale, scale) + RIDGE * np.eye(len(scale)))
