@@ -10,6 +10,7 @@ from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 from stage_driver.states import State
 
+from ..patience import PATIENCE
 from .servo_rig import move, quiet, rig, stream
 
 
@@ -186,6 +187,47 @@ def test_stop_ends_homing_and_answers_at_once():
             homing.result()
         quiet(backend, recorder)
         assert plant.position[0] > 0.001 and abs(plant.velocity[0]) < 1e-3
+
+
+def test_a_set_point_that_comes_after_the_stop_of_its_stream_is_refused():
+    with rig() as (plant, backend, recorder):
+        stream(backend, recorder, 200, lambda k, q: ([], [0.05, 0.0]))
+        backend.stop()
+        backend.submit(recorder.states[-1][0], ['x', 'y'], [], [0.05, 0.0])
+        # It may come while its tick still waits, or after it.
+        recorder.wait(lambda: recorder.said('set-point refused'))
+        quiet(backend, recorder)
+        assert abs(plant.velocity[0]) < 1e-3
+        # A move ends the matter, and the next stream is another one.
+        move(backend, recorder, 0.01, 0.0)
+        stream(backend, recorder, 100, lambda k, q: ([], [0.05, 0.0]))
+        assert plant.velocity[0] == pytest.approx(0.05, rel=0.1)
+
+
+def test_a_stream_in_real_time_stays_stopped_until_it_pauses():
+    with rig(lockstep=False, setpoint_timeout=0.4) as (plant, backend, recorder):
+
+        def send():
+            backend.submit(0, ['x', 'y'], [], [0.02, 0.0])
+            time.sleep(0.005)
+
+        def send_until(condition):
+            deadline = time.monotonic() + PATIENCE
+            while not condition():
+                assert time.monotonic() < deadline, backend.status()
+                send()
+
+        send_until(lambda: plant.velocity[0] > 0.015)
+        backend.stop()
+        send_until(lambda: backend.status().state is State.READY)
+        stopped = plant.position[0]
+        for _ in range(40):
+            send()
+        assert backend.status().state is State.READY
+        assert plant.position[0] == pytest.approx(stopped, abs=1e-4)
+        assert 'the stream was stopped' in backend.status().details['last_refusal']
+        time.sleep(0.5)
+        send_until(lambda: plant.velocity[0] > 0.015)
 
 
 def test_disabled_stage_refuses_moves():

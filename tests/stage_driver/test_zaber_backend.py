@@ -56,6 +56,21 @@ def test_velocity_stream_is_bounded_and_its_end_is_watched(tmp_path):
         assert backend.status().details['watchdog_stops'] == '1'
 
 
+def test_a_stream_that_was_stopped_stays_stopped(tmp_path):
+    with rig(tmp_path) as (server, backend, recorder):
+        backend.home().result()
+        for k in range(60):
+            backend.submit(0, ['x', 'y'], [], [0.01, 0.0])
+            time.sleep(0.01)
+            if k == 29:
+                backend.stop()
+                stopped = position(server)[0]
+        assert recorder.said('the stream was stopped')
+        wait(lambda: backend.status().state is State.READY)
+        # 0.3 s more of the stream would be 3 mm.
+        assert position(server)[0] < stopped + 0.001
+
+
 def test_dead_host_leaves_the_axis_at_its_bound(tmp_path):
     """Stop the backend's thread without any farewell: the streamed move ends by itself."""
     with rig(tmp_path) as (server, backend, recorder):

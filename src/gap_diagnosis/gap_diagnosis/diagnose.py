@@ -35,7 +35,7 @@ from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.passes import Prepared, Progress, prepare, servo_part, tracker_part
 from gap_diagnosis.residuals.reading import MISREADS, misreadings
-from gap_diagnosis.residuals.recording import jitter_findings
+from gap_diagnosis.residuals.recording import in_another_unit, jitter_findings
 from gap_diagnosis.residuals.tracker_jitter import tracker_jitter, tracker_speeds
 from gap_diagnosis.residuals.without_forces import widened
 from gap_diagnosis.result import Diagnosis
@@ -95,6 +95,12 @@ def diagnose(
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
         failed = [c for c in result.causes if c.refuted]
         beside = _excluded_by_tracker(result) or _misread(result, prepared)
+        unit = in_another_unit(result.parameters, barred)
+        if unit is not None:
+            progress(f'{unit} and its drive make up for one another: another unit of the effort')
+            barred.append(unit)
+            prepared, memory = prepare(sessions, holdout, twin, barred, simulated), Memory()
+            continue
         if not failed and not beside:
             if result.structured or not result.accepted:
                 progress('a law of what remains')

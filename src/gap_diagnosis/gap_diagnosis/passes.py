@@ -19,7 +19,7 @@ from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_step
 from gap_diagnosis.input.windows import moves_while_judged
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Parameters, plain_values
-from gap_diagnosis.residuals.commands import controller_findings, unlike
+from gap_diagnosis.residuals.commands import controller_findings
 from gap_diagnosis.residuals.controller import with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.kinematics import Kinematics
@@ -74,6 +74,7 @@ class Prepared:
     laws : by axis, what stands for the forces where none are recorded
     without : effects taken out of the library
     apart : notes where a machine without forces and its simulator have other gains
+    unlike : axes whose controller does more than other gains explain
     """
 
     records: list[Record]
@@ -84,6 +85,7 @@ class Prepared:
     laws: dict[str, DriveLaw] = field(default_factory=dict)
     without: tuple[str, ...] = ()
     apart: tuple[str, ...] = ()
+    unlike: tuple[str, ...] = ()
 
     @property
     def stepper(self) -> bool:
@@ -128,11 +130,6 @@ class Prepared:
     def moving_axes(self) -> list[str]:
         """Axes whose force balance can be judged."""
         return [a for a in self.moves if a not in self.laws or self.laws[a].known]
-
-    @cached_property
-    def unlike(self) -> tuple[str, ...]:
-        """Axes whose controller does more than other gains explain."""
-        return unlike(self.records, self.twin, self.direct)
 
     @cached_property
     def moves(self) -> list[str]:
@@ -202,10 +199,10 @@ def prepare(
     quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
     stepped = with_steps(counted_twin, quantisation)
     seen = with_simulated(with_mean_points(with_noise(stepped, records), records), records)
-    direct = {**quantisation, **conventions, **controller_findings(records, twin)}
-    direct.update(waves_read(records, twin))
+    commanded, unlike = controller_findings(records, twin)
+    direct = {**quantisation, **conventions, **commanded, **waves_read(records, twin)}
     return _moving(
-        Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart))
+        Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart), unlike)
     )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -38,6 +39,8 @@ class InboxBackend(ABC):
         self._last_setpoint: Setpoint | None = None
         #: The last streamed one, whether it was taken or refused.
         self._last_streamed: Setpoint | None = None
+        #: When it came [s], and whether its stream was stopped and has not paused since.
+        self._streamed_at, self._stopped = 0.0, False
         self._ending = threading.Event()
 
     # -- calls from other threads -------------------------------------------------------------
@@ -152,6 +155,11 @@ class InboxBackend(ABC):
     def _streaming(self) -> bool:
         """Whether a stream of set-points is being followed."""
 
+    @property
+    def _stream_timeout(self) -> float:
+        """Wall time without set-points after which a stream is over [s]."""
+        return self._config.setpoint_timeout
+
     # -- in the backend's thread --------------------------------------------------------------
 
     def serve(self) -> None:
@@ -193,11 +201,22 @@ class InboxBackend(ABC):
         if self._repeats(setpoint):
             return
         refused = self._refusal(setpoint)
+        if setpoint.streams and self._goes_on():
+            wait = self._stream_timeout
+            refused = refused or f'the stream was stopped: pause it for {wait} s, or send a move'
         if refused is not None:
             self._refuse(f'set-point refused: {refused}', setpoint.stamp)
             return
         self._last_setpoint = setpoint
+        self._stopped = False
         self._take(setpoint)
+
+    def _goes_on(self) -> bool:
+        """Whether a stream sends set-points without a pause although it was stopped."""
+        now = time.monotonic()
+        paused = now - self._streamed_at > self._stream_timeout
+        self._streamed_at = now
+        return self._stopped and not paused
 
     def _repeats(self, setpoint: Setpoint) -> bool:
         """Whether this is the last set-point again, sent for the case that it got lost."""
@@ -210,7 +229,8 @@ class InboxBackend(ABC):
         )
 
     def _stop(self, reason: str) -> None:
-        """Controlled stop; homing fails with the reason."""
+        """Controlled stop; homing fails with the reason, a stream is refused until it pauses."""
+        self._stopped = self._stopped or self._streaming
         self._halt()
         if self._homing is not None:
             homing, self._homing = self._homing, None

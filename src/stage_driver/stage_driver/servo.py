@@ -301,6 +301,11 @@ class ServoBackend(InboxBackend):
     def _streaming(self) -> bool:
         return self.motion.streaming
 
+    @property
+    def _stream_timeout(self) -> float:
+        config = self.config
+        return config.lockstep_timeout if self.link.lockstep else config.setpoint_timeout
+
     def _switch(self, on: bool) -> str:
         state = self._states.handle(Event.ENABLE if on else Event.DISABLE)
         if not on:

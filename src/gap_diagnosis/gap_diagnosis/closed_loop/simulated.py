@@ -8,7 +8,7 @@ simulator lacks. The twin says only what an effect adds: (twin with it) - (twin 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,11 @@ from scipy.signal import correlate
 from gap_diagnosis.closed_loop.replay import by_channel, replay
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.residuals.commands import controller_findings
+from gap_diagnosis.residuals.controller import with_found
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.session import Session
-from stage_core.twin_file import ServoAxis, TwinFile
-from stage_twin import hooks
+from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS
 
 Array = NDArray[np.float64]
@@ -43,14 +43,11 @@ def of_simulator(twin: TwinFile, sessions: Sequence[Session]) -> TwinFile:
     if twin.kind != 'servo':
         raise StageError(f'--sim-bag needs a twin of kind servo, this one is {twin.kind}')
     plain = replace(twin, effects={})
-    found = controller_findings([load_record(s, plain) for s in sessions], plain)
+    found, _ = controller_findings([load_record(s, plain) for s in sessions], plain)
     axes = dict(plain.axes)
     for name, values in found.items():
-        effect, axis = EFFECTS[split_effect(name)[0]], split_effect(name)[1] or ''
-        fields = asdict(plain.servo(axis))
-        given = effect.defaults() | {k: 0.0 for k in effect.defaults() if k.endswith('_error')}
-        hooks.prepare(effect, fields, given | {k: v for k, (v, _) in values.items()})
-        axes[axis] = ServoAxis(**fields)
+        effect, axis = split_effect(name)
+        axes[axis or ''] = with_found(plain.servo(axis or ''), EFFECTS[effect], values)
     return replace(plain, axes=axes)
 
 

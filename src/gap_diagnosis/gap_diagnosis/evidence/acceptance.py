@@ -26,6 +26,10 @@ Values = Mapping[str, tuple[float, float]]
 
 #: Half width of a 95 % interval in standard deviations.
 SIGMAS = 1.96
+#: The same of the largest of many: noise has this amplitude at one of the hundred periods that a
+#: travel holds in 3 % of all records. Of 22 ripples on six simulators the wrong ones had 3 to 15
+#: deviations, the right ones 82 and more.
+SEARCHED = 4.0
 #: Of the bootstrap.
 BLOCKS, DRAWS = 48, 500
 #: Floors above which a gap is there whatever the selection says. Twins without a gap are at 1.05.
@@ -253,8 +257,9 @@ def untold(name: str, values: Values, nominal: Mapping[str, float] | None = None
     told = [p for p in effect_of(name).parameters if p.name in defining(name) & set(values)]
     # What the session does not show (no deviation) says nothing of the effect.
     told = [p for p in told if values[p.name][1] > 0.0]
+    reach = SEARCHED if 'period' in values else SIGMAS
     return bool(told) and not any(
-        away(values[p.name], stated.get(p.name, p.neutral), p.minimum, p.maximum, p.neutral)
+        away(values[p.name], stated.get(p.name, p.neutral), p.minimum, p.maximum, p.neutral, reach)
         for p in told
     )
 
@@ -288,12 +293,13 @@ def away(
     minimum: float,
     maximum: float,
     neutral: float | None = None,
+    sigmas: float = SIGMAS,
 ) -> bool:
     """Whether a value is further than its interval from the twin's and from its bounds.
 
     A bound at which there is nothing of an effect (`neutral`) bounds no model.
     """
-    number, reach = value[0], SIGMAS * value[1]
+    number, reach = value[0], sigmas * value[1]
     ends = [end for end in (minimum, maximum) if end not in (nominal, neutral)]
     margin = max(reach, 1e-6 * (maximum - minimum))
     return (nominal is None or abs(number - nominal) > reach) and all(

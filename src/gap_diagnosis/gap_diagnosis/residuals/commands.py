@@ -30,15 +30,19 @@ AVERAGED, BELOW = 9, 2.0
 HELD, FOLLOWED = 1.5, 0.5
 
 
-def controller_findings(records: list[Record], twin: TwinFile) -> Parameters:
+def controller_findings(
+    records: list[Record], twin: TwinFile
+) -> tuple[Parameters, tuple[str, ...]]:
     """`controller_mismatch` and `force_saturation` of each axis, read from the commands.
 
-    Returns an empty mapping where the recorded commands follow the twin's law.
+    Returns
+    -------
+    found : empty where the recorded commands follow the twin's law
+    unlike : axes whose controller does more than the gains that were found explain
     """
     found: Parameters = {}
-    if twin.kind != 'servo':
-        return found
-    for i, name in enumerate(records[0].axes):
+    unlike: list[str] = []
+    for i, name in enumerate(records[0].axes if twin.kind == 'servo' else []):
         if not any(r.moving[i] for r in records):
             continue
         axis, limit = _limited(records, i, twin.servo(name))
@@ -47,17 +51,9 @@ def controller_findings(records: list[Record], twin: TwinFile) -> Parameters:
         other = mismatch(records, i, axis) if _effort_recorded(records) else {}
         if other:
             found[f'controller_mismatch.{name}'] = other
-    return found
-
-
-def unlike(records: list[Record], twin: TwinFile, found: Parameters) -> tuple[str, ...]:
-    """Axes whose controller does something that the gains that were found do not explain."""
-    out = []
-    for i, name in enumerate(records[0].axes):
-        gains = found.get(f'controller_mismatch.{name}')
-        if gains and not follows(records, i, _limited(records, i, twin.servo(name))[0], gains):
-            out.append(name)
-    return tuple(out)
+            if not follows(records, i, axis, other):
+                unlike.append(name)
+    return found, tuple(unlike)
 
 
 def _effort_recorded(records: list[Record]) -> bool:

@@ -24,6 +24,7 @@ from gap_diagnosis.residuals.operators import band_limited
 from stage_core.twin_file import ServoAxis, TwinFile
 from stage_twin import hooks
 from stage_twin.effects import EFFECTS
+from stage_twin.effects.definition import Effect
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -118,21 +119,28 @@ def follows(records: list[Record], i: int, axis: ServoAxis, found: Estimates) ->
 
     Only slow increments are asked: those of an effort with noise are mostly its noise.
     """
-    fields = asdict(axis)
-    hooks.prepare(MISMATCH, fields, MISMATCH.defaults() | {k: v for k, (v, _) in found.items()})
     fitted = [r for r in _as_read(records, i, axis) if not r.held_out_session]
-    mine, its = (_slow(fitted, i, law) for law in (axis, ServoAxis(**fields)))
+    mine, its = (_slow(fitted, i, law) for law in (axis, with_found(axis, MISMATCH, found)))
     return its < PARTLY * mine
+
+
+def with_found(axis: ServoAxis, effect: Effect, found: Estimates) -> ServoAxis:
+    """An axis whose controller an effect with these findings has changed."""
+    fields = asdict(axis)
+    hooks.prepare(effect, fields, effect.defaults() | {k: v for k, (v, _) in found.items()})
+    return ServoAxis(**fields)
 
 
 def _slow(records: list[Record], i: int, axis: ServoAxis) -> float:
     """RMS of the slow force increments that a law leaves [N]."""
-    rows = []
-    for record in records:
-        expected = force_increments(record, i, axis, velocity_law(record, i, axis))
-        wrong = np.diff(record.force[:, i]) - expected
-        rows.append(slow(record, np.where(_free(record, i, axis), wrong, 0.0)))
+    rows = [slow(r, np.where(_free(r, i, axis), _wrong(r, i, axis), 0.0)) for r in records]
     return math.sqrt(float(np.mean(np.concatenate(rows) ** 2)))
+
+
+def _wrong(record: Record, i: int, axis: ServoAxis) -> Array:
+    """Recorded force increments (n - 1,) less those of a law [N], which reads what is recorded."""
+    expected = force_increments(record, i, axis, velocity_law(record, i, axis))
+    return np.asarray(np.diff(record.force[:, i]) - expected)
 
 
 def _as_read(records: list[Record], i: int, axis: ServoAxis) -> list[Record]:
@@ -158,10 +166,8 @@ def left(records: list[Record], i: int, axis: ServoAxis) -> float:
     """
     squares = []
     for record in records:
-        expected = force_increments(record, i, axis, velocity_law(record, i, axis))
         mask = inside(record.time, held_out_windows(record))[1:] & _free(record, i, axis)
-        wrong = quiet(record, i, np.diff(record.force[:, i]) - expected)
-        squares.append(wrong[mask] ** 2)
+        squares.append(quiet(record, i, _wrong(record, i, axis))[mask] ** 2)
     counted = np.concatenate(squares)
     return math.sqrt(float(np.mean(counted))) if counted.size else math.nan
 

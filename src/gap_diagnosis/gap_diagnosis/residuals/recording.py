@@ -20,6 +20,7 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import LEAST_JITTER, jitter_finding
 from gap_diagnosis.parameters import Estimates, Parameters, plain_values
 from gap_diagnosis.residuals.controller import (
+    MISMATCH,
     fit_law,
     force_increments,
     quiet,
@@ -54,6 +55,8 @@ ANOTHER_LAW = 2.0
 #: Share of the recorded increments that rounding may leave: 1e-14 of records in another unit, 6e-3
 #: and more of controllers with other gains.
 ROUNDED = 1e-9
+#: Gains of the velocity loop, which the factor of a unit changes alike.
+LOOP = {'velocity_gain_error', 'integral_gain_error'}
 CORNER = 30.0  # Hz, of the low-pass on forces
 #: Deviations of an effort's noise by which one without signs may be below zero.
 BELOW_ZERO = 5.0
@@ -90,13 +93,15 @@ def in_newtons(
 def _found(records: list[Record], twin: TwinFile, without: Sequence[str]) -> Parameters:
     """`effort_convention` of the axes.
 
-    Where the mass of an axis at rest does not tell, the factor of the other axis does.
+    Where the mass of an axis at rest does not tell, the factor of the other axis does. Where its
+    controller is known to have the twin's gains, a factor is a unit.
     """
     found: Parameters = {}
     doubted: Parameters = {}
     for i, axis in enumerate(records[0].axes):
         name = f'{CONVENTION}.{axis}'
         values, sure = _convention(records, i, twin)
+        sure = sure or f'{MISMATCH.name}.{axis}' in without
         if values and not {name, CONVENTION} & set(without):
             (found if sure else doubted)[name] = values
     factors = [v['factor'][0] for v in found.values()]
@@ -104,6 +109,24 @@ def _found(records: list[Record], twin: TwinFile, without: Sequence[str]) -> Par
         if any(abs(values['factor'][0] / f - 1.0) < LEAST_UNIT for f in factors):
             found[name] = values
     return found
+
+
+def in_another_unit(found: Parameters, without: Sequence[str]) -> str | None:
+    """The gains of an axis that stand for the unit of its effort: both wrong by one factor.
+
+    A drive gives that much less per force, so that the loop is the twin's.
+    """
+    for name, gains in found.items():
+        effect, axis = split_effect(name)
+        drive = found.get(f'drive_gain.{axis}')
+        barred = {CONVENTION, f'{CONVENTION}.{axis}'} & set(without)
+        if effect != MISMATCH.name or drive is None or set(gains) != LOOP or barred:
+            continue
+        factor, other = (1.0 + gains[gain][0] for gain in sorted(LOOP))
+        product = factor * (1.0 + drive['error'][0])
+        if max(abs(other / factor - 1.0), abs(product - 1.0)) < LEAST_UNIT:
+            return name
+    return None
 
 
 def jitter_findings(
