@@ -18,7 +18,7 @@ from gap_diagnosis.residuals.controller import (
     force_increments,
     velocity_law,
 )
-from gap_diagnosis.residuals.recording import _path
+from gap_diagnosis.residuals.recording import _path, in_another_unit
 from gap_diagnosis.result import Diagnosis
 from stage_core import topics
 from stage_core.session import Series, Session
@@ -191,6 +191,24 @@ def test_an_effort_that_the_twin_says_of_itself_is_no_finding(planted: Maker) ->
     convention = {'effort_convention.x': {'factor': 0.01, 'magnitude': 0.0}}
     session = planted(convention, duration=10.0)
     assert diagnose([session], [], other_gains({}).with_effects(convention)).verdict == []
+
+
+def test_gains_and_a_drive_that_make_up_for_one_another_are_another_unit(
+    planted: Maker,
+) -> None:
+    # A spring hides the mass at first, so that the unit is told by what is found in its place.
+    truth = {
+        'effort_convention.x': {'factor': 2.0, 'magnitude': 0.0},
+        'cable_force.x': {'stiffness': 2000.0},
+    }
+    result = diagnose([planted(truth)], [], other_gains({}))
+    assert sorted(result.verdict) == sorted(truth)
+    assert result.parameters['effort_convention.x']['factor'][0] == pytest.approx(2.0, rel=1e-3)
+    gains = {'velocity_gain_error': (1.0, 0.0), 'integral_gain_error': (1.0, 0.0)}
+    pair = {'controller_mismatch.x': gains, 'drive_gain.x': {'error': (-0.5, 1e-3)}}
+    assert in_another_unit(pair, ()) == 'controller_mismatch.x'
+    assert in_another_unit(pair, ('effort_convention',)) is None
+    assert in_another_unit({**pair, 'drive_gain.x': {'error': (-0.4, 1e-3)}}, ()) is None
 
 
 def test_a_filter_and_a_mass_that_are_wrong_alike_are_no_other_unit(planted: Maker) -> None:
