@@ -130,6 +130,16 @@ def test_a_wave_of_two_millimetres_is_the_tables_or_the_encoders(
     assert found.parameters[effect]['amplitude'][0] == pytest.approx(5e-6, rel=0.02)
 
 
+def test_a_wave_of_the_table_is_where_it_was_when_the_point_was_taken(planted: Maker) -> None:
+    wave = {'amplitude': 15e-6, 'period': 0.01, 'phase': 0.4}
+    truth = {'cyclic_pitch_error.x': wave, 'tracker_latency': {'latency': 6e-3}}
+    found = diagnose([planted(truth)], [], ALONE)
+    assert sorted(found.verdict) == sorted(truth)
+    told = found.parameters['cyclic_pitch_error.x']
+    assert told['amplitude'][0] == pytest.approx(15e-6, rel=0.01)
+    assert told['phase'][0] == pytest.approx(0.4, abs=0.02)
+
+
 def test_heat_far_from_where_the_screw_is_held() -> None:
     path = 0.02 * reference(12.0, 1e-3, 1)
     warmth = 20.0 + 4.0 * (1.0 - np.exp(-np.arange(len(path)) * 1e-3 / 8.0))
