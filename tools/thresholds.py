@@ -76,12 +76,14 @@ lost ticks in a row around which nothing is judged, more than | {grid.LONG}
 error of the tracker's clock, at most | {coarse.LARGEST_LAG:g} s
 tracker points that are moved back: turn of their frame, from | {coarse.LEAST_ANGLE:g} rad
 the same: offset of their frame, from | {coarse.LEAST_OFFSET:g} m
-the same: delay, from | {coarse.LEAST_LAG:g} s
+the same: delay, or that of a drift at the ends, from | {coarse.LEAST_LAG:g} s
+what is left then of what is left else, at most | {coarse.CLEARLY:.0%}
 start of a held-out session that is not scored | {windows.PREFIX:.0%}
 squared gap of an encoder in the held-out windows, at least | {held_out.LEAST_HELD:.0%}
 the same, at most | {held_out.MOST_HELD:.0%}
 change of a screw temperature, at least | {kinematics.TEMPERATURE_SPAN:g} K
 shrinkage of the gap by a servo effect, at least | {acceptance.LEAST_SHRINK:.0%}
+deviations of an amplitude whose period was searched, at least | {acceptance.SEARCHED:g}
 squared gap that a servo effect closes, at least | {acceptance.LEAST_CLOSED:.0%}
 squared noise that any other effect closes, at least | {acceptance.LEAST_SEEN:.0%}
 gap that is `unknown` if nothing is named, from | {acceptance.FAR:g} floors

@@ -62,7 +62,17 @@ def test_points_that_are_late_on_a_circle_are_no_rotation(
 ) -> None:
     session = on_circles(planted({}, axes=('x', 'y'), duration=10.0), latency, drift)
     record = load_record(session, TwinFile.nominal_servo())
-    assert coarse.find([record]) == coarse.Coarse(offset=(0.0, 0.0))
+    found = coarse.find([record])
+    assert found.angle == 0.0 and found.offset == (0.0, 0.0)
+    assert found.latency == pytest.approx(latency, abs=1e-4)
+    assert found.drift == pytest.approx(drift, abs=2e-5)
+
+
+@pytest.mark.parametrize('barred', ['tracker_misalignment', 'tracker_latency'])
+def test_what_is_no_candidate_is_not_taken_out(barred: str) -> None:
+    found = coarse.Coarse(0.01, (0.1, 0.2), 3e-3, 1e-4)
+    assert set(found.effects) == set(coarse.MOVED)
+    assert set(found.without([barred]).effects) == set(coarse.MOVED) - {barred}
 
 
 def test_points_between_ticks_are_those_of_the_motion(planted: Maker) -> None:

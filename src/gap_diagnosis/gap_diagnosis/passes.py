@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -312,8 +312,8 @@ def tracker_part(
     """
     if any(r.tracker is None for r in before.records):
         return before.records, []
-    movable = not set(without) & {'tracker_misalignment', 'tracker_latency'}
-    records = memory.once(('points', movable), lambda: _in_place(before, movable))
+    stay = frozenset(without) & set(coarse.MOVED)
+    records = memory.once(('points', stay), lambda: _in_place(before, stay))
     # Only what the tracker sees makes another fit of it.
     values = plain_values({k: v for f in servo for k, v in f.items() if seen_by_tracker(k)})
     without = [n for n in without if seen_by_tracker(n)]
@@ -331,13 +331,11 @@ def tracker_part(
     return records, [memory.once(('tracker', tuple(sorted(without)), repr(values)), fit)]
 
 
-def _in_place(before: Prepared, movable: bool) -> list[Record]:
-    """Records whose tracker points are in the twin's frame and, if they may be, moved back."""
+def _in_place(before: Prepared, stay: Collection[str]) -> list[Record]:
+    """Records whose tracker points are in the twin's frame, moved back by what may be there."""
     frame = sensor_frame(before.twin)
     records = [replace(coarse.moved_back(r, frame), frame=frame) for r in before.records]
-    if not movable:
-        return records
-    moved = coarse.find(records)
+    moved = coarse.find(records).without(stay)
     return [replace(coarse.moved_back(r, moved), coarse=moved) for r in records]
 
 

@@ -9,7 +9,7 @@ over a grid of lags, the points are moved back by it, and the small rest is fitt
 from __future__ import annotations
 
 import cmath
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,8 +23,10 @@ from stage_core.errors import StageError
 Array = NDArray[np.float64]
 Plane = NDArray[np.complexfloating]
 
+#: Effects that are taken out.
+MOVED = ('tracker_misalignment', 'tracker_latency', 'tracker_clock_drift')
 LEAST_ANGLE, LEAST_OFFSET, LEAST_LAG = 3e-3, 1e-3, 5e-4  # rad, m, s; less is fitted alone
-LARGEST_LAG = 0.1  # s, of the twin's `tracker_latency`
+LARGEST_LAG, LARGEST_DRIFT = 0.1, 1e-3  # s and s/s, of the twin's `tracker_latency` and clock
 SEARCHED = 2.0  # s
 STEPS = (0.01, 0.001, 0.0001)  # s, of the grids of lags
 MOST_POINTS = 3000
@@ -33,7 +35,10 @@ CLEARLY = 0.3  # times the RMS that something else leaves
 
 @dataclass(frozen=True)
 class Coarse:
-    """Measured = R(angle) · table + offset [m], `latency` [s] after the table was there."""
+    """Measured = R(angle) · table + offset [m], `latency` [s] after the table was there.
+
+    The clock of the stamps runs fast by `drift` [s/s].
+    """
 
     angle: float = 0.0
     offset: tuple[float, ...] = ()
@@ -55,12 +60,22 @@ class Coarse:
     @property
     def effects(self) -> tuple[str, ...]:
         """Effects that these are the larger part of."""
-        found = ('tracker_misalignment',) if self.angle or any(self.offset) else ()
-        return (*found, 'tracker_latency') if self.latency else found
+        there = (self.angle or any(self.offset), self.latency, self.drift)
+        return tuple(name for name, size in zip(MOVED, there, strict=True) if size)
+
+    def without(self, barred: Collection[str]) -> Coarse:
+        """The same without some of its effects."""
+        turned, late, drifting = (name not in barred for name in MOVED)
+        return Coarse(
+            turned * self.angle,
+            self.offset if turned else (),
+            late * self.latency,
+            drifting * self.drift,
+        )
 
 
 def find(records: list[Record]) -> Coarse:
-    """Rotation, offset and latency that are too large for the terms of the tracker link.
+    """Rotation, offset, latency and drift that are too large for the terms of the tracker link.
 
     Raises
     ------
@@ -76,43 +91,74 @@ def find(records: list[Record]) -> Coarse:
     time = record.point_time()[rows]
     measured = _plane(record.tracker[rows])
 
-    def table(lag: float) -> Plane:
-        return _plane(record.encoder_at(time - lag))
-
-    lag = 0.0
-    for step, reach in () if rests else zip(STEPS, (SEARCHED, *STEPS), strict=False):
-        lags = lag + np.arange(-reach, reach + 0.5 * step, step)
-        lag = float(min(lags, key=lambda x: _rest(measured, table(float(x)), axes)))
-    best = lag
-    if abs(lag) < LEAST_LAG or _rest(measured, table(lag), axes) > CLEARLY * _rest(
-        measured, table(0.0), axes
-    ):
-        lag = 0.0
+    lag, drift = (0.0, 0.0) if rests else _late(record, time, measured)
     if abs(lag) > LARGEST_LAG:
         raise StageError(
             f'{record.name}: the stamps of {topics.TRACKER_POINT} are {lag:.2f} s late against '
             'the encoder: no latency but another clock; let the tracker bridge take its offset out'
         )
-    where = table(lag)
+
+    def table(beyond: float = 0.0) -> Plane:
+        return _plane(record.encoder_at(time / (1.0 + drift) - lag - beyond))
+
+    where = table()
     if axes == 2 and _rest(measured.conj(), where, axes) < CLEARLY * _rest(measured, where, axes):
         raise StageError(
             f'{record.name}: the frame of {topics.TRACKER_POINT} is mirrored against the stage '
             '(one of its axes points the other way): align the tracker with `~/align`'
         )
     # On a circle a latency looks like a rotation: what remains of one is fitted beside it.
-    speed = [table(best - STEPS[1]) - table(best + STEPS[1])] if not rests else []
+    speed = [table(-STEPS[1]) - table(STEPS[1])] if not rests else []
     beside = [*speed, *(time * v for v in speed)]
-    angle = cmath.phase(_factor(measured, table(best), beside)) if axes == 2 else 0.0
+    angle = cmath.phase(_factor(measured, where, beside)) if axes == 2 else 0.0
     angle = angle if abs(angle) > LEAST_ANGLE else 0.0
     away = complex(measured.mean() - cmath.exp(1j * angle) * where.mean())
     far = bool(angle) or abs(away) > LEAST_OFFSET
     offset = (away.real, away.imag)[:axes] if far else (0.0,) * axes
-    return Coarse(angle, offset, lag)
+    return Coarse(angle, offset, lag, drift)
+
+
+def _late(record: Record, time: Array, measured: Plane) -> tuple[float, float]:
+    """Latency [s] and drift of the clock [s/s] without which clearly more is left; else zero.
+
+    Each of them alone is tried before both: on circles of one speed the two are alike.
+    """
+    middle, axes = float(np.mean(time)), len(record.axes)
+    half = max(0.5 * float(np.ptp(time)), STEPS[0])
+
+    def left(late: float, drift: float) -> float:
+        """RMS that is left [m] of points that are `late` [s] in the middle of the session."""
+        table = record.encoder_at(time - late - drift * (time - middle))
+        return _rest(measured, _plane(table), axes)
+
+    def best_drift(late: float, start: float) -> float:
+        """Drift of points that are `late` at a time [s] from the session's start."""
+        drift, since = 0.0, middle - start
+        for step, reach in zip(STEPS[1:], (LARGEST_DRIFT * half, *STEPS[1:]), strict=False):
+            drifts = drift + _grid(reach, step) / half
+            drift = min(drifts, key=lambda d: left(late + float(d) * since, float(d)))
+        return float(drift)
+
+    late = 0.0
+    for step, reach in zip(STEPS, (SEARCHED, *STEPS), strict=False):
+        late = float(min(late + _grid(reach, step), key=lambda x: left(float(x), 0.0)))
+    alone, beside = best_drift(0.0, 0.0), best_drift(late, middle)
+    best, least = (0.0, 0.0), left(0.0, 0.0)
+    one = min(((late, 0.0), (0.0, alone)), key=lambda x: left(x[0] + x[1] * middle, x[1]))
+    for lag, drift in (one, (late - beside * middle, beside)):
+        rest = left(lag + drift * middle, drift)
+        if rest < CLEARLY * least and max(abs(lag), abs(drift) * half) > LEAST_LAG:
+            best, least = (lag, drift), rest
+    return best
+
+
+def _grid(reach: float, step: float) -> Array:
+    return np.arange(-reach, reach + 0.5 * step, step)
 
 
 def moved_back(record: Record, coarse: Coarse) -> Record:
     """The record with its points where the table was, when it was there."""
-    if coarse == Coarse() or not (coarse.effects or coarse.drift):
+    if not coarse.effects:
         return record
     assert record.tracker_time is not None and record.tracker is not None
     stamps = record.tracker_time if record.tracker_stamp is None else record.tracker_stamp

@@ -133,7 +133,7 @@ class Kinematics:
         return float(np.mean(np.square(steps))) / 12.0
 
     def _before(self) -> dict[str, Array]:
-        """Rows of what was taken out of the points: by a rotation and offset, by a latency."""
+        """Rows of what was taken out of the points: a rotation and offset, a latency, a drift."""
         coarse = self.records[0].coarse
         if coarse is None:
             return {}
@@ -148,6 +148,10 @@ class Kinematics:
                 # The stamps say that the table was there later, where it was on its way already.
                 later = record.encoder_at(record.point_time(latency=-coarse.latency))
                 moved['tracker_latency'].append(list((table - later).T))
+            if 'tracker_clock_drift' in moved:
+                slow = 1.0 / (1.0 + coarse.drift) - 1.0
+                later = record.encoder_at(record.point_time(drift=slow))
+                moved['tracker_clock_drift'].append(list((table - later).T))
         return {name: self.rows(parts) for name, parts in moved.items()}
 
     def row_axis(self) -> NDArray[np.int64]:
