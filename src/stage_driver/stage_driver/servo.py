@@ -46,8 +46,7 @@ class ServoBackend(InboxBackend):
         self._homed = not config.home_required
         #: Number and stamp [ns] of the newest tick, and the one that has had its force.
         self.tick, self.stamp, self._answered = -1, 0, -1
-        self._last_packet = b''
-        self._last_second = -1
+        self._last_packet, self._last_second = b'', -1
         #: The newest measurement while it is not published, and whether a force went out since.
         self._untold: drive_link.Datagram | None = None
         self._untold_force = False
@@ -303,8 +302,7 @@ class ServoBackend(InboxBackend):
 
     @property
     def _stream_timeout(self) -> float:
-        config = self.config
-        return config.lockstep_timeout if self.link.lockstep else config.setpoint_timeout
+        return self._clock.stream_timeout
 
     def _switch(self, on: bool) -> str:
         state = self._states.handle(Event.ENABLE if on else Event.DISABLE)

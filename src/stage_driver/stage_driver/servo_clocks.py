@@ -25,6 +25,8 @@ class Clock(Protocol):
     name: str
     #: A drive that is silent for longer is lost [s].
     patience: float
+    #: Wall time without set-points after which a stream is over [s].
+    stream_timeout: float
     #: Whether the drive waits: the state of a tick is told before its force is computed.
     waits: bool
 
@@ -49,6 +51,7 @@ class RealTime:
     def __init__(self, backend: ServoBackend) -> None:
         self._backend = backend
         self.patience = backend.config.link_timeout
+        self.stream_timeout = backend.config.setpoint_timeout
         #: Ticks by which the driver is behind the drive; whether the stage moved at the first.
         self._late, self._moved = 0, False
         self._stream_age = 0
@@ -104,9 +107,8 @@ class RealTime:
         self._stream_age += 1
         # One tick is the way through another process.
         backend.counts['late_setpoints'] += self._stream_age > 2
-        longest = backend.config.setpoint_timeout
-        if self._stream_age * backend.axes.period > longest:
-            backend.watchdog(f'no set-point for {longest} s')
+        if self._stream_age * backend.axes.period > self.stream_timeout:
+            backend.watchdog(f'no set-point for {self.stream_timeout} s')
 
     def refusal(self, setpoint: Setpoint) -> str | None:
         """See `Clock.refusal`."""
@@ -124,7 +126,7 @@ class Lockstep:
 
     def __init__(self, backend: ServoBackend) -> None:
         self._backend = backend
-        self.patience = backend.config.lockstep_timeout
+        self.patience = self.stream_timeout = backend.config.lockstep_timeout
         self._stream_stamp = -1
 
     def missed(self, ticks: int) -> None:
