@@ -68,7 +68,7 @@ def test_points_that_are_late_on_a_circle_are_no_rotation(
     assert found.drift == pytest.approx(drift, abs=2e-5)
 
 
-@pytest.mark.parametrize('barred', ['tracker_misalignment', 'tracker_latency'])
+@pytest.mark.parametrize('barred', coarse.MOVED)
 def test_what_is_no_candidate_is_not_taken_out(barred: str) -> None:
     found = coarse.Coarse(0.01, (0.1, 0.2), 3e-3, 1e-4)
     assert set(found.effects) == set(coarse.MOVED)

@@ -2,6 +2,7 @@
 
 import re
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -96,11 +97,29 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
         plant.close()
 
 
-def test_a_contour_before_homing_fails_at_once_with_the_call_that_homes(ros_env):
+def stopped_in_a_run(client, plant):
+    """The failure of a contour run that `/stage_driver/stop` ends, in real time."""
+    client.set_bool('/stage_driver/enable', True)
+    client.trigger('/stage_driver/home', PATIENCE)
+    stop = client.node.create_client(Trigger, '/stage_driver/stop')
+    run = client.node.create_client(Trigger, '/contour_ctrl/run')
+    assert stop.wait_for_service(PATIENCE) and run.wait_for_service(PATIENCE)
+    failed = run.call_async(Trigger.Request())
+    # The circle begins at (2, 0) mm and goes to the left.
+    client.wait_for(lambda: plant.position[1] > 0.5e-3, PATIENCE, 'the circle')
+    answer = stop.call_async(Trigger.Request())
+    client.wait_for(answer.done, PATIENCE, 'the answer of ~/stop')
+    assert answer.result().message == 'stopping'
+    client.wait_for(failed.done, PATIENCE, 'the end of the run')
+    assert not failed.result().success
+    return failed.result().message
+
+
+def test_a_contour_is_refused_before_homing_and_ends_with_the_stop_of_its_stream(ros_env):
     plant = SmallPlant(lockstep=False)
     plant.start()
     # Longer than the test waits: a run that is not refused at once is not refused in time.
-    patient = {'radius': 0.002, 'approach_timeout': 2.0 * PATIENCE}
+    patient = {'radius': 0.002, 'feed': 0.001, 'approach_timeout': 2.0 * PATIENCE}
     try:
         with (
             # A busy machine's drive is late.
@@ -121,6 +140,11 @@ def test_a_contour_before_homing_fails_at_once_with_the_call_that_homes(ros_env)
                 with pytest.raises(StageError, match=words):
                     client.trigger('/contour_ctrl/run', PATIENCE)
                 client.set_bool('/stage_driver/enable', False)
+            assert 'the stream was stopped' in stopped_in_a_run(client, plant)
+            where = list(plant.position)
+            time.sleep(1.0)
+            # The loop settles by micrometres; the contour went on by 1 mm meanwhile.
+            assert plant.position == pytest.approx(where, abs=2e-5)
     finally:
         plant.close()
 

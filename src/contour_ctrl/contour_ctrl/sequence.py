@@ -169,6 +169,13 @@ class ContourRun:
         end = np.array(self._last[1:]) + 0.5 * self.settings.stop_time * velocity
         return self._move(stamp, _pair(end))
 
+    def refused(self, reason: str) -> None:
+        """End the run of which the driver refused a set-point: it stops the stage by itself.
+
+        Any further set-point would move a stage that somebody has stopped.
+        """
+        self._finish(False, reason)
+
     def _move(self, stamp: int, target: Pair) -> SetPoint:
         # The driver takes an equal stamp for a repetition of the last set-point.
         stamp = max(stamp, self._sent + 1)

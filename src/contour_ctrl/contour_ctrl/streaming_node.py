@@ -141,10 +141,10 @@ class StreamingNode(StageNode):
             values = {pair.key: pair.value for pair in status.values}
             stamp, reason = values.get('refused_stamp', ''), values.get('last_refusal', '')
             with self._lock:
-                refused = stamp and self.course is not None and self.course.awaits(int(stamp))
-            if refused:
-                self._fault(reason.replace('~/', f'/{DRIVER}/'))
-                return
+                if stamp and self.course is not None and self.course.awaits(int(stamp)):
+                    self.course.refused(reason.replace('~/', f'/{DRIVER}/'))
+                    self._conclude()
+                    return
 
     def _on_state(self, data: bytes) -> None:
         if self.course is None or not self._begun:

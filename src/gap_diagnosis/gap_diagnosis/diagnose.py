@@ -95,10 +95,13 @@ def diagnose(
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
         failed = [c for c in result.causes if c.refuted]
         beside = _excluded_by_tracker(result) or _misread(result, prepared)
-        unit = in_another_unit(result.parameters, barred)
+        refuted = {c.effect for c in failed}
+        shown = {n: values for n, values in result.parameters.items() if n not in refuted}
+        unit = in_another_unit(shown, barred)
         if unit is not None:
             progress(f'{unit} and its drive make up for one another: another unit of the effort')
-            barred.append(unit)
+            # What was refuted beside the wrong unit may be there beside the right one.
+            barred = [*prepared.without, unit]
             prepared, memory = prepare(sessions, holdout, twin, barred, simulated), Memory()
             continue
         if not failed and not beside:

@@ -19,9 +19,9 @@ from stage_driver.inbox_backend import InboxBackend
 from stage_driver.limits import Setpoint
 from stage_driver.servo_axes import ServoAxes
 from stage_driver.servo_clocks import Clock, Lockstep, RealTime
+from stage_driver.servo_news import News
 from stage_driver.states import Event, State
 
-SECOND = 1_000_000_000
 #: Stage time after which braking under control gives way to the drive's own brake [s].
 BRAKE_TIMEOUT = 2.0
 #: Longest wait for rest when the driver shuts down [s].
@@ -46,10 +46,8 @@ class ServoBackend(InboxBackend):
         self._homed = not config.home_required
         #: Number and stamp [ns] of the newest tick, and the one that has had its force.
         self.tick, self.stamp, self._answered = -1, 0, -1
-        self._last_packet, self._last_second = b'', -1
-        #: The newest measurement while it is not published, and whether a force went out since.
-        self._untold: drive_link.Datagram | None = None
-        self._untold_force = False
+        self._last_packet = b''
+        self._news = News(self.axes, listener)
         self._brake_ticks = 0
         self._awaited = AwaitedHoming(
             config.drive_timeout, f'drive at {self._drive}', 'drive_host and drive_port'
@@ -136,12 +134,11 @@ class ServoBackend(InboxBackend):
         self.tick, self.stamp = datagram.tick, datagram.stamp
         if not repeated:
             self.axes.measure(datagram.values, passed)
-            self._untold = datagram
-            self._listener.on_measured(self.stamp, self.axes.encoder.tolist())
+            self._news.measured(datagram)
         if self._clock.waits:
-            self._tell()
+            self._news.tell()
         ended = self._clock.answer()
-        self._tell()
+        self._news.tell()
         if ended is not None:
             self._conclude(ended)
 
@@ -158,30 +155,8 @@ class ServoBackend(InboxBackend):
         )
         self._answered = self.tick
         self.link.send(self._last_packet)
-        self._untold_force = True
+        self._news.controlled(self.stamp)
         return ended
-
-    def _tell(self) -> None:
-        """Publish what was measured and controlled, once; temperatures once a second."""
-        axes = self.axes
-        datagram, self._untold = self._untold, None
-        if datagram is not None:
-            self._listener.on_state(self.stamp, axes.encoder.tolist(), axes.velocity.tolist())
-            second = self.stamp // SECOND
-            if second != self._last_second and datagram.temperatures:
-                self._last_second = second
-                self._listener.on_temperatures(
-                    self.stamp, drive_link.SENSORS, datagram.temperatures
-                )
-        if self._untold_force:
-            self._untold_force = False
-            self._listener.on_control(
-                self.stamp,
-                self.motion.reference.tolist(),
-                self.motion.speed.tolist(),
-                axes.command.tolist(),
-                axes.force.tolist(),
-            )
 
     def _conclude(self, ended: bool) -> None:
         """What follows from a control tick: the end of a motion, a fault, the end of braking."""

@@ -29,7 +29,7 @@ SIGMAS = 1.96
 #: The same of the largest of many: noise has this amplitude at one of the hundred periods that a
 #: travel holds in 3 % of all records. Of 22 ripples on six simulators the wrong ones had 3 to 15
 #: deviations, the right ones 82 and more.
-SEARCHED = 4.0
+LARGEST_OF_MANY = 4.0
 #: Of the bootstrap.
 BLOCKS, DRAWS = 48, 500
 #: Floors above which a gap is there whatever the selection says. Twins without a gap are at 1.05.
@@ -257,7 +257,8 @@ def untold(name: str, values: Values, nominal: Mapping[str, float] | None = None
     told = [p for p in effect_of(name).parameters if p.name in defining(name) & set(values)]
     # What the session does not show (no deviation) says nothing of the effect.
     told = [p for p in told if values[p.name][1] > 0.0]
-    reach = SEARCHED if 'period' in values else SIGMAS
+    scanned = any(p.scanned for p in effect_of(name).parameters)
+    reach = LARGEST_OF_MANY if scanned else SIGMAS
     return bool(told) and not any(
         away(values[p.name], stated.get(p.name, p.neutral), p.minimum, p.maximum, p.neutral, reach)
         for p in told

@@ -27,7 +27,7 @@ Plane = NDArray[np.complexfloating]
 MOVED = ('tracker_misalignment', 'tracker_latency', 'tracker_clock_drift')
 LEAST_ANGLE, LEAST_OFFSET, LEAST_LAG = 3e-3, 1e-3, 5e-4  # rad, m, s; less is fitted alone
 LARGEST_LAG, LARGEST_DRIFT = 0.1, 1e-3  # s and s/s, of the twin's `tracker_latency` and clock
-SEARCHED = 2.0  # s
+LARGEST_TRIED = 2.0  # s, of a clock that is no latency but another one
 STEPS = (0.01, 0.001, 0.0001)  # s, of the grids of lags
 MOST_POINTS = 3000
 CLEARLY = 0.3  # times the RMS that something else leaves
@@ -140,7 +140,7 @@ def _late(record: Record, time: Array, measured: Plane) -> tuple[float, float]:
         return float(drift)
 
     late = 0.0
-    for step, reach in zip(STEPS, (SEARCHED, *STEPS), strict=False):
+    for step, reach in zip(STEPS, (LARGEST_TRIED, *STEPS), strict=False):
         late = float(min(late + _grid(reach, step), key=lambda x: left(float(x), 0.0)))
     alone, beside = best_drift(0.0, 0.0), best_drift(late, middle)
     best, least = (0.0, 0.0), left(0.0, 0.0)

@@ -40,6 +40,9 @@ class Parameter:
         of one session cannot determine.
     doubt : float
         Standard deviation, as a share of the value, of what a fit gets wrong beyond what it says.
+    scanned : bool
+        True for one of which a fit takes the best of many values (a period): the amplitude beside
+        it is then the largest of many.
     tried : tuple of float
         Values that the closed loop is run with beside that of the force balance, which cannot
         tell it well.
@@ -55,6 +58,7 @@ class Parameter:
     nuisance: bool = False
     fitted: bool = True
     doubt: float = 0.0
+    scanned: bool = False
     tried: tuple[float, ...] = ()
 
     def said(self, value: float) -> str:

@@ -45,6 +45,7 @@ EFFECT = Effect(
             20e-6,
             "signal period of the encoder's scale",
             neutral=None,
+            scanned=True,
         ),
         PHASE,
         *periodic.harmonic_parameters('m', 50e-6),

@@ -12,7 +12,15 @@ from stage_twin.effects.definition import Parameter
 from stage_twin.effects.term import Array
 
 PERIOD = Parameter(
-    'period', 'm', 0.0, 20.0, 0.0, 'spatial period; 0 takes the lead', fitted=False, neutral=None
+    'period',
+    'm',
+    0.0,
+    20.0,
+    0.0,
+    'spatial period; 0 takes the lead',
+    fitted=False,
+    neutral=None,
+    scanned=True,
 )
 PHASE = Parameter(
     'phase', 'rad', -6.2831854, 6.2831854, 0.0, 'phase at position 0', nuisance=True, neutral=None
