@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.parameters import Parameters
+from gap_diagnosis.parameters import Estimates, Parameters
 from gap_diagnosis.residuals.controller import (
     follows,
     force_increments,
@@ -45,30 +45,37 @@ def controller_findings(
     for i, name in enumerate(records[0].axes if twin.kind == 'servo' else []):
         if not any(r.moving[i] for r in records):
             continue
-        axis, limit = _limited(records, i, twin.servo(name))
+        limit, other, like = _told(records, i, twin.servo(name))
         if limit is not None:
             found[f'force_saturation.{name}'] = {'limit': (limit, 1e-3 * limit), 'known': (1, 0.0)}
-        other = mismatch(records, i, axis) if _effort_recorded(records) else {}
         if other:
             found[f'controller_mismatch.{name}'] = other
-            if not follows(records, i, axis, other):
-                unlike.append(name)
+        if not like:
+            unlike.append(name)
     return found, tuple(unlike)
 
 
-def _effort_recorded(records: list[Record]) -> bool:
-    return all(r.effort_recorded for r in records)
-
-
-def _limited(records: list[Record], i: int, axis: ServoAxis) -> tuple[ServoAxis, float | None]:
-    """An axis with the limit [N] at which its recorded force stands, and the limit if it does."""
-    exact, noise = _plateau(records, i, axis), max(_effort_noise(r, i) for r in records)
-    limit = exact
-    if exact is None and _effort_recorded(records):
+def _told(records: list[Record], i: int, axis: ServoAxis) -> tuple[float | None, Estimates, bool]:
+    """Limit [N] at which the force of an axis stands, other gains, whether they explain it."""
+    limit = _plateau(records, i, axis)
+    axis = axis if limit is None else replace(axis, force_limit=limit)
+    if not all(r.effort_recorded for r in records):
+        return limit, {}, True
+    other, like = _other_gains(records, i, axis)
+    # What other gains explain stands at no limit.
+    if limit is None and not (other and like):
+        noise = max(_effort_noise(r, i) for r in records)
         limit = _noisy_plateau(records, i, axis, noise)
-    if limit is None:
-        return axis, None
-    return replace(axis, force_limit=exact or limit - 3.0 * noise), limit
+        if limit is not None:
+            axis = replace(axis, force_limit=limit - 3.0 * noise)
+            other, like = _other_gains(records, i, axis)
+    return limit, other, like
+
+
+def _other_gains(records: list[Record], i: int, axis: ServoAxis) -> tuple[Estimates, bool]:
+    """`controller_mismatch` of an axis, and whether its commands follow the law with it."""
+    other = mismatch(records, i, axis)
+    return other, not other or follows(records, i, axis, other)
 
 
 def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:

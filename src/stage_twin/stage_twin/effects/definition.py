@@ -41,8 +41,8 @@ class Parameter:
     doubt : float
         Standard deviation, as a share of the value, of what a fit gets wrong beyond what it says.
     scanned : bool
-        True for one of which a fit takes the best of many values (a period): the amplitude beside
-        it is then the largest of many.
+        True for one of which a fit takes the best of many values (a period, a fixed point): the
+        amplitude beside it is then the largest of many.
     tried : tuple of float
         Values that the closed loop is run with beside that of the force balance, which cannot
         tell it well.
@@ -138,6 +138,11 @@ class Effect:
     def __post_init__(self) -> None:
         if self.link not in LINKS:
             raise ValueError(f'effect {self.name}: link must be one of {", ".join(LINKS)}')
+
+    @property
+    def scanned(self) -> bool:
+        """Whether a fit takes the best of many values of a parameter."""
+        return any(parameter.scanned for parameter in self.parameters)
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError where there is none."""

@@ -144,7 +144,7 @@ def _any(rows: TrackerRows) -> Term:
     """
     centre, half = rows.travel
     places = [(position - centre) / half for position in rows.position()]
-    curves = [legval(s, np.eye(ORDERS + 1)).T for s in places]  # P0 to P20
+    curves = [legval(s, np.eye(ORDERS + 1)).T for s in places]  # from P0 on
     visited = np.concatenate(places)
 
     def admissible(theta: Theta, c: Array) -> bool:

@@ -32,6 +32,7 @@ EFFECT = Effect(
             0.0,
             'position that does not move; may lie outside',
             neutral=None,
+            scanned=True,
         ),
         Parameter(
             'initial_rise',
