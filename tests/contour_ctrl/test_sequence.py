@@ -194,7 +194,7 @@ def test_missed_ticks_are_counted_bridged_or_refused() -> None:
 
 
 @pytest.mark.parametrize(('lost', 'goes_on'), [(30, True), (40, False)])
-def test_a_step_that_the_driver_would_call_a_fault_is_a_smooth_stop(
+def test_a_step_that_the_driver_would_call_a_fault_ends_the_stream(
     lost: int, goes_on: bool
 ) -> None:
     # 30 mm/s: 1 mm, the default of longest_step, is 33 ticks.
@@ -206,11 +206,8 @@ def test_a_step_that_the_driver_would_call_a_fault_is_a_smooth_stop(
         assert run.missed == lost and run.tick == 500 + lost + 1
         return
     assert '40 ticks in a row had no encoder message, 1.2 mm of the contour' in run.message
-    last = stage.sent[-1]
-    assert last.velocity is None and last.position is not None
-    # Where the stage comes to rest from the speed that it has, not where the contour would be.
-    ahead = np.array(last.position) - REFERENCE.position[501]
-    assert ahead == pytest.approx(0.1 * REFERENCE.velocity[500], abs=2e-4)
+    # The driver stops a stream that ends: a move would start again what it has stopped by now.
+    assert stage.sent[-1].velocity is not None
 
 
 def test_same_course_at_fifty_hertz() -> None:

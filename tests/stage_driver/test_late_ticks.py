@@ -113,7 +113,7 @@ class Bench(Recorder):
         stamp = int(self.backend.status().details.get('refused_stamp', 0))
         if 'set-point refused' in text and self.course.awaits(stamp):
             # As the controller's node does when the driver says so.
-            self.course.refused(text)
+            self.course.end(text)
 
     def on_measured(self, stamp, positions):
         if not self.states:

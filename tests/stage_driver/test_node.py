@@ -97,22 +97,22 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
         plant.close()
 
 
-def stopped_in_a_run(client, plant):
-    """The failure of a contour run that `/stage_driver/stop` ends, in real time."""
-    client.set_bool('/stage_driver/enable', True)
-    client.trigger('/stage_driver/home', PATIENCE)
+def stopped_in_a_run(client, plant, moving):
+    """Stop a contour run in real time once it is `moving`; the stage stays where it stops."""
     stop = client.node.create_client(Trigger, '/stage_driver/stop')
     run = client.node.create_client(Trigger, '/contour_ctrl/run')
     assert stop.wait_for_service(PATIENCE) and run.wait_for_service(PATIENCE)
     failed = run.call_async(Trigger.Request())
-    # The circle begins at (2, 0) mm and goes to the left.
-    client.wait_for(lambda: plant.position[1] > 0.5e-3, PATIENCE, 'the circle')
+    client.wait_for(moving, PATIENCE, 'the run')
     answer = stop.call_async(Trigger.Request())
     client.wait_for(answer.done, PATIENCE, 'the answer of ~/stop')
     assert answer.result().message == 'stopping'
     client.wait_for(failed.done, PATIENCE, 'the end of the run')
-    assert not failed.result().success
-    return failed.result().message
+    assert not failed.result().success and 'stopped' in failed.result().message
+    where = list(plant.position)
+    time.sleep(1.0)
+    # The loop settles by micrometres; a contour or an approach would have gone on by 1 mm.
+    assert plant.position == pytest.approx(where, abs=2e-5)
 
 
 def test_a_contour_is_refused_before_homing_and_ends_with_the_stop_of_its_stream(ros_env):
@@ -140,11 +140,11 @@ def test_a_contour_is_refused_before_homing_and_ends_with_the_stop_of_its_stream
                 with pytest.raises(StageError, match=words):
                     client.trigger('/contour_ctrl/run', PATIENCE)
                 client.set_bool('/stage_driver/enable', False)
-            assert 'the stream was stopped' in stopped_in_a_run(client, plant)
-            where = list(plant.position)
-            time.sleep(1.0)
-            # The loop settles by micrometres; the contour went on by 1 mm meanwhile.
-            assert plant.position == pytest.approx(where, abs=2e-5)
+            client.set_bool('/stage_driver/enable', True)
+            client.trigger('/stage_driver/home', PATIENCE)
+            # On the way to the circle, and on it.
+            stopped_in_a_run(client, plant, lambda: plant.position[0] > 1e-4)
+            stopped_in_a_run(client, plant, lambda: plant.position[1] > 0.5e-3)
     finally:
         plant.close()
 

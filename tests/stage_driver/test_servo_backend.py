@@ -226,8 +226,23 @@ def test_a_stream_in_real_time_stays_stopped_until_it_pauses():
         assert backend.status().state is State.READY
         assert plant.position[0] == pytest.approx(stopped, abs=1e-4)
         assert 'the stream was stopped' in backend.status().details['last_refusal']
+        # A sender that hangs for longer than `setpoint_timeout` has not agreed to go on.
         time.sleep(0.5)
+        send()
+        assert plant.position[0] == pytest.approx(stopped, abs=1e-4)
+        time.sleep(1.1)
         send_until(lambda: plant.velocity[0] > 0.015)
+
+
+def test_a_move_while_the_stage_brakes_is_watched_as_any_other():
+    with rig() as (plant, backend, recorder):
+        stream(backend, recorder, 100, lambda k, q: ([], [0.1, 0.0]))
+        backend.enable(False).result()
+        backend.enable(True).result()
+        backend.submit(0, ['x', 'y'], [-0.04, 0.0], [])
+        recorder.wait(lambda: plant.velocity[0] < -0.01)
+        plant.blocked = True
+        recorder.wait(lambda: backend.status().state is State.FAULT)
 
 
 def test_disabled_stage_refuses_moves():

@@ -165,15 +165,24 @@ class ContourCtrl(StreamingNode):
             self.get_logger().error(str(error))
 
     def _abort(self) -> str:
-        planning = self._planning
-        if planning is not None and planning.aborted:
-            planning = None
-        if not self.running and planning is None:
+        planned = self._abort_planning('aborted by request')
+        if not self.running and not planned:
             raise StageError('nothing to abort: no run is under way')
-        if planning is not None:
-            planning.abort('aborted by request')
         self.stop_run('aborted by request')
         return 'stopping'
+
+    def _abort_planning(self, reason: str) -> bool:
+        """Whether there was a contour being planned that nobody had aborted."""
+        planning = self._planning
+        if planning is None or planning.aborted:
+            return False
+        planning.abort(reason)
+        return True
+
+    def driver_stopped(self, reason: str) -> None:
+        """End the run, also while its contour is planned."""
+        self._abort_planning(reason)
+        super().driver_stopped(reason)
 
     def _contour_status(self) -> tuple[bytes, str, dict[str, Any]]:
         active = self.value('use_model') and self._model.get('active')

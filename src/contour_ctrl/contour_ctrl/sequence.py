@@ -90,7 +90,7 @@ class ContourRun:
         A move to the start that was refused is not executed; a driver that refuses one set-point
         of a stream has ended the stream.
         """
-        if self.phase is Phase.STREAM:
+        if self.phase in (Phase.STREAM, Phase.STOPPING):
             return self._origin <= stamp <= self._sent
         return self.phase is Phase.APPROACH and stamp == self._sent
 
@@ -169,10 +169,11 @@ class ContourRun:
         end = np.array(self._last[1:]) + 0.5 * self.settings.stop_time * velocity
         return self._move(stamp, _pair(end))
 
-    def refused(self, reason: str) -> None:
-        """End the run of which the driver refused a set-point: it stops the stage by itself.
+    def end(self, reason: str) -> None:
+        """End the run without a set-point, where the driver stops the stage by itself.
 
-        Any further set-point would move a stage that somebody has stopped.
+        It has refused one, was asked to stop, or misses those that should have come. Any further
+        one would move a stage that rests.
         """
         self._finish(False, reason)
 
@@ -222,7 +223,8 @@ class ContourRun:
         gap = k - self.tick - 1
         self.missed += gap
         if gap > 0 and self.phase is Phase.STREAM and (reason := self._too_much(k)):
-            return self.fault(stamp, reason)
+            self.end(reason)
+            return None
         self.tick = k
         if k >= len(self._active):
             return self._end(stamp)

@@ -64,6 +64,8 @@ class StreamingNode(StageNode):
         self._missed_before = 0
         self._first_seen = False
         self._begun = False
+        #: How often the driver has stopped the stage, as far as it is known.
+        self._stops: int | None = None
         self._costs = np.zeros(4096)
         self._reader = JointStateReader()
         self._both = JointStateLayout(topics.STAGE_FRAME, AXES, (2, 2, 0))
@@ -134,17 +136,29 @@ class StreamingNode(StageNode):
         return 0.5
 
     def node_spoke(self, node: str, data: bytes) -> None:
-        """End a run at once of which the driver has refused a set-point."""
-        if self.course is None or node != DRIVER:
+        """End a run at once of which the driver refused a set-point, or that it has stopped."""
+        if node != DRIVER:
             return
         for status in deserialize_message(data, DiagnosticArray).status:
             values = {pair.key: pair.value for pair in status.values}
-            stamp, reason = values.get('refused_stamp', ''), values.get('last_refusal', '')
-            with self._lock:
-                if stamp and self.course is not None and self.course.awaits(int(stamp)):
-                    self.course.refused(reason.replace('~/', f'/{DRIVER}/'))
-                    self._conclude()
-                    return
+            if 'stops' in values:
+                with self._lock:
+                    self._driver_spoke(values)
+
+    def _driver_spoke(self, values: dict[str, str]) -> None:
+        """What the driver says of set-points and stops; with the lock."""
+        before, self._stops = self._stops, int(values['stops'])
+        stamp, refusal = values.get('refused_stamp', ''), values.get('last_refusal', '')
+        if stamp and self.course is not None and self.course.awaits(int(stamp)):
+            self.driver_stopped(refusal.replace('~/', f'/{DRIVER}/'))
+        elif before not in (None, self._stops):
+            self.driver_stopped(f'the driver has stopped the stage: {values.get("last_stop", "")}')
+
+    def driver_stopped(self, reason: str) -> None:
+        """End the run, if there is one; with the lock."""
+        if self.course is not None:
+            self.course.end(reason)
+            self._conclude()
 
     def _on_state(self, data: bytes) -> None:
         if self.course is None or not self._begun:
@@ -240,7 +254,8 @@ class StreamingNode(StageNode):
             if silence > QUIET_TIME:
                 self._publish(course.world_is_quiet())
         elif silence > limit:
-            self._fault(course.silence(silence))
+            course.end(course.silence(silence))
+            self._conclude()
 
     def _stage_listens(self) -> bool:
         """Whether the node that says where the axes are takes set-points: no recorder alone."""

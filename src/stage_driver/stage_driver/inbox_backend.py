@@ -13,10 +13,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
 from stage_core.errors import StageError
-from stage_driver.backend import FAILURE, WARNING, Listener, Status
+from stage_driver.backend import FAILURE, INFO, WARNING, Listener, Status
 from stage_driver.config import DriverConfig
 from stage_driver.limits import AxisLimits, Setpoint, check_setpoint
 from stage_driver.states import Event, State, StateMachine
+
+#: A stream that somebody has stopped goes on after such a pause [s], if not by a move: a contour
+#: controller that hears of nothing for half of it has given up.
+ASKED_PAUSE = 1.0
 
 
 class InboxBackend(ABC):
@@ -33,14 +37,16 @@ class InboxBackend(ABC):
         self._homed = False
         #: Whether `~/enable` asked last for a disabled stage, which nothing else may enable.
         self._kept_disabled = False
-        self.counts = {'refused': 0, 'watchdog_stops': 0, 'rival_setpoints': 0}
+        self.counts = {'refused': 0, 'stops': 0, 'watchdog_stops': 0, 'rival_setpoints': 0}
+        self._last_stop = ''
         self._last_refusal = ''
         self._refused_stamp = 0
         self._last_setpoint: Setpoint | None = None
         #: The last streamed one, whether it was taken or refused.
         self._last_streamed: Setpoint | None = None
-        #: When it came [s], and whether its stream was stopped and has not paused since.
-        self._streamed_at, self._stopped = 0.0, False
+        #: When it came [s], whether the stage was stopped since, and for which pause [s] no stream
+        #: then goes on.
+        self._streamed_at, self._stopped, self._needed_pause = 0.0, False, 0.0
         self._ending = threading.Event()
 
     # -- calls from other threads -------------------------------------------------------------
@@ -202,8 +208,8 @@ class InboxBackend(ABC):
             return
         refused = self._refusal(setpoint)
         if setpoint.streams and self._goes_on():
-            wait = self._stream_timeout
-            refused = refused or f'the stream was stopped: pause it for {wait} s, or send a move'
+            wait = f'pause it for {self._needed_pause} s, or send a move'
+            refused = refused or f'the stream was stopped: {wait}'
         if refused is not None:
             self._refuse(f'set-point refused: {refused}', setpoint.stamp)
             return
@@ -212,9 +218,9 @@ class InboxBackend(ABC):
         self._take(setpoint)
 
     def _goes_on(self) -> bool:
-        """Whether a stream sends set-points without a pause although it was stopped."""
+        """Whether a stream sends set-points without a pause although the stage was stopped."""
         now = time.monotonic()
-        paused = now - self._streamed_at > self._stream_timeout
+        paused = now - self._streamed_at > self._needed_pause
         self._streamed_at = now
         return self._stopped and not paused
 
@@ -230,7 +236,10 @@ class InboxBackend(ABC):
 
     def _stop(self, reason: str) -> None:
         """Controlled stop; homing fails with the reason, a stream is refused until it pauses."""
-        self._stopped = self._stopped or self._streaming
+        self._stopped, self._needed_pause = True, max(ASKED_PAUSE, self._stream_timeout)
+        self._last_stop = reason
+        self.counts['stops'] += 1
+        self._listener.on_event(INFO, f'stop: {reason}')
         self._halt()
         if self._homing is not None:
             homing, self._homing = self._homing, None
@@ -241,6 +250,7 @@ class InboxBackend(ABC):
         if self._streaming:
             self._listener.on_event(WARNING, f'stream ended, the stage stops: {reason}')
             self._stop(reason)
+            self._needed_pause = self._stream_timeout
 
     def _end_refused_stream(self, reason: str) -> None:
         self._ending.clear()
@@ -268,6 +278,8 @@ class InboxBackend(ABC):
     def _details(self) -> dict[str, str]:
         """Counters for `/diagnostics`."""
         details = {name: str(value) for name, value in self.counts.items()}
+        if self._last_stop:
+            details['last_stop'] = self._last_stop
         if self._last_refusal:
             details['last_refusal'] = self._last_refusal
             details['refused_stamp'] = str(self._refused_stamp)

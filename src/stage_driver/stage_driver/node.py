@@ -42,8 +42,8 @@ SWITCH_INTERVAL = 2e-4
 OWN_KEPT = 4096
 #: The same refusal at the stream's rate is one line of the log in this time [s].
 LOG_PERIOD = 5.0
-#: Refused set-points make /diagnostics speak at most this often [s].
-TELL_PERIOD = 0.1
+#: Events that /diagnostics tell at once, each of them at most this often [s].
+TOLD_AT_ONCE, TELL_PERIOD = ('set-point refused', 'stop: '), 0.1
 
 
 class StageDriver(StageNode):
@@ -67,7 +67,8 @@ class StageDriver(StageNode):
         self._temperature = Temperature()
         self._log_lock = threading.Lock()
         self._logged: dict[str, float] = {}
-        self._refused_at = self._told_refusal = -1e9
+        self._refused_at = -1e9
+        self._told = dict.fromkeys(TOLD_AT_ONCE, -1e9)
         self._rivals = 0
         self._controller: Controller | None = None
         #: Set-points of the controller in this process, which come back by the topic.
@@ -175,10 +176,11 @@ class StageDriver(StageNode):
         with self._log_lock:
             if text.startswith('set-point refused'):
                 self._refused_at = now
-                if now - self._told_refusal > TELL_PERIOD:
-                    # Whoever sent it learns it now, not with the next heartbeat; this thread has
-                    # a tick to answer.
-                    self._told_refusal = now
+            for known in TOLD_AT_ONCE:
+                if text.startswith(known) and now - self._told[known] > TELL_PERIOD:
+                    # A controller learns it now, not with the next heartbeat; this thread has a
+                    # tick to answer.
+                    self._told[known] = now
                     threading.Thread(target=self.diagnostics.publish, daemon=True).start()
             if now - self._logged.get(kind, -1e9) < LOG_PERIOD:
                 return
@@ -222,7 +224,14 @@ class StageDriver(StageNode):
 
     def _setpoint_status(self) -> tuple[bytes, str, dict[str, Any]]:
         details = self._backend.status().details
-        shown = ('refused', 'last_refusal', 'refused_stamp', 'rival_setpoints')
+        shown = (
+            'refused',
+            'last_refusal',
+            'refused_stamp',
+            'rival_setpoints',
+            'stops',
+            'last_stop',
+        )
         values = {name: details.get(name, '') for name in shown}
         # Once a second: a name per publisher, also of a node that only could publish.
         publishers = self.get_publishers_info_by_topic(topics.SETPOINT)

@@ -228,6 +228,7 @@ class ServoBackend(InboxBackend):
             self._clock.took(setpoint)
         self.motion.take(setpoint, self.axes.encoder)
         self._states.handle(Event.MOVE)
+        self._brake_ticks = 0  # what braked goes on as this motion, and is watched as one
 
     def _start_homing(self, done: Future[str]) -> None:
         # A drive that was never met yet enables the stage when it comes.
