@@ -2,6 +2,7 @@
 
 import random
 import time
+from contextlib import contextmanager
 
 from stage_core.clocks import LOCKSTEP_EXCHANGE, NANOSECONDS
 from stage_driver.config import ZaberConfig
@@ -21,17 +22,29 @@ TICK = 20_000_000
 AXES = ['x', 'y']
 
 
-def run(folder, pauses):
-    """Home, a move, the same place again, and a stream of 30 ticks with pauses in between."""
-    points, clock, recorder = PointRecorder(), [], Recorder()
-    link = str(folder / 'zaber')
-    loop = StepperLoop(TWIN, points, 4, True, link, clock.append)
+@contextmanager
+def lockstep(folder, points, told):
+    """A homed backend and what it publishes; `told` is called with the time of the chain."""
+    recorder, link = Recorder(), str(folder / 'zaber')
+    loop = StepperLoop(TWIN, points, 4, True, link, told)
     loop.start()
     config = ZaberConfig(
         ('x', 'y'), (LIMITS, LIMITS), link, settle_time=SETTLE, lockstep_timeout=60.0
     )
     backend = LockstepZaberBackend(config, recorder, LOCKSTEP_START_NS)
     backend.start()
+    try:
+        wait(lambda: recorder.states)
+        backend.home().result()
+        yield backend, recorder
+    finally:
+        backend.close()
+        loop.stop()
+
+
+def run(folder, pauses):
+    """Home, a move, the same place again, and a stream of 30 ticks with pauses in between."""
+    points, clock = PointRecorder(), []
 
     def idle():
         return backend.status().state is State.READY and not backend._due()
@@ -41,9 +54,7 @@ def run(folder, pauses):
         backend.submit(stamp, AXES, positions, velocities)
         wait(lambda: backend._last_setpoint is not taken)
 
-    try:
-        wait(lambda: recorder.states)
-        backend.home().result()
+    with lockstep(folder, points, clock.append) as (backend, recorder):
         ends = []
         for number, target in enumerate(([0.01, 0.004], [0.01, 0.004]), 1):
             time.sleep(pauses.random() * 0.02)
@@ -61,9 +72,6 @@ def run(folder, pauses):
         submit(99, [0.013, 0.004], [])
         wait(idle)
         assert backend._clock.now() == clock[-1]
-    finally:
-        backend.close()
-        loop.stop()
     assert not [text for level, text in recorder.events if level], recorder.events
     return recorder, points.points, stamps, ends
 
@@ -90,3 +98,17 @@ def test_two_runs_are_identical(tmp_path):
     settle = round(SETTLE * NANOSECONDS)
     assert settle <= end - moved <= settle + 4 * LOCKSTEP_EXCHANGE
     assert settle <= ends[1] - end <= settle + 8 * LOCKSTEP_EXCHANGE
+
+
+def test_a_stopped_stream_stays_stopped_for_the_wall_time_of_lockstep(tmp_path):
+    with lockstep(tmp_path, PointRecorder(), lambda now: None) as (backend, recorder):
+        seen = backend._last.stamp
+        backend.submit(seen, AXES, [], [0.02, 0.0])
+        wait(lambda: backend._last.stamp > seen)
+        backend.submit(seen, AXES, [], [float('nan'), 0.0])
+        wait(lambda: backend.status().state is State.READY and not backend._due())
+        # A slow sender: longer than `setpoint_timeout`, which counts in real time alone.
+        time.sleep(2.0 * backend.config.setpoint_timeout)
+        backend.submit(backend._last.stamp, AXES, [], [0.02, 0.0])
+        wait(lambda: recorder.said('pause it for 60') or backend._streaming)
+        assert not backend._streaming

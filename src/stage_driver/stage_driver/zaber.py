@@ -7,6 +7,7 @@ happens to this process, the axis ends there.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from concurrent.futures import Future
@@ -21,7 +22,7 @@ from stage_driver.limits import Setpoint
 from stage_driver.states import Event, State
 from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_contact import ZaberContact
-from stage_driver.zaber_link import AnswersLate, LinkLost, NoAnswer, advice
+from stage_driver.zaber_link import AnswersLate, LinkLost, NoAnswer, advice, advised
 from stage_driver.zaber_motion import ZaberMotion
 from stage_driver.zaber_stage import Poll, ZaberStage, first_fault
 
@@ -64,7 +65,8 @@ class ZaberBackend(InboxBackend):
 
     def close(self) -> None:
         """Stop the axes, end the thread, give the knob back, close the port."""
-        self.stop()
+        with contextlib.suppress(StageError):
+            self.stop()
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
@@ -72,23 +74,22 @@ class ZaberBackend(InboxBackend):
             self._stage.close()
 
     def stop(self) -> str:
-        """Send `stop` to every axis now, in front of all queued requests."""
+        """Send `stop` to every axis now, in front of all queued requests.
+
+        StageError where there is no contact: nobody may have heard it.
+        """
         moving = self._states.state is State.MOVING
-        self._halt_devices()
+        heard = self._halt_devices()
         self._inbox.put(lambda: self._stop('stopped by request'))
+        if not heard:
+            raise StageError(self._contact.unheard)
         return 'stopping' if moving else 'at rest'
 
     def status(self) -> Status:
         """See `InboxBackend.status`."""
-        details = self._details()
-        details['port'] = self.config.port
         stage = self._stage
-        if stage is not None:
-            counts = dict(stage.link.counts)  # the reader goes on counting
-            details.update({f'line_{name}': str(count) for name, count in counts.items()})
         connected = stage is not None and not stage.link.lost
-        if self._contact.absence:
-            details['waits'] = self._contact.absence
+        details = self._details() | self._contact.details()
         state, reason = self._states.state, self._states.reason
         return Status(state, reason, self._homed, connected, details, self._warnings)
 
@@ -165,7 +166,7 @@ class ZaberBackend(InboxBackend):
             return
         if self._homing is not None:
             self._finish_homing()
-        elif self._motion.targets is not None and self._motion.targets != poll.steps:
+        elif self._motion.missed(poll):
             shown = ', '.join(flag for flag in poll.flags if flag != '--') or 'no flag'
             self._listener.on_event(WARNING, f'a move ended before its target ({shown})')
         self._motion.targets = None
@@ -224,6 +225,8 @@ class ZaberBackend(InboxBackend):
         # A stage that was never met yet is enabled when it comes.
         coming = not self._contact.met and self._homing is None and self._enables_itself
         refused = None if coming else self._move_refusal(self._contact_refusal())
+        if refused is None and self._streaming:
+            refused = 'a stream is being followed: end it first'
         if refused is not None:
             done.set_exception(StageError(refused))
             return
@@ -244,13 +247,14 @@ class ZaberBackend(InboxBackend):
 
     def _halt(self) -> None:
         self._motion.end()
+        # Wherever it comes to rest: the last poll is from before the braking.
+        self._motion.references = []
         self._halt_devices()
-        if self._stage is not None and self._last is not None:
-            self._motion.references = self._stage.metres(self._last.steps)
 
-    def _halt_devices(self) -> None:
-        if (stage := self._stage) is not None:
-            stage.link.send_unanswered('stop')
+    def _halt_devices(self) -> bool:
+        """Send `stop` to whoever hears it; whether there is contact."""
+        link = self._contact.link
+        return link is not None and link.stop() and self._stage is not None
 
     @property
     def _streaming(self) -> bool:
@@ -259,10 +263,8 @@ class ZaberBackend(InboxBackend):
     def _reset(self) -> str:
         """Clear the devices' warnings; the fault stays as long as its cause."""
         stage = self._present()
-        try:
+        with advised():
             fault = first_fault(stage.warnings(clear=True), ('FO', 'FD'))
-        except NoAnswer as error:
-            raise StageError(advice(error)) from error
         if fault is not None:
             raise StageError(f'the fault stays: {fault}')
         self._flags = None
@@ -276,10 +278,8 @@ class ZaberBackend(InboxBackend):
         state = self._states.handle(Event.ENABLE if on else Event.DISABLE)
         if not on:
             self._stop('disabled')
-        try:
+        with advised():
             stage.switch_drivers(on)
-        except NoAnswer as error:
-            raise StageError(advice(error)) from error
         self._flags = None
         return state.value
 
@@ -314,6 +314,8 @@ class ZaberBackend(InboxBackend):
         return first
 
     def _lose(self, reason: str) -> None:
+        # One silent device ends the contact: the others must not run on.
+        self._halt_devices()
         stage, self._stage = self._stage, None
         if stage is not None:
             stage.link.close()

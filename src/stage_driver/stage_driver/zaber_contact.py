@@ -7,7 +7,7 @@ import time
 from stage_core.errors import StageError
 from stage_driver.config import ZaberConfig
 from stage_driver.zaber_clock import WallClock
-from stage_driver.zaber_link import LinkLost, NoAnswer, PortAbsent, advice
+from stage_driver.zaber_link import LinkLost, NoAnswer, PortAbsent, ZaberLink, advice
 from stage_driver.zaber_stage import ZaberStage
 
 #: A stage that is not there is looked for this often [s].
@@ -24,6 +24,12 @@ class ZaberContact:
         self.absence = ''
         #: Why nothing can be asked of a stage that is not there.
         self.lost = f'no contact with {config.port}: check power and cable'
+        #: What a stop says that nobody may have heard.
+        self.unheard = (
+            f'no contact with {config.port}: the stage may still move, use the emergency stop'
+        )
+        #: The port that was opened last, also while its devices have not answered yet.
+        self.link: ZaberLink | None = None
 
     def first(self) -> ZaberStage | None:
         """The stage; None where its port may still come.
@@ -34,7 +40,7 @@ class ZaberContact:
             If it cannot be opened, or nobody answers.
         """
         try:
-            return self._open()
+            return ZaberStage(self._config, self._clock, self._keep)
         except PortAbsent as error:
             self.absence = str(error)
             return None
@@ -46,19 +52,32 @@ class ZaberContact:
         if time.monotonic() < self._retry_at:
             return None
         try:
-            stage = self._open()
-            stage.link.send_unanswered('stop')
-            return stage
+            return ZaberStage(self._config, self._clock, self._keep_and_stop)
         except (StageError, NoAnswer, LinkLost) as error:
             self.absence = str(error)
             return None
         finally:
             self._retry_at = time.monotonic() + RECONNECT_PERIOD
 
+    def details(self) -> dict[str, str]:
+        """What `/diagnostics` shows of the line."""
+        details = {'port': self._config.port}
+        if self.link is not None:
+            counts = dict(self.link.counts)  # the reader goes on counting
+            details.update({f'line_{name}': str(count) for name, count in counts.items()})
+        if self.absence:
+            details['waits'] = self.absence
+        return details
+
     def found(self) -> bool:
         """Note that the stage has told its state; whether it was the first time."""
         first, self.met, self.absence = not self.met, True, ''
         return first
 
-    def _open(self) -> ZaberStage:
-        return ZaberStage(self._config, self._clock)
+    def _keep(self, link: ZaberLink) -> None:
+        self.link = link
+
+    def _keep_and_stop(self, link: ZaberLink) -> None:
+        """Stop whatever hears it: one silent device must not let the others run on."""
+        self._keep(link)
+        link.stop()

@@ -13,7 +13,7 @@ import termios
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
 from dataclasses import dataclass
@@ -66,6 +66,15 @@ def advice(error: Exception) -> str:
     return str(error) if isinstance(error, AnswersLate) else f'{error}: check power and cable'
 
 
+@contextlib.contextmanager
+def advised() -> Iterator[None]:
+    """A missing answer is a StageError with what a user does about it."""
+    try:
+        yield
+    except NoAnswer as error:
+        raise StageError(advice(error)) from error
+
+
 @dataclass(frozen=True)
 class Query:
     """A command for one device and axis; `words` as in the manual."""
@@ -106,6 +115,8 @@ class ZaberLink:
         self.timeout = timeout
         self._line_sent = line_sent
         self.counts: Counter[str] = Counter()
+        #: How many stops were asked for; a motion that is older than the last one is over.
+        self.stops = 0
         self.garbage_sample = b''
         self._owned = Ownership(_wire(url), 'stage_driver', 'give this driver another port')
         try:
@@ -140,7 +151,8 @@ class ZaberLink:
         """Close the port and end the reader."""
         self._lost.set()
         self._reader.join(timeout=2.0)
-        with contextlib.suppress(Exception):
+        # A stop from another thread finds the port open, or closed.
+        with self._write_lock, contextlib.suppress(Exception):
             self._port.close()
         self._owned.close()
 
@@ -190,10 +202,15 @@ class ZaberLink:
             raise LinkLost(f'port {self.url} is gone')
         return replies
 
-    def send_unanswered(self, words: str) -> None:
-        """Broadcast a command without waiting: the way for `stop`, behind nothing else."""
-        with contextlib.suppress(LinkLost):
-            self._write(encode_command(words))
+    def stop(self) -> bool:
+        """Broadcast `stop` without waiting, behind nothing else; whether it could be written."""
+        with self._lock:
+            self.stops += 1
+        try:
+            self._write(encode_command('stop'))
+        except LinkLost:
+            return False
+        return True
 
     def _send(self, query: Query) -> tuple[int, Future[Reply]]:
         future: Future[Reply] = Future()
@@ -254,7 +271,7 @@ class ZaberLink:
         with self._lock:
             found = self._pending.get(-1 if reply.message_id is None else reply.message_id)
             if found is None or found[0].device != reply.device or found[0].axis != reply.axis:
-                # Replies without an id are those to broadcasts sent with `send_unanswered`.
+                # Replies without an id are those to the broadcasts of `stop`.
                 late = reply.message_id in self._quarantined
                 self.counts['late' if late else 'strays'] += reply.message_id is not None
                 return

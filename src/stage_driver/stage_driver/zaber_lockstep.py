@@ -36,6 +36,10 @@ class LockstepZaberBackend(ZaberBackend):
         self._waiting_since = 0.0
         self.counts['late_setpoints'] = 0
 
+    @property
+    def _stream_timeout(self) -> float:
+        return self.config.lockstep_timeout
+
     def _step(self, stage: ZaberStage) -> None:
         if not self._due():
             self._await_request(stage)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from stage_core.errors import StageError
@@ -39,11 +40,14 @@ class ZaberAxisHandle:
 
 
 def connect(
-    config: ZaberConfig, clock: WallClock | None = None
+    config: ZaberConfig,
+    clock: WallClock | None = None,
+    opened: Callable[[ZaberLink], object] = lambda link: None,
 ) -> tuple[ZaberLink, list[ZaberAxisHandle]]:
     """Open the port and prepare every device; nothing moves.
 
-    Replies get checksums, the knob is switched off, stops brake as the limits say.
+    Replies get checksums, the knob is switched off, stops brake as the limits say. `opened` is
+    called before anything is asked.
 
     Raises
     ------
@@ -53,6 +57,7 @@ def connect(
     clock = clock or WallClock()
     link = ZaberLink(config.port, config.baud, config.reply_timeout, clock.line_sent)
     try:
+        opened(link)
         for device in sorted(set(config.devices)):
             _greet(link, config, device)
         return link, [_handle(link, config, number) for number in range(len(config.axes))]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from stage_core.clocks import NANOSECONDS
@@ -31,14 +31,22 @@ class Poll:
 
 
 class ZaberStage:
-    """Talks to the devices behind one open port. All calls may raise LinkLost."""
+    """Talks to the devices behind one open port. All calls may raise LinkLost.
 
-    def __init__(self, config: ZaberConfig, clock: WallClock | None = None) -> None:
+    `opened` is called with the port before its devices are asked anything.
+    """
+
+    def __init__(
+        self,
+        config: ZaberConfig,
+        clock: WallClock | None = None,
+        opened: Callable[[ZaberLink], object] = lambda link: None,
+    ) -> None:
         self.config = config
         self._clock = clock or WallClock()
         self.link: ZaberLink
         self.handles: list[ZaberAxisHandle]
-        self.link, self.handles = connect(config, self._clock)
+        self.link, self.handles = connect(config, self._clock, opened)
         self.limits: list[AxisLimits] = [
             handle.narrowed(limits)
             for handle, limits in zip(self.handles, config.limits, strict=True)
@@ -138,12 +146,12 @@ class ZaberStage:
 
     def home(self) -> str | None:
         """Start homing on every axis; what went wrong, or None."""
-        return self._motion(['home'] * len(self.handles), None)
+        return self._motion(['home'] * len(self.handles), [None] * len(self.handles))
 
-    def move(self, targets: Sequence[int]) -> str | None:
-        """Start moves to `targets` [microsteps]; what went wrong, or None."""
+    def move(self, targets: Sequence[int | None]) -> str | None:
+        """Start moves to `targets` [microsteps], None for a stop; what went wrong, or None."""
         words = [
-            self._move_words(index, target, limits.max_velocity)
+            'stop' if target is None else self._move_words(index, target, limits.max_velocity)
             for index, (target, limits) in enumerate(zip(targets, self.limits, strict=True))
         ]
         return self._motion(words, targets)
@@ -151,46 +159,52 @@ class ZaberStage:
     def stream(self, velocities: Sequence[float], steps: Sequence[int]) -> str | None:
         """Send velocities [m/s] as moves to points just ahead of `steps`; what was refused.
 
-        An unanswered one is not repeated: the next cycle sends a fresher one.
+        At a limit or beyond it an axis stops: none moves against its velocity. An unanswered move
+        is not repeated: the next cycle sends a fresher one.
         """
         reach = LOOKAHEAD_CYCLES / self.config.rate
         queries = []
         for index, handle in enumerate(self.handles):
             velocity = velocities[index]
             ahead = steps[index] + handle.units.steps(velocity * reach)
-            target = min(max(ahead, handle.lower), handle.upper)
+            # Only the limit ahead counts: the one behind would draw the axis back.
+            target = min(ahead, handle.upper) if velocity > 0.0 else max(ahead, handle.lower)
             words = 'stop'
-            if velocity != 0.0 and target != steps[index]:
+            if (target - steps[index]) * velocity > 0.0:
                 words = self._move_words(index, target, velocity)
             queries.append(Query(words, handle.device, handle.axis))
         return self._refused(self.link.ask_all(queries))
 
-    def _motion(self, words: Sequence[str], targets: Sequence[int] | None) -> str | None:
+    def _motion(self, words: Sequence[str], targets: Sequence[int | None]) -> str | None:
         queries = [
             Query(text, handle.device, handle.axis)
             for text, handle in zip(words, self.handles, strict=True)
         ]
+        stops = self.link.stops
         replies = self.link.ask_all(queries)
         for index, reply in enumerate(replies):
             if reply is not None:
                 continue
-            target = None if targets is None else targets[index]
-            replies[index] = self._after_silence(queries[index], target)
+            replies[index] = self._after_silence(queries[index], targets[index], stops)
             if replies[index] is None:
                 return (
                     f'axis {self.handles[index].name} does not confirm a motion: check the cable'
                 )
         return self._refused(replies)
 
-    def _after_silence(self, query: Query, target: int | None) -> Reply | None:
-        """Look whether an unanswered motion was taken; only one that was not is sent again."""
+    def _after_silence(self, query: Query, target: int | None, stops: int) -> Reply | None:
+        """Look whether an unanswered motion was taken; only one that was not is sent again.
+
+        With more than `stops` the motion is over by now, and is not sent again either.
+        """
         try:
             state = self.link.ask('get pos', query.device, query.axis)
         except AnswersLate:
             raise
         except NoAnswer:
             return None
-        if state.busy or (target is not None and state.data == str(target)):
+        taken = state.busy or (target is not None and state.data == str(target))
+        if taken or self.link.stops != stops:
             return state
         return self.link.ask_all([query])[0]
 
