@@ -109,6 +109,7 @@ def stopped_in_a_run(client, plant, moving):
     assert answer.result().message == 'stopping'
     client.wait_for(failed.done, PATIENCE, 'the end of the run')
     assert not failed.result().success and 'stopped' in failed.result().message
+    client.wait_for(lambda: max(map(abs, plant.velocity)) < 1e-4, PATIENCE, 'the rest')
     where = list(plant.position)
     time.sleep(1.0)
     # The loop settles by micrometres; a contour or an approach would have gone on by 1 mm.
