@@ -78,7 +78,7 @@ def test_friction_is_identified_from_a_recorded_session(
     )
     assert found.returncode == 0, found.stdout + found.stderr
     values = {
-        name: float(value)
+        name: float(value.split()[0])
         for name, value in (
             line.strip().split(': ') for line in found.stdout.splitlines() if line.startswith(' ')
         )

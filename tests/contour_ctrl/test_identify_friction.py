@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from contour_ctrl.excitation import excitation
 from contour_ctrl.feedrate import AxisLimits
+from contour_ctrl.friction_estimate import FrictionEstimate
 from contour_ctrl.identify_friction import identify, identify_session, main
+from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Series, Session, by_topic
@@ -48,9 +53,14 @@ def session_of(record: SimulationResult) -> Session:
     return Session('memory', series)
 
 
+def estimates(session: Session) -> list[FrictionEstimate]:
+    """Those of x and y; both axes have friction."""
+    found = identify_session(session)
+    return [e for e in (found['x'], found['y']) if isinstance(e, FrictionEstimate)]
+
+
 def test_friction_of_the_twin_is_found_again(record: SimulationResult) -> None:
-    found = identify_session(session_of(record))
-    x, y = found['x'], found['y']
+    x, y = estimates(session_of(record))
     assert x.model.coulomb == pytest.approx(20.0, rel=0.005)
     assert x.model.static == pytest.approx(28.0, rel=0.02)
     assert x.model.stribeck_velocity == pytest.approx(8e-3, rel=0.05)
@@ -73,9 +83,31 @@ def test_stiffness_without_slow_reversals_is_a_guess_and_says_so() -> None:
     limits = AxisLimits((0.2, 0.2), (2.0, 2.0), (500.0, 500.0))
     ref = excitation((0.03, 0.03), speeds=(0.06,), multisine_time=4.0, limits=limits, micro_time=0)
     twin = TwinFile.nominal_servo().with_effects(FRICTION)
-    found = identify_session(session_of(simulate(twin, ref.position, ref.velocity, noise=False)))
-    assert found['x'].std['stiffness'] == np.inf
-    assert found['x'].model.coulomb == pytest.approx(20.0, rel=0.02)
+    x, _ = estimates(session_of(simulate(twin, ref.position, ref.velocity, noise=False)))
+    assert x.std['stiffness'] == np.inf and '(std unknown)' in x.sentence()
+    assert x.model.coulomb == pytest.approx(20.0, rel=0.02)
+
+
+def test_an_axis_without_friction_gets_no_parameters(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """x has no friction; that of y moves the force by less than its ripple, then is clear."""
+    limits = AxisLimits((0.2, 0.2), (2.0, 2.0), (500.0, 500.0))
+    ref = excitation((0.03, 0.03), speeds=(0.015, 0.06), multisine_time=4.0, limits=limits)
+    for force, told in ((0.001, False), (8.0, True)):
+        friction = {'stribeck_friction.y': FRICTION['stribeck_friction.y'] | {'coulomb': force}}
+        if not told:
+            friction['stribeck_friction.y'] |= {'breakaway': 0.0}
+        twin = TwinFile.nominal_servo().with_effects(friction)
+        session = session_of(simulate(twin, ref.position, ref.velocity, noise=False))
+        bag = write_session(tmp_path / f'{force}', session)
+        assert main(['--bag', str(bag)]) == 0
+        printed = capsys.readouterr().out
+        assert printed.startswith('x: no friction can be told from this bag')
+        assert 'x.coulomb' not in printed
+        assert ('y: no friction can be told' in printed) is not told
+        assert ('    y.stiffness' in printed) is told
+    assert re.search(r'F_c [78]\.\d+ N \(std .* N\), .* m/s, sigma_0 .* N/m', printed)
 
 
 def test_what_cannot_be_identified_is_told(record: SimulationResult) -> None:

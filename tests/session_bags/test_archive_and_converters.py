@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from session_bags import (
     convert_emps,
@@ -188,3 +189,32 @@ def test_absent_measurements_are_said(
     assert convert_xy_circle.main(['--out', str(tmp_path)]) == 2
     assert convert_xy_circle.main(['--out', str(tmp_path), '--data', str(tmp_path)]) == 2
     assert capsys.readouterr().err.count('error: ') == 2
+
+
+def test_a_record_without_an_array_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = {
+        convert_xy_circle: (
+            'xy_circle/mine.npz',
+            't, reference, encoder, command, contact_force',
+        ),
+        convert_emps: ('emps/DATA_EMPS.mat', 't, qg, qm, vir, kp, kv, gtau'),
+        convert_ess_tank: ('ess_tank/stroke.npz', 'motor_t, motor, encoder_t, encoder'),
+        convert_odrive_cogging: (
+            'odrive_cogging/slow2_nocomp_0.npz',
+            't, position, current',
+        ),
+    }
+    for module, (name, needed) in files.items():
+        file = tmp_path / name
+        file.parent.mkdir()
+        first, *missing = needed.split(', ')
+        save = savemat if file.suffix == '.mat' else lambda path, arrays: np.savez(path, **arrays)
+        save(file, {first: np.arange(9.0)})
+        assert module.main(['--out', str(tmp_path / 'out'), '--data', str(tmp_path)]) == 2
+        told = capsys.readouterr().err
+        assert told == f'error: {file} lacks {", ".join(missing)}: it needs {needed}\n'
+    file.write_bytes(b'PK\x03\x04 cut off')
+    assert module.main(['--out', str(tmp_path / 'out'), '--data', str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith(f'error: cannot read {file}')

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.quiver import QuiverKey
 
 from calibrator.model_file import StoredModel
 from calibrator.models import make_model
@@ -247,6 +248,36 @@ def test_one_axis_and_motor_steps() -> None:
     (tracking,) = tracking_errors(measured)
     np.testing.assert_allclose(tracking.errors, -3e-6, atol=1e-15)
     assert 'Tracking error, tracker' in session_page(measured).render()
+
+
+@pytest.mark.parametrize(
+    ('error', 'unit', 'drawn'), [(3e-6, 'µm', 3.0), (2e-3, 'mm', 2.0), (20.0, 'm', 20.0)]
+)
+def test_a_motion_page_shows_deviations_in_the_unit_of_their_size(
+    error: float, unit: str, drawn: float
+) -> None:
+    """The tracker is off by `error` in y; the encoder is 1 µm off in both axes."""
+    whole = circle_session()
+    reference = whole.series[topics.REFERENCE]
+    path = reference.columns('position', ('x', 'y'))
+    series = by_topic(
+        reference,
+        Series.per_axis(topics.JOINT_STATES, reference.stamps, position=path + 1e-6),
+        Series.points(topics.TRACKER_POINT, reference.stamps, path + [0.0, error]),
+    )
+    page = session_page(Session('motion', series))
+    (figure,) = (f for title, f in page.figures if title.startswith('Measured minus reference'))
+    labels = [panel.get_ylabel() for panel in figure.axes]
+    assert labels == ['x − reference (µm)', f'y − reference ({unit})']
+    for panel, expected in zip(figure.axes, ([1.0, 0.0], [None, drawn]), strict=True):
+        for line, value in zip(panel.lines, expected, strict=True):
+            if value is not None:
+                np.testing.assert_allclose(line.get_ydata(), value, atol=1e-6)
+    told = words(page.render())
+    assert f'RMS ({unit})' in told and not re.search(r'\d{6}\.', told)
+    (arrows,) = (f for title, f in page.figures if title.startswith('Where the tracker'))
+    (key,) = (a for a in arrows.axes[0].artists if isinstance(a, QuiverKey))
+    assert key.text.get_text() == f'{2 if error != 20.0 else 20:g} {unit}'
 
 
 def test_a_missing_bag_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

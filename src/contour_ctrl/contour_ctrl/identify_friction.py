@@ -19,6 +19,12 @@ from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from scipy.optimize import least_squares, minimize_scalar
 
 from contour_ctrl.friction import LuGre, lugre_force
+from contour_ctrl.friction_estimate import (
+    FrictionEstimate,
+    NoFriction,
+    refuse_noise,
+    refuse_useless,
+)
 from stage_core import topics
 from stage_core.errors import StageError, command_line
 from stage_core.metrics import Metrics
@@ -42,45 +48,8 @@ REVERSAL = 0.6
 #: below this share of v_s; so many are needed.
 SLOW_LENGTHS, SLOW_SPEED, SLOW_COUNT = 10.0, 0.1, 4
 
-
-@dataclass(frozen=True)
-class FrictionEstimate:
-    """What a record says about an axis; forces in the record's effort unit.
-
-    Attributes
-    ----------
-    model
-        The LuGre model, `viscous` included.
-    mass, offset
-        Moving mass [effort unit per m/s^2] and constant force.
-    extra
-        Coefficients of the extra regressors.
-    std
-        Standard deviation of coulomb, viscous, mass and offset, from the residual with its
-        correlation time taken into account; of stiffness from the scatter of the slow reversals,
-        infinite where the record holds too few of them.
-    residual, residual_without
-        RMS of the force that is left with this model, and with mass and viscous part alone.
-    """
-
-    model: LuGre
-    mass: float
-    offset: float
-    extra: tuple[float, ...]
-    std: dict[str, float]
-    residual: float
-    residual_without: float
-
-    def sentence(self) -> str:
-        """One line."""
-        model = self.model
-        return (
-            f'F_c {model.coulomb:.4g} (std {self.std["coulomb"]:.2g}), F_s {model.static:.4g}, '
-            f'v_s {model.stribeck_velocity:.3g} m/s, sigma_0 {model.stiffness:.3g} '
-            f'(std {self.std["stiffness"]:.2g}), '
-            f'viscous {model.viscous:.4g}, mass {self.mass:.4g}, offset {self.offset:.3g}; '
-            f'force left {self.residual:.3g} RMS, {self.residual_without:.3g} without friction'
-        )
+#: The parameters that the controller takes, with their units.
+UNITS = {'coulomb': 'N', 'static': 'N', 'stribeck_velocity': 'm/s', 'stiffness': 'N/m'}
 
 
 def identify(
@@ -112,7 +81,8 @@ def identify(
     Raises
     ------
     StageError
-        A record that is too short, holds gaps, or never reverses.
+        A record that is too short, holds gaps, or never reverses; `NoFriction` where none can be
+        told from noise.
     """
     balance = _balance(position, effort, period, smoothing, extra)
     inside, sliding, target = balance.inside, balance.sliding, balance.target
@@ -121,8 +91,7 @@ def identify(
     solution = _solve(matrix, target[sliding])
     spreads = _spreads(matrix, target[sliding] - matrix @ solution, balance.width)
     coulomb = float(solution[-1])
-    if coulomb <= 0.0:
-        raise StageError('no Coulomb friction is visible in this record: none can be identified')
+    refuse_noise(coulomb, spreads['coulomb'])
 
     def left_over(log_presliding: float) -> float:
         design = balance.design(shape, np.exp(log_presliding), inside)
@@ -133,7 +102,7 @@ def identify(
     friction = target - balance.base @ solution[:-1]
     ways = _presliding(balance, friction, static, SLOW_SPEED * stribeck * period)
     stiffness, share = _stiffness(ways, static, coulomb, left_over)
-    return FrictionEstimate(
+    estimate = FrictionEstimate(
         LuGre(coulomb, static, stribeck, stiffness, 0.0, max(float(solution[1]), 0.0)),
         float(solution[0]),
         float(solution[2]),
@@ -142,6 +111,7 @@ def identify(
         left_over(np.log(coulomb / stiffness)),
         _left_without(balance),
     )
+    return refuse_useless(estimate)
 
 
 def _left_without(balance: _Balance) -> float:
@@ -285,8 +255,10 @@ def _presliding(
     return np.asarray(way[slow] / np.log((1.0 + REVERSAL) / (1.0 - REVERSAL)))
 
 
-def identify_session(session: Session) -> dict[str, FrictionEstimate]:
+def identify_session(session: Session) -> dict[str, FrictionEstimate | NoFriction]:
     """Fit every axis of a session; needs /stage/joint_states and the effort of /stage/command.
+
+    An axis whose friction cannot be told gets the reason in its place.
 
     Raises
     ------
@@ -306,14 +278,15 @@ def identify_session(session: Session) -> dict[str, FrictionEstimate]:
     position = states.columns('position', session.axes)[here]
     effort = command.columns('effort', session.axes)[there]
     times, wanted = (stamps - stamps[0]) * 1e-9, (grid - stamps[0]) * 1e-9
-    return {
-        axis: identify(
-            np.interp(wanted, times, position[:, index]),
-            np.interp(wanted, times, effort[:, index]),
-            period_ns * 1e-9,
-        )
-        for index, axis in enumerate(session.axes)
-    }
+    found: dict[str, FrictionEstimate | NoFriction] = {}
+    for index, axis in enumerate(session.axes):
+        place = np.interp(wanted, times, position[:, index])
+        force = np.interp(wanted, times, effort[:, index])
+        try:
+            found[axis] = identify(place, force, period_ns * 1e-9)
+        except NoFriction as reason:
+            found[axis] = reason
+    return found
 
 
 def _solve(matrix: FloatArray, target: FloatArray) -> FloatArray:
@@ -334,10 +307,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     session = read_session(given.bag, (topics.JOINT_STATES, topics.COMMAND, topics.REFERENCE))
     for axis, estimate in identify_session(session).items():
+        if isinstance(estimate, NoFriction):
+            print(f'{axis}: {estimate}')
+            continue
         print(f'{axis}: {estimate.sentence()}')
-        model = estimate.model
-        for name in ('coulomb', 'static', 'stribeck_velocity', 'stiffness'):
-            print(f'    {axis}.{name}: {getattr(model, name):.6g}')
+        for name, unit in UNITS.items():
+            print(f'    {axis}.{name}: {getattr(estimate.model, name):.4g}  # {unit}')
     return 0
 
 

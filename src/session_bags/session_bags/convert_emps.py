@@ -15,6 +15,9 @@ from stage_core.twin_file import ServoAxis, TwinFile
 #: Bag -> file; the second is the run with force pulses.
 FILES = {'emps': 'DATA_EMPS.mat', 'emps_pulses': 'DATA_EMPS_PULSES.mat'}
 
+#: Arrays of both files: time, reference, encoder and drive voltage (n, 1), and three gains.
+NEEDED = ('t', 'qg', 'qm', 'vir', 'kp', 'kv', 'gtau')
+
 #: Published mass (Janot, Gautier, Brunot 2019, table of the inverse identification) [kg].
 MASS = 95.109
 
@@ -46,7 +49,7 @@ def sessions(folder: Path) -> dict[str, Session]:
     """
     found = {}
     for number, (name, file) in enumerate(FILES.items()):
-        record = load(folder / 'emps' / file)
+        record = load(folder / 'emps' / file, NEEDED)
         seconds, start = record['t'][:, 0], EPOCH + number * DAY
         reference, encoder = record['qg'], record['qm']
         velocity = record['kp'].item() * (reference - encoder)

@@ -16,6 +16,9 @@ from stage_core.clocks import to_stamps
 from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
 
+#: Arrays of the two files, each (n,): times [s], angles [rad], sign of the approach.
+STROKE = ('motor_t', 'motor', 'encoder_t', 'encoder')
+STOPS = ('motor', 'encoder', 'approach')
 #: Least step of the recorded encoder [rad]; the motor's count has finer ones.
 STEP = 2.33e-6
 #: Stops are read once. A bag shows each as a move to its place from the side of its approach, from
@@ -78,13 +81,13 @@ def stops(record: Mapping[str, Array]) -> Session:
 
 def sessions(folder: Path) -> dict[str, Session]:
     """The long stroke, and the stops of the repeatability test."""
-    record = load(folder / 'ess_tank' / 'stroke.npz')
+    record = load(folder / 'ess_tank' / 'stroke.npz', STROKE)
     name = 'ess_tank_stroke'
-    parts = (record[key] for key in ('motor_t', 'motor', 'encoder_t', 'encoder'))
+    parts = (record[key] for key in STROKE)
     stroke = session_of(name, EPOCH, *parts)
     return {
         name: stroke,
-        'ess_tank_stops': stops(load(folder / 'ess_tank' / 'repeatability.npz')),
+        'ess_tank_stops': stops(load(folder / 'ess_tank' / 'repeatability.npz', STOPS)),
     }
 
 

@@ -24,6 +24,8 @@ from stage_core.session import Session
 from stage_core.twin_file import ForceAxis, TwinFile
 
 RECORDS = tuple(f'slow2_{kind}_{number}' for kind in ('nocomp', 'comp') for number in range(3))
+#: Arrays of a record, each (n,): time [s], position [counts], current [A].
+NEEDED = ('t', 'position', 'current')
 COUNTS = 8192.0  # of the encoder in a turn
 TURN = 10.0  # s
 PERIOD = 0.002  # s, of the even ticks that the samples are interpolated to
@@ -64,7 +66,7 @@ def sessions(folder: Path) -> dict[str, Session]:
     The axis turns, so that its metres are radians, and its effort is the current [A]. The
     reference is the constant speed that was asked for.
     """
-    records = {name: load(folder / 'odrive_cogging' / f'{name}.npz') for name in RECORDS}
+    records = {name: load(folder / 'odrive_cogging' / f'{name}.npz', NEEDED) for name in RECORDS}
     twin = fit_twin(records[_RETURN]).to_dict()
     found = {}
     for number, (name, record) in enumerate(records.items()):

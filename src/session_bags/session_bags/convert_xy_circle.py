@@ -24,6 +24,8 @@ from stage_core.errors import StageError
 from stage_core.session import Series, Session
 from stage_core.twin_file import ForceAxis, TwinFile
 
+#: Arrays of a record: time (n,) [s], places (n, 2) [m], command (n, 2) [V], force (n, 3).
+NEEDED = ('t', 'reference', 'encoder', 'command', 'contact_force')
 #: The record whose motion the nominal twin is fitted to.
 _FIT = 'day1_a'
 
@@ -47,7 +49,7 @@ def sessions(folder: Path) -> dict[str, Session]:
     files = sorted((folder / 'xy_circle').glob('*.npz'))
     if not files:
         raise StageError(f'{folder / "xy_circle"} holds no record: name the folder of the data')
-    records = {file.stem: load(file) for file in files}
+    records = {file.stem: load(file, NEEDED) for file in files}
     fit = records.get(_FIT) or records[files[0].stem]
     twin = fit_twin(fit['t'], fit['encoder'], fit['command']).to_dict()
     found = {}

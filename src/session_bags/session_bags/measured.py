@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -112,13 +113,13 @@ def converter(title: str, sessions: Callable[[Path], Mapping[str, Session]]) -> 
     return main
 
 
-def load(path: Path) -> dict[str, Array]:
-    """Arrays of an ``.npz`` or ``.mat`` file.
+def load(path: Path, needed: Sequence[str]) -> dict[str, Array]:
+    """Arrays of an ``.npz`` or ``.mat`` file, those of the names `needed` among them.
 
     Raises
     ------
     StageError
-        If the file is absent or unreadable.
+        If the file is absent or unreadable, or lacks an array.
     """
     try:
         if path.suffix == '.mat':
@@ -127,6 +128,10 @@ def load(path: Path) -> dict[str, Array]:
             content = loadmat(path)
         else:
             content = dict(np.load(path))
-    except (OSError, ValueError) as error:
+        arrays = {k: np.asarray(v, float) for k, v in content.items() if not k.startswith('__')}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise StageError(f'cannot read {path} ({error}): name the folder of the data') from error
-    return {k: np.asarray(v, float) for k, v in content.items() if not k.startswith('__')}
+    missing = [name for name in needed if name not in arrays]
+    if missing:
+        raise StageError(f'{path} lacks {", ".join(missing)}: it needs {", ".join(needed)}')
+    return arrays

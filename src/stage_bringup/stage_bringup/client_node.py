@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -18,6 +20,7 @@ from std_msgs.msg import String
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform, alignment_in
+from stage_core.patience import Patience
 from stage_core.quantities import AXES
 from stage_core.rests import Standstill
 from stage_core.ros.client_node import GraphClient
@@ -97,6 +100,10 @@ class SessionClient(GraphClient):
         """Newest sentence and values of a task on /diagnostics, named ``node: task``."""
         return self._status.get(task, ('', {}))
 
+    def progress(self) -> object:
+        """In lockstep the stamp of the encoder: simulated time goes on, however slowly."""
+        return self._last_stamp if self._lockstep else None
+
     def alignment(self) -> RigidTransform:
         """The transform that the bridge has published last; identity before."""
         message = self.latest(topics.ALIGNMENT)
@@ -107,13 +114,18 @@ class SessionClient(GraphClient):
 
         `alive` is called while waiting and raises when a node has ended. Returns the stamp [ns]
         at which the rest has lasted the settle time.
+
+        Raises
+        ------
+        StageError
+            Without rest after `timeout` [s]: of wall time; in lockstep, where a busy machine is
+            slow, of simulated time, or of wall time in which simulated time stood still.
         """
         settle = int(self.settle_time * 1e9)
         sent = self._last_stamp
         stamp = max(self.node.get_clock().now().nanoseconds, self._last_target_stamp + 1)
         self._last_target_stamp = stamp
         message = joint_state(stamp, AXES, position=[float(v) for v in target])
-        waited = 0.0
 
         def at_rest() -> bool:
             if self._last_stamp <= sent or not self._reference.position:
@@ -134,20 +146,28 @@ class SessionClient(GraphClient):
             arrived = np.abs(np.array(self._rest.position) - reference).max() < ARRIVED
             return bool(arrived) and self._last_stamp - self._rest_since >= settle
 
+        patience, published = Patience(timeout, self.progress), -math.inf
         while not at_rest():
-            if waited >= timeout:
-                raise StageError(
-                    f'the stage did not come to rest at {np.round(target * 1e3, 3)} mm within '
-                    f'{timeout:.0f} s: see the driver on /diagnostics'
-                )
-            if waited % RESEND == 0.0:
+            stuck = patience.left() <= 0.0
+            if stuck or (self._lockstep and self._last_stamp - stamp > timeout * 1e9):
+                raise StageError(self._restless(target, timeout, stuck))
+            if time.monotonic() - published >= RESEND:
                 self._targets.publish(message)
+                published = time.monotonic()
             alive()
-            try:
-                self.wait_for(at_rest, 0.5, 'rest', poll=0.01)
-            except StageError:
-                waited += 0.5
+            self.comes(at_rest, Patience(0.5), poll=0.01)
         return self._last_stamp
+
+    def _restless(self, target: Array, timeout: float, stuck: bool) -> str:
+        """Why a move to a target (2,) [m] is given up, and what the driver said last."""
+        why = f'within {timeout:.0f} s'
+        if self._lockstep:
+            why = f'{why} of simulated time'
+            if stuck:
+                why = f'while simulated time stood still for {timeout:.0f} s'
+        said = self.status('stage_driver: state')[0] or 'nothing'
+        place = np.round(target * 1e3, 3)
+        return f'the stage did not come to rest at {place} mm {why}; the driver said last: {said}'
 
     def measure(self, until: int, window: float, timeout: float) -> Array:
         """Mean tracker point over a `window` [s] that ends near stamp `until` [ns], (3,) raw [m].

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from stage_bringup.graph import (
     CONTROL,
@@ -141,7 +143,31 @@ def _run(
         killed = processes.end()
         if killed:
             print(f'error: {", ".join(killed)} did not end and was killed', file=sys.stderr)
+    if status:
+        # Only now: the recorder closes its bag when it ends.
+        print('\n'.join(left_behind(options.out)), file=sys.stderr)
     return status or int(bool(killed))
+
+
+def left_behind(folder: Path) -> list[str]:
+    """What a session that failed left in its folder, and the command that shows the newest bag."""
+    from session_bags.archive import find_bags
+
+    try:
+        bags = sorted(find_bags(folder), key=lambda bag: bag.stat().st_mtime)
+    except StageError:
+        bags = []
+    saved = [*bags, *sorted((folder / 'models').glob('*.json'))]
+    words = [f'logs of the nodes in {folder / "log"}']
+    if saved:
+        names = ', '.join(str(path.relative_to(folder)) for path in saved)
+        words.insert(0, f'{names} in {folder}')
+    lines = [f'saved: {"; ".join(words)}']
+    if bags:
+        command = ['ros2', 'run', 'stage_reports', 'report', '--bag', str(bags[-1])]
+        command += ['--out', str(folder / 'report')]
+        lines.append(f'report of the newest bag: {shlex.join(command)}')
+    return lines
 
 
 def refuse_second_graph(names: Sequence[str]) -> None:

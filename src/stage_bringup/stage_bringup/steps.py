@@ -33,7 +33,7 @@ from stage_core.quantities import MICROMETRE
 
 Array = NDArray[np.float64]
 
-#: Wall time that one move may take [s]; lockstep on a busy machine is slow, not stuck.
+#: Time that one move may take [s], in lockstep of simulated time: see `SessionClient.go_to`.
 MOVE_TIMEOUT = 120.0
 #: Wall time until every node is there and has compiled its kernels, on a busy machine [s].
 START_TIMEOUT = 240.0

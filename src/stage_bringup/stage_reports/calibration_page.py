@@ -11,15 +11,13 @@ from stage_core.wording import span, with_interval, with_std
 from stage_reports import figures
 from stage_reports.intervals import distance_rms, rms_interval
 from stage_reports.sections import (
-    axis_rows,
+    axis_table,
     condition_entries,
     positioning_section,
     recorded_section,
     temperature_section,
 )
 from stage_reports.tracking import Array, Places, tracking_errors
-
-AXIS_TABLE = ('axis', 'RMS (µm)', 'mean |e| (µm)', 'largest (µm)', 'σ (µm)')
 
 
 def calibration_page(
@@ -113,11 +111,9 @@ def _over_axes(page: Page, session: Session, rests: Places, left: Array | None) 
         'One heap about zero is noise. Two heaps show an error that depends on the direction. A '
         'heap beside zero shows an offset.',
     )
-    page.table(
-        AXIS_TABLE, axis_rows(errors, session.axes), 'measured minus wanted, before correction'
-    )
+    axis_table(page, errors, session.axes, 'measured minus wanted, before correction')
     if left is not None:
-        page.table(AXIS_TABLE, axis_rows(left, session.axes), 'what the model leaves (prediction)')
+        axis_table(page, left, session.axes, 'what the model leaves (prediction)')
 
 
 def _gap(error: Array, toward: Array) -> str:

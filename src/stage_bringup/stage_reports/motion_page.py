@@ -6,14 +6,12 @@ import numpy as np
 
 from stage_core import topics
 from stage_core.pages import Page
-from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
-from stage_core.wording import with_interval
+from stage_core.wording import scaled, with_interval
 from stage_reports import figures
-from stage_reports.calibration_page import AXIS_TABLE
 from stage_reports.intervals import distance_rms, path_interval
 from stage_reports.sections import (
-    axis_rows,
+    axis_table,
     circular_section,
     condition_entries,
     positioning_section,
@@ -45,6 +43,17 @@ def motion_page(session: Session) -> Page:
             warn=True,
         )
     page.conditions(condition_entries(session))
+    if found:
+        page.heading('Deviation from the reference')
+        page.figure(
+            figures.deviation_over_time(
+                [(t.sensor, t.seconds, -t.errors) for t in found], session.axes
+            ),
+            'Measured minus reference over time',
+            'A deviation that grows with the speed is the lag of the loop. Jumps at rest are '
+            'errors of reversal. A constant one of the tracker alone shows a tracker that is not '
+            'aligned.',
+        )
     if len(session.axes) == 2 and session.has(topics.REFERENCE):
         reference = session.series[topics.REFERENCE].columns('position', session.axes)
         paths = [('reference', reference), *((t.sensor, t.measured) for t in found)]
@@ -52,8 +61,7 @@ def motion_page(session: Session) -> Page:
         page.figure(
             figures.path_plot(paths),
             'Reference and measured path',
-            'A constant offset between two paths shows a tracker that is not aligned, a gap in '
-            'fast motion the lag of the loop.',
+            'Where the stage went. Small deviations do not show here; they are drawn above.',
         )
     for tracking in found:
         _tracking(page, session, tracking)
@@ -68,18 +76,13 @@ def motion_page(session: Session) -> Page:
 def _tracking(page: Page, session: Session, tracking: Tracking) -> None:
     axes = session.axes
     page.heading(f'Tracking error, {tracking.sensor}')
-    page.table(AXIS_TABLE, axis_rows(tracking.errors, axes), f'reference minus {tracking.sensor}')
-    named = {axis: tracking.errors[:, k] / MICROMETRE for k, axis in enumerate(axes)}
-    page.figure(
-        figures.time_series(tracking.seconds, named, 'error (µm)'),
-        f'Tracking error over time, {tracking.sensor}',
-        'An error that grows with the speed is the lag of the loop. Jumps at rest are errors of '
-        'reversal.',
-    )
+    axis_table(page, tracking.errors, axes, f'reference minus {tracking.sensor}')
+    factor, unit = scaled(float(np.abs(tracking.errors).max()), 'm')
+    named = {axis: tracking.errors[:, k] * factor for k, axis in enumerate(axes)}
     period = float(np.median(np.diff(tracking.seconds)))
     if period > 0.0:
         page.figure(
-            figures.spectrum(named, 1.0 / period, 'µm'),
+            figures.spectrum(named, 1.0 / period, unit),
             f'Spectrum of the tracking error, {tracking.sensor}',
             'A line comes from a resonance, or from the screw at constant speed. A flat floor is '
             'noise.',

@@ -9,9 +9,8 @@ import numpy as np
 from stage_core import topics
 from stage_core.metrics import Metrics
 from stage_core.pages import Page
-from stage_core.quantities import MICROMETRE
 from stage_core.session import Session
-from stage_core.wording import date_words, measure, span, with_std
+from stage_core.wording import date_words, measure, scaled, span, with_std
 from stage_reports import figures
 from stage_reports.extract import circular_paths, positioning_runs
 from stage_reports.iso230 import Circular, circular, positioning
@@ -193,11 +192,14 @@ def recorded_section(page: Page, session: Session) -> None:
             page.text(f'Note: {warning}')
 
 
-def axis_rows(errors: np.ndarray, axes: tuple[str, ...]) -> list[list[object]]:
-    """Rows of a table: RMS, mean |e|, largest and standard deviation of each axis, in µm."""
+def axis_table(page: Page, errors: Array, axes: tuple[str, ...], caption: str) -> None:
+    """Tell RMS, mean |e|, largest and standard deviation of errors (n, axes) [m] of each axis."""
+    factor, unit = scaled(float(np.abs(errors).max()), 'm')
+    places = 2 if unit == 'µm' else 4
+    names = [f'{name} ({unit})' for name in ('RMS', 'mean |e|', 'largest', 'σ')]
     rows: list[list[object]] = []
     for column, axis in enumerate(axes):
         f = Metrics.of(errors[:, column])
         values = (f.rms, f.mae, f.max, f.sigma)
-        rows.append([axis, *(f'{v / MICROMETRE:.2f}' for v in values)])
-    return rows
+        rows.append([axis, *(f'{v * factor:.{places}f}' for v in values)])
+    page.table(['axis', *names], rows, caption)

@@ -18,7 +18,6 @@ from stage_core.theme import SERIES, STYLE
 
 Array = NDArray[np.float64]
 Arguments = ParamSpec('Arguments')
-MICRO = 1e6
 MILLI = 1e3
 #: Points of a curve in a picture. More make the page large and show nothing else.
 MOST_POINTS = 2000

@@ -1,12 +1,14 @@
 """Pictures of error maps, standard tests, contours, learning and signals.
 
 Every function takes SI arrays and returns a matplotlib ``Figure`` drawn without pyplot, so that
-nothing depends on a display or on global state. Deviations are drawn in micrometres.
+nothing depends on a display or on global state. Deviations are drawn in µm, mm or m, as their size
+asks for.
 """
 
 from stage_reports.figures.contours import contour_polar, error_over_path
 from stage_reports.figures.curves import (
     convergence,
+    deviation_over_time,
     histogram,
     spectrum,
     time_series,
@@ -19,6 +21,7 @@ __all__ = [
     'circular_plot',
     'contour_polar',
     'convergence',
+    'deviation_over_time',
     'error_map',
     'error_over_axis',
     'error_over_path',

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from stage_core.drawing import MICRO, MILLI, Array, envelope, legend_above, paired, styled
+from stage_core.drawing import MILLI, Array, envelope, legend_above, paired, styled
 from stage_core.theme import BLUE, ORANGE
+from stage_core.wording import scaled
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,9 @@ def hysteresis_loops(loops: Sequence[Loop]) -> Figure:
     """One panel a loop, two in a row; forwards and backwards in two colours."""
     figure, panels = paired(len(loops), 3.0)
     for plot, loop in zip(panels, loops, strict=True):
-        scale = 1.0 if loop.force else MICRO
+        scale, unit = 1.0, 'N'
+        if not loop.force:
+            scale, unit = scaled(float(np.abs(loop.values).max(initial=0.0)), 'm')
         for sign, name, colour in ((1.0, 'forwards', BLUE), (-1.0, 'backwards', ORANGE)):
             chosen = loop.direction == sign
             position, values = loop.position[chosen], loop.values[chosen]
@@ -39,8 +42,8 @@ def hysteresis_loops(loops: Sequence[Loop]) -> Figure:
             plot.plot(
                 position[index] * MILLI, values[index] * scale, '.', ms=3, color=colour, label=name
             )
-        what = f'force of {loop.axis} (N)' if loop.force else f'table − motor of {loop.axis} (µm)'
-        plot.set(xlabel=f'{loop.axis} (mm)', ylabel=what)
+        what = 'force' if loop.force else 'table − motor'
+        plot.set(xlabel=f'{loop.axis} (mm)', ylabel=f'{what} of {loop.axis} ({unit})')
     legend_above(figure, panels[0], 2, markerscale=3)
     return figure
 

@@ -9,9 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from stage_core.drawing import MICRO, MILLI, Array, canvas, colours, styled, thin
+from stage_core.drawing import MILLI, Array, canvas, colours, styled, thin
 from stage_core.errors import StageError
+from stage_core.quantities import MICROMETRE
 from stage_core.theme import BLUE, MUTED, ORANGE
+from stage_core.wording import scaled
 from stage_reports.figures.checks import pairs
 
 #: The longest arrow spans this share of the workspace.
@@ -39,34 +41,38 @@ def error_map(
         raise StageError('an error map needs one error for each point')
     longest = max(float(np.linalg.norm(values, axis=1).max()) for _, values, _ in maps)
     span = float(np.ptp(places, axis=0).max()) or 1.0
-    # Micrometres of error on a millimetre of the picture.
-    scale = max(longest, np.finfo(float).tiny) * MICRO / (_LONGEST_ARROW * span * MILLI)
+    longest = longest or MICROMETRE
+    factor, unit = scaled(longest, 'm')
+    # Units of error on a millimetre of the picture.
+    scale = longest * factor / (_LONGEST_ARROW * span * MILLI)
+    round_length = _round(longest * factor)
     figure = canvas(5.6 * len(maps), 5.2)
     panels = np.atleast_1d(figure.subplots(1, len(maps)))
     # All arrows count in each panel, so that a millimetre is as long in both.
-    tips = [places * MILLI + values * MICRO / scale for _, values, _ in maps]
+    tips = [places * MILLI + values * factor / scale for _, values, _ in maps]
     for axes, (name, values, colour) in zip(panels, maps, strict=True):
         axes.update_datalim(np.concatenate(tips))
         index = thin(len(places), arrows)
-        _arrows(axes, places[index], values[index], scale, colour, _round(longest * MICRO))
+        arrow = _arrows(axes, places[index], factor * values[index], scale, colour)
+        axes.quiverkey(arrow, 0.74, 1.03, round_length, f'{round_length:g} {unit}', labelpos='E')
         rms = float(np.sqrt((values**2).sum(axis=1).mean()))
-        axes.set_title(f'{name}: RMS {rms * MICRO:.2f} µm')
+        rms_factor, rms_unit = scaled(rms, 'm')
+        axes.set_title(f'{name}: RMS {rms * rms_factor:.2f} {rms_unit}')
     return figure
 
 
-def _arrows(
-    axes: Any, places: Array, values: Array, scale: float, colour: str, key: float
-) -> None:
+def _arrows(axes: Any, places: Array, values: Array, scale: float, colour: str) -> Any:
+    """Arrows of `values` (n, 2), `scale` of them on a millimetre, at `places` (n, 2) [m]."""
     x, y = places.T * MILLI
     axes.plot(x, y, ls='none', marker='o', ms=3.5, color=MUTED)
     arrow = axes.quiver(
-        x, y, *(values.T * MICRO), angles='xy', scale_units='xy', scale=scale, color=colour,
+        x, y, *values.T, angles='xy', scale_units='xy', scale=scale, color=colour,
         width=0.007, headwidth=3.6, headlength=4.2, headaxislength=3.8, zorder=3,
     )  # fmt: skip
-    axes.quiverkey(arrow, 0.74, 1.03, key, f'{key:g} µm', labelpos='E')
     axes.set(xlabel='x (mm)', ylabel='y (mm)')
     axes.set_aspect('equal', adjustable='datalim')
     axes.margins(0.06)
+    return arrow
 
 
 def _round(value: float) -> float:
@@ -102,14 +108,15 @@ def error_over_axis(
         raise StageError('errors over an axis need a position and a direction each: pass (n,)')
     figure = canvas(5.6, 4.2)
     axes = figure.subplots()
+    factor, unit = scaled(float(np.abs(e).max(initial=0.0)), 'm')
     for sign, name, colour, marker in (
         (1.0, 'positive approach', BLUE, '^'),
         (-1.0, 'negative approach', ORANGE, 'v'),
     ):
         chosen = d == sign
-        axes.plot(p[chosen] * MILLI, e[chosen] * MICRO, marker, color=colour, ms=5, label=name)
+        axes.plot(p[chosen] * MILLI, e[chosen] * factor, marker, color=colour, ms=5, label=name)
         if chosen.any():
-            axes.axhline(float(e[chosen].mean()) * MICRO, color=colour, lw=1.0, ls='--')
-    axes.set(xlabel=f'{axis} (mm)', ylabel=f'error of {axis} (µm)')
+            axes.axhline(float(e[chosen].mean()) * factor, color=colour, lw=1.0, ls='--')
+    axes.set(xlabel=f'{axis} (mm)', ylabel=f'error of {axis} ({unit})')
     axes.legend()
     return figure

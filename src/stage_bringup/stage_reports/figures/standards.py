@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from stage_core.drawing import MICRO, MILLI, canvas, styled, thin
+from stage_core.drawing import MILLI, canvas, styled, thin
+from stage_core.quantities import MICROMETRE
 from stage_core.theme import BLUE, INK, MUTED, ORANGE
-from stage_core.wording import measure, with_std
+from stage_core.wording import measure, scaled, with_std
 from stage_reports.figures.checks import pairs
 from stage_reports.figures.contours import on_circle
 from stage_reports.iso230 import Circular, Positioning
@@ -28,30 +29,31 @@ def positioning_plot(
     figure = canvas(6.4, 4.2)
     axes = figure.subplots()
     position = result.targets * MILLI
+    factor, unit = scaled(max(abs(result.mean).max(), result.A), 'm')
     for name, mean, s, colour, marker in (
         ('positive approach', result.mean_up, result.deviation_up, BLUE, '^'),
         ('negative approach', result.mean_down, result.deviation_down, ORANGE, 'v'),
     ):
-        low, high = (mean - 2.0 * s) * MICRO, (mean + 2.0 * s) * MICRO
+        low, high = (mean - 2.0 * s) * factor, (mean + 2.0 * s) * factor
         axes.fill_between(position, low, high, color=colour, alpha=0.18, lw=0)
-        axes.plot(position, mean * MICRO, color=colour, marker=marker, label=f'{name}, ± 2 s')
-    axes.plot(position, result.mean * MICRO, color=MUTED, ls='--', label='mean of both')
+        axes.plot(position, mean * factor, color=colour, marker=marker, label=f'{name}, ± 2 s')
+    axes.plot(position, result.mean * factor, color=MUTED, ls='--', label='mean of both')
     top = max((result.mean_up + 2 * result.deviation_up).max(),
               (result.mean_down + 2 * result.deviation_down).max())  # fmt: skip
     place = position.max() + 0.06 * float(np.ptp(position) or 1.0)
     axes.annotate(
-        '', (place, top * MICRO), (place, (top - result.A) * MICRO),
+        '', (place, top * factor), (place, (top - result.A) * factor),
         arrowprops={'arrowstyle': '<->', 'color': INK}, annotation_clip=False,
     )  # fmt: skip
     beside = place + 0.05 * float(np.ptp(position) or 1.0)
-    axes.errorbar(beside, top * MICRO, yerr=uncertain['A'] * MICRO, color=INK, capsize=3)
-    axes.text(beside, top * MICRO, '  ± U', va='center')
-    axes.text(place, (top - 0.5 * result.A) * MICRO, ' A', va='center')
+    axes.errorbar(beside, top * factor, yerr=uncertain['A'] * factor, color=INK, capsize=3)
+    axes.text(beside, top * factor, '  ± U', va='center')
+    axes.text(place, (top - 0.5 * result.A) * factor, ' A', va='center')
     figures = ', '.join(f'{n} {with_std(getattr(result, n), uncertain[n])}' for n in 'AREB')
     axes.set(
         title=f'{axis_name} by ISO 230-2, ± U (k = 2):\n{figures}'.strip(),
         xlabel='target position (mm)',
-        ylabel='deviation (µm)',
+        ylabel=f'deviation ({unit})',
     )
     axes.legend(loc='best')
     return figure
@@ -67,16 +69,18 @@ def circular_plot(
     paths = [('counter-clockwise', pairs('path', counter_clockwise), BLUE)]
     if clockwise is not None:
         paths.append(('clockwise', pairs('path', clockwise), ORANGE))
+    widest = max(abs(result.F_max), abs(result.F_min)) or MICROMETRE
+    factor, unit = scaled(widest, 'm')
     for name, path, colour in paths:
         offset = path[thin(len(path))] - result.centre
         deviation = np.linalg.norm(offset, axis=1) - result.radius
         angle = np.arctan2(offset[:, 1], offset[:, 0])
         # A jump of the angle's branch would draw a line across the circle.
         deviation[1:][np.abs(np.diff(angle)) > np.pi] = np.nan
-        axes.plot(angle, deviation * MICRO, color=colour, lw=0.9, label=name)
-    magnified = on_circle(axes, result.radius, max(abs(result.F_max), abs(result.F_min)))
+        axes.plot(angle, deviation * factor, color=colour, lw=0.9, label=name)
+    magnified = on_circle(axes, result.radius, widest, factor)
     axes.set_title(
-        f'{_circular_figures(result)}\nradial deviation in µm, {magnified}',
+        f'{_circular_figures(result)}\nradial deviation in {unit}, {magnified}',
         fontsize=10,
         loc='center',
     )

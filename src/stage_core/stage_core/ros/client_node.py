@@ -16,6 +16,7 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
 from stage_core.errors import StageError
+from stage_core.patience import Patience
 from stage_core.ros.node import STATE_QOS, local_graph, make_executor, spin
 
 #: A server that this client has found may not have found this client's ear for the answer yet:
@@ -93,6 +94,10 @@ class GraphClient:
         """The newest message of a watched topic, or None."""
         return self._latest.get(topic)
 
+    def progress(self) -> object:
+        """What goes on while a wait is not in vain: each change of it begins the wait anew."""
+        return None
+
     def wait_for(
         self, condition: Callable[[], bool], timeout: float, what: str, poll: float = 0.05
     ) -> None:
@@ -101,20 +106,25 @@ class GraphClient:
         Raises
         ------
         StageError
-            After `timeout` [s] of wall time; the message says what was awaited.
+            After `timeout` [s] of wall time without `progress`; the message says what was awaited.
         """
-        deadline = time.monotonic() + timeout
+        if not self.comes(condition, Patience(timeout, self.progress), poll):
+            raise StageError(f'waited {timeout:.0f} s in vain for {what}')
+
+    def comes(self, condition: Callable[[], bool], patience: Patience, poll: float = 0.05) -> bool:
+        """Wait until `condition()` holds or the patience ends; whether it holds."""
         seen = self._arrived
         # Asked without the lock: the answer of a service that the condition calls comes through
         # the same thread as the messages, which the lock would hold up.
         while not condition():
-            left = deadline - time.monotonic()
+            left = patience.left()
             if left <= 0.0:
-                raise StageError(f'waited {timeout:.0f} s in vain for {what}')
+                return False
             with self._changed:
                 if self._arrived == seen:
                     self._changed.wait(min(left, poll))
                 seen = self._arrived
+        return True
 
     def wait_until_quiet(self, topic: str, quiet: float, timeout: float) -> None:
         """Wait until a watched topic has been silent for `quiet` [s] of wall time.
@@ -139,15 +149,18 @@ class GraphClient:
         Raises
         ------
         StageError
-            If the service is absent or does not answer in time.
+            If the service is absent, or does not answer within `timeout` [s] of wall time without
+            `progress`.
         """
         client = self._reach(service_type, name, min(timeout, 30.0))
         time.sleep(max(0.0, self._acquainted[name] + ACQUAINTANCE - time.monotonic()))
         future = client.call_async(request)
         done = threading.Event()
         future.add_done_callback(lambda _: done.set())
-        if not done.wait(timeout):
-            raise StageError(f'service {name} did not answer within {timeout:.0f} s')
+        patience = Patience(timeout, self.progress)
+        while not done.wait(min(max(patience.left(), 0.0), 1.0)):
+            if patience.left() <= 0.0:
+                raise StageError(f'service {name} did not answer within {timeout:.0f} s')
         return future.result()
 
     def _reach(
