@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 
-from calibrator import online, outliers, prepare, temperatures, thermal, training
+from calibrator import online, outliers, places, prepare, temperatures, thermal, training
 from calibrator.models import domain, selection
 from gap_diagnosis import passes
 from gap_diagnosis.closed_loop import held_out, misread, polish, swing
@@ -35,7 +35,7 @@ MODULES = {
     for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
                    foreseen, forward, grid, held_out, imitations, judged, kinematics, knots,
                    lacking, library, loops, machine, misread, motions, online, outliers, pairs,
-                   passes, polish, prepare, propose, scene, search, selection, separation,
+                   passes, places, polish, prepare, propose, scene, search, selection, separation,
                    servo_clocks, servo_part, shape, shared, slow_rows, straightness, swing,
                    swinging, temperatures, thermal, training, unrecorded, windows)
 }  # fmt: skip
@@ -50,6 +50,7 @@ the same: share of all samples, at most | {outliers.MOST_WILD:.0%}
 left-out RMS of a more complex candidate, at most | {selection.EARNED:.0%} of the simpler one's
 reach of a place | {domain.REACH:g} distances of neighbouring places
 prediction, at most | {domain.MOST_ERROR:g} × the largest error seen
+place that counts as visited again, within | {places.REVISIT:.0%} of the distance of neighbours
 adaptation: rests that have to prove it | {online.PROOF}
 adaptation: one rest is held out of | {online.JUDGED_EVERY}
 adaptation: held-out rests that decide | {online.WINDOW}

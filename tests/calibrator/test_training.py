@@ -136,6 +136,25 @@ def test_the_drift_of_one_hour_is_no_error_of_the_stage(size):
     assert size > 0.0 or 'where half of the time is left out' in result.line()
 
 
+@pytest.mark.parametrize('visits', [1, 2])
+def test_a_raster_tells_a_drift_apart_only_where_it_is_run_twice(visits):
+    lines = np.linspace(-0.03, 0.03, 7)
+    raster = np.array([(x, y) for k, y in enumerate(lines) for x in lines[:: 1 - 2 * (k % 2)]])
+    where = np.tile(raster, (visits, 1))
+    # A perfect stage before a tracker that drifts by 10 µm and 5 µm.
+    drift = np.linspace(0.0, 1.0, len(where))[:, None] * [1e-5, 5e-6]
+    measured = where + drift + np.random.default_rng(7).normal(0.0, 3e-7, where.shape)
+    none, times = np.empty((len(where), 0)), 3.0 * np.arange(len(where))
+    result = train(
+        Samples(where, measured, np.sign(where), none, times, (), ('x', 'y'), 0.0, True), 'affine'
+    )
+    once = visits == 1
+    assert ('half of the time' in result.line()) != once
+    assert ('drift was not told apart' in result.line()) == once
+    assert (result.gain.value > 0.5) == once
+    assert stored(result, [], 'stage', 1, 1).drift == result.drift
+
+
 def test_halves_that_share_no_places_judge_nothing():
     x = np.linspace(-0.03, 0.03, 24)
     where = np.column_stack([x, x])  # a diagonal

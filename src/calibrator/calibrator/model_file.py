@@ -60,6 +60,11 @@ class StoredModel:
         """Why the model must not correct, where it was written by force; else empty."""
         return str(self.metrics.get('refusal', ''))
 
+    @property
+    def drift(self) -> str:
+        """Why a drift may be part of the model; empty where it was told apart or is not known."""
+        return str(self.metrics.get('drift', ''))
+
     def temperature_row(
         self,
         readings: Mapping[str, float],

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calibrator.clock_shift import estimate_shift, interpolate, jumps
 from calibrator.models.domain import Domain
-from calibrator.places import folds, judged_places
+from calibrator.places import folds, judged_places, revisited
 from calibrator.samples import Samples
 from calibrator.temperatures import rates_at, readings_at
 from stage_core import topics
@@ -137,7 +137,7 @@ def splits(samples: Samples, seed: int = 0, by: str = 'position') -> list[tuple[
         last part of the session is held out, which does not flatter where the stage drifts.
         `session`: each of several sessions is held out once, in up to `MOST_SESSION_FITS` groups,
         at the places that the others know; no pair where there is one session. `half`: the same
-        for the earlier and the later half of the samples.
+        for the earlier and the later half of the samples; see `told_apart` for what they tell.
 
     Raises
     ------
@@ -167,7 +167,7 @@ def splits(samples: Samples, seed: int = 0, by: str = 'position') -> list[tuple[
             return []
         masks = folds(apart, MOST_SESSION_FITS, seed)
         pairs = [(samples.take(~m), known) for m in masks if len(known := _known(samples, m))]
-        return [] if by == 'half' and not _visited_twice(pairs) else pairs
+        return [] if by == 'half' and not _enough(pairs) else pairs
     else:
         raise StageError(f'samples are split by position, time, session or half, not by {by}')
     if any(mask.all() or not mask.any() for mask in masks):
@@ -177,8 +177,18 @@ def splits(samples: Samples, seed: int = 0, by: str = 'position') -> list[tuple[
     return [(samples.take(~mask), samples.take(mask)) for mask in masks]
 
 
-def _visited_twice(pairs: list[tuple[Samples, Samples]]) -> bool:
-    """Whether both halves hold enough places of each other: those at their border tell nothing."""
+def told_apart(halves: list[tuple[Samples, Samples]]) -> bool:
+    """Whether the pairs of `splits` by half tell a drift from an error of the stage.
+
+    Only places that were visited in both halves do: along the border of two halves of a raster
+    that is run once, a drift looks like an error that goes on.
+    """
+    again = [revisited(held.command, rest.command) for rest, held in halves]
+    return _enough([(r, h.take(m)) for (r, h), m in zip(halves, again, strict=True) if m.any()])
+
+
+def _enough(pairs: list[tuple[Samples, Samples]]) -> bool:
+    """Whether of each half enough places are held out."""
     counts = [len(np.unique(judged_places(held.command))) for _, held in pairs]
     return len(counts) == 2 and min(counts) >= FEWEST_HELD
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -20,7 +19,7 @@ from calibrator.models.selection import conditions, deviation
 from calibrator.models.structured import Structured
 from calibrator.outliers import wild
 from calibrator.places import judged_places
-from calibrator.prepare import splits
+from calibrator.prepare import FEWEST_HELD, splits, told_apart
 from calibrator.samples import Samples
 from stage_core.errors import StageError
 from stage_core.metrics import Metrics
@@ -30,7 +29,12 @@ from stage_core.session import Session
 Array = NDArray[np.float64]
 
 SESSIONS, HALVES = 'whole sessions are', 'half of the time is'
+BORDER = 'half of the places is'
 """What is left out beside places, in the words of a gain."""
+NOT_TOLD = 'drift was not told apart from the error of the stage: '
+ONCE = NOT_TOLD + f'fewer than {FEWEST_HELD} places were visited at two times'
+FEW = NOT_TOLD + 'half of the samples are too few for this method'
+"""What is said of one session whose halves in time share few places, or cannot be trained on."""
 LEAST_WARMING = 0.3
 """Change of a sensor [K] from which its temperature is a regressor."""
 
@@ -40,7 +44,8 @@ class Training:
     """A trained model with its errors on the held-out samples, and on the training ones.
 
     `before` is the error of the uncalibrated stage on the held-out samples, `gain` what the model
-    takes off it; `wild` counts the samples that were left out as outliers.
+    takes off it where it takes off least, and `at_places` at these samples; `wild` counts the
+    samples that were left out as outliers. `drift` is `ONCE`, `FEW` or empty.
     """
 
     model: CalibrationModel
@@ -48,6 +53,8 @@ class Training:
     after: Metrics
     train_after: Metrics
     gain: Gain
+    at_places: Gain
+    drift: str
     seconds: float
     samples: int
     held_out: int
@@ -63,6 +70,7 @@ class Training:
             'after': asdict(self.after),
             'train': asdict(self.train_after),
             'gain': asdict(self.gain),
+            'drift': self.drift,
             'samples': self.samples,
             'held_out': self.held_out,
             'wild': self.wild,
@@ -84,13 +92,16 @@ class Training:
         }
 
     def line(self) -> str:
-        """One line with the held-out error before and after."""
-        left_out = f'; {self.wild} wild samples left out' if self.wild else ''
-        return (
+        """One line with the held-out error before and after, and what else was left out."""
+        wild = f'; {self.wild} wild samples left out' if self.wild else ''
+        parts = [
             f'{self.model.method}: held-out RMS {1e6 * self.before.rms:.3f} µm before, '
-            f'{1e6 * self.after.rms:.3f} µm after, {self.gain} ({self.held_out} held-out of '
-            f'{self.samples} samples, {self.gain.places} places{left_out})'
-        )
+            f'{1e6 * self.after.rms:.3f} µm after, {self.at_places} ({self.held_out} held-out of '
+            f'{self.samples} samples, {self.at_places.places} places{wild})'
+        ]
+        if self.gain.left_out:
+            parts.append(f'{self.gain} ({self.gain.places} places)')
+        return '; '.join([*parts, self.drift] if self.drift else parts)
 
 
 def train(
@@ -135,8 +146,8 @@ def train(
     started = time.perf_counter()
     models = [fit(training) for training, _ in pairs]
     seconds = (time.perf_counter() - started) / len(pairs)
-    before, after, gain = _judged(models, pairs, seed)
-    gain = _apart(gain, fit, samples, seed)
+    before, after, at_places = _judged(models, pairs, seed)
+    gain, drift = _apart(at_places, fit, samples, seed)
     training, model = (pairs[0][0], models[0]) if len(pairs) == 1 else (samples, fit(samples))
     return Training(
         model,
@@ -144,6 +155,8 @@ def train(
         Metrics.of(after),
         Metrics.of(training.measured - predict(model, training)),
         gain,
+        at_places,
+        drift,
         seconds,
         len(samples),
         len(before),
@@ -164,7 +177,8 @@ def judged_by(result: Training, held: Sequence[Samples], seed: int) -> Training:
     if known := [left for _, part in pairs if len(left := _left(model, part))]:
         model.spread = np.maximum(model.spread, deviation(np.vstack(known)))
     gain = _worse(result.gain, other, SESSIONS)
-    return replace(result, gain=gain, sessions=result.sessions + len(known))
+    drift = '' if known else result.drift
+    return replace(result, gain=gain, drift=drift, sessions=result.sessions + len(known))
 
 
 def _left(model: CalibrationModel, part: Samples) -> Array:
@@ -179,19 +193,24 @@ def _left(model: CalibrationModel, part: Samples) -> Array:
 
 def _apart(
     gain: Gain, fit: Callable[[Samples], CalibrationModel], samples: Samples, seed: int
-) -> Gain:
-    """The gain, or the worse one where whole sessions, or halves of one, are left out."""
+) -> tuple[Gain, str]:
+    """The gain, or the worse one where whole sessions, or halves of one, are left out; `drift`."""
 
     def judged(pairs: list[tuple[Samples, Samples]]) -> Gain:
         return _judged([fit(part) for part, _ in pairs], pairs, seed)[2]
 
     if pairs := splits(samples, seed=seed, by='session'):
-        return _worse(gain, judged(pairs), SESSIONS)
-    # A number of terms that a user asks for may be too large for half of the places.
-    with contextlib.suppress(StageError):
-        if pairs := splits(samples, seed=seed, by='half'):
-            return _worse(gain, judged(pairs), HALVES)
-    return gain
+        return _worse(gain, judged(pairs), SESSIONS), ''
+    halves = splits(samples, seed=seed, by='half')
+    told = told_apart(halves)
+    if not halves:
+        return gain, ONCE
+    try:
+        other = judged(halves)
+    except StageError:
+        # A number of terms that a user asks for may be too large for half of the places.
+        return gain, FEW if told else ONCE
+    return _worse(gain, other, HALVES if told else BORDER), '' if told else ONCE
 
 
 def _worse(gain: Gain, other: Gain, left_out: str) -> Gain:

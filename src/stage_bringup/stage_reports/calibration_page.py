@@ -56,6 +56,7 @@ def calibration_page(
             *condition_entries(session, entries),
             ('Places', f'{len(errors)} rests, {where}'),
             *([] if model is None else [('Domain of the model', model.domain_line())]),
+            *([('Drift', model.drift)] if model is not None and model.drift else []),
         ]
     )
     left = None if model is None else errors - predicted_errors(model, rests)
