@@ -106,6 +106,11 @@ def without(topic: str) -> Break:
     return lambda series: series.__delitem__(topic)
 
 
+def exchanged(series: dict[str, Series]) -> None:
+    values = series[topics.TRACKER_POINT].values
+    values['x'], values['y'] = values['y'], values['x']
+
+
 def renamed(series: dict[str, Series]) -> None:
     old = series[topics.REFERENCE]
     values = {k.replace('.x', '.joint1'): v for k, v in old.values.items()}
@@ -124,7 +129,13 @@ def renamed(series: dict[str, Series]) -> None:
             'travels 1e+03 times as far',
         ),
         (scaled(topics.REFERENCE, ('velocity.x',), 1e3), WARNING, 'times the derivative'),
-        (scaled(topics.TRACKER_POINT, ('x',), 1e6), WARNING, 'points are in metres'),
+        (
+            scaled(topics.TRACKER_POINT, ('x', 'y'), 1e3),
+            ERROR,
+            '1e+03 times as far as the encoder',
+        ),
+        (exchanged, WARNING, 'x and y look exchanged'),
+        (scaled(topics.TRACKER_POINT, ('y',), -1.0), WARNING, 'turned or mirrored'),
         (scaled('/stage/temperature:air', ('temperature',), 14.3), WARNING, 'room temperature'),
         (
             stamps_changed(lambda s: s + np.where(np.arange(len(s)) > 999, 10**9, 0)),

@@ -16,13 +16,13 @@ from session_bags.columns import TopicDecoder
 from session_bags.drops import missing_messages
 from session_bags.info import contents
 from session_bags.metadata import parse_qos
-from session_bags.plausible import check_times, check_units
-from session_bags.reader import decode
+from session_bags.plausible import check_times, check_tracker, check_units
+from session_bags.reader import decode, last_alignment
 from session_bags.writer import TWIN_KEY
 from stage_core import topics
 from stage_core.errors import StageError, command_line
 from stage_core.quantities import AXES
-from stage_core.session import Series
+from stage_core.session import Series, Session
 from stage_core.twin_file import TwinFile
 from stage_core.untrusted import yaml_mapping
 
@@ -61,12 +61,14 @@ def check_bag(path: str | Path) -> list[Finding]:
     bag = open_bag(path)
     findings = [*_check_container(bag), *_check_topics(bag), *_check_twin(bag)]
     series: dict[str, Series] = {}
+    aligned = None
     for topic, type_name in sorted(bag.topic_types().items()):
         if type_name != topics.TOPIC_TYPES.get(topic) or type_name not in NUMERIC_TYPES:
             continue
         decoder = TopicDecoder(topic, type_name, str(path))
         try:
             decode(bag, {topic: decoder})
+            aligned = last_alignment(decoder) if topic == topics.ALIGNMENT else aligned
         except StageError as error:
             findings.append(Finding(ERROR, topic, str(error)))
             continue
@@ -77,6 +79,9 @@ def check_bag(path: str | Path) -> list[Finding]:
     span = contents(bag)
     doubts = [*check_units(series), *check_times(series, (span.end - span.start) * 1e-9)]
     findings += [Finding(WARNING, about, text) for about, text in doubts]
+    unit, frame = check_tracker(Session(str(path), series, alignment=aligned))
+    findings += [Finding(ERROR, topics.TRACKER_POINT, unit)] if unit else []
+    findings += [Finding(WARNING, topics.TRACKER_POINT, frame)] if frame else []
     return findings
 
 

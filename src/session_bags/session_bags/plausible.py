@@ -8,7 +8,8 @@ import numpy as np
 
 from stage_core import topics
 from stage_core.quantities import AXES
-from stage_core.session import Series
+from stage_core.session import Series, Session
+from stage_core.tracker_frame import other_unit, turned
 
 #: No precision stage travels this far [m], or this fast [m/s]; no tracker sees this far [m].
 _LONGEST_TRAVEL = 10.0
@@ -19,6 +20,8 @@ _COLDEST, _WARMEST = -40.0, 120.0
 #: A simulation slower than this took its messages from two clocks instead (ratio, and hours [s]).
 _SLOWEST_SIMULATION = 100.0
 _LONG_RECORDING = 3600.0
+#: An encoder that moves less [m] while the tracker measures, or fewer points, tell no frame.
+_LEAST_TRAVEL, _FEWEST_POINTS = 1e-4, 10
 
 
 def check_units(series: Mapping[str, Series]) -> Iterator[tuple[str, str]]:
@@ -39,6 +42,29 @@ def check_units(series: Mapping[str, Series]) -> Iterator[tuple[str, str]]:
         if part.topic in (topics.REFERENCE, topics.JOINT_STATES):
             yield from _check_derivative(key, part)
     yield from _check_follows(series)
+
+
+def check_tracker(session: Session) -> tuple[str, str]:
+    """What is wrong with the unit, and with the frame, of the points of a tracker; or empty."""
+    if not (session.has(topics.TRACKER_POINT) and session.has(topics.JOINT_STATES)):
+        return '', ''
+    if any(_check_follows(session.series)):
+        return '', ''  # of the encoder that is said already
+    encoder = session.series[topics.JOINT_STATES]
+    axes = [axis for axis in AXES if f'position.{axis}' in encoder.values]
+    points, stamps = session.table_points(), session.series[topics.TRACKER_POINT].stamps
+    together = (stamps >= encoder.stamps[0]) & (stamps <= encoder.stamps[-1])
+    points, stamps = points[together], stamps[together]
+    positions = np.array(
+        [np.interp(stamps, encoder.stamps, encoder.values[f'position.{axis}']) for axis in axes]
+    ).T
+    known = np.isfinite(points).all(axis=1) & np.isfinite(positions).all(axis=-1)
+    points, positions = points[known], positions[known]
+    if len(points) < _FEWEST_POINTS or np.ptp(positions, axis=0).max() < _LEAST_TRAVEL:
+        return '', ''
+    if unit := other_unit(points, positions, 'the encoder'):
+        return unit, ''
+    return '', turned(points[:, [AXES.index(axis) for axis in axes]], positions)
 
 
 def check_times(series: Mapping[str, Series], arrivals: float) -> Iterator[tuple[str, str]]:

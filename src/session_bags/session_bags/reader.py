@@ -70,7 +70,7 @@ def read_session(
         if decoder.unsorted():
             warnings.append(f'{topic} is not in the order of its stamps; it was sorted')
         if topic == names.ALIGNMENT:
-            aligned = _alignment(decoder)
+            aligned = last_alignment(decoder)
             continue
         for key, part in decoder.series().items():
             series[key] = part if window is None else part.between(*window)
@@ -143,7 +143,7 @@ def _twin(bag: Bag, warnings: list[str]) -> dict[str, Any] | None:
         return None
 
 
-def _alignment(decoder: TopicDecoder) -> RigidTransform | None:
+def last_alignment(decoder: TopicDecoder) -> RigidTransform | None:
     """The last alignment."""
     frames = decoder.frames()
     series = decoder.series().get(names.ALIGNMENT)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Series
+from stage_core.tracker_frame import OTHER_UNIT, other_unit
 from stage_core.twin_file import TwinFile
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ MINIMUM_TRAVEL = 2.0e-4  # m; a stepper, or a reference, that moves less rests
 #: Steps of an encoder, its noise counted, within which an axis rests: resting ones of 13 sessions
 #: read 4 at most, one that the other axis pushed 396.
 RESTS_WITHIN = 40.0
-OTHER_UNIT = 10.0  # times that one topic moves as far as another: no error of a machine
 STANDSTILL = 2.0  # s in which a tracker must show what the encoder does
 LEAST_MOVE = 1.0e-3  # m of the encoder in the middle of that time
 EXCITATION_HINT = 'record one that has it with `ros2 run contour_ctrl excite`'
@@ -78,12 +78,8 @@ def check_tracker_moves(record: Record) -> None:
                 f'{record.name}: the tracker is frozen: {topics.TRACKER_POINT} does not move in '
                 f'{axis} while the encoder does; check the reflector and record again'
             )
-    ratio = float(np.linalg.norm(seen) / np.linalg.norm(travel))
-    if not 1.0 / OTHER_UNIT < ratio < OTHER_UNIT:
-        raise StageError(
-            f'{record.name}: {topics.TRACKER_POINT} moves {ratio:.3g} times as far as the '
-            'encoder: one of them is not in metres, mend its unit'
-        )
+    if wrong := other_unit(record.tracker, record.encoder, 'the encoder'):
+        raise StageError(f'{record.name}: {topics.TRACKER_POINT} {wrong}')
     if record.points_per_row == 1.0:
         _check_tracker_goes_on(record)
 
