@@ -15,9 +15,10 @@ from calibrator.live_buffer import LiveBuffer, load_session, save_session
 from calibrator.models import make_model
 from calibrator.prepare import prepare
 from calibrator.ring import Ring
+from calibrator.samples import Gathered, concatenate
 from calibrator.temperatures import LiveTemperatures
 from calibrator.trainer import Trainer
-from calibrator.training_job import Job, run_job
+from calibrator.training_job import Job, read, run_job
 from stage_core import topics
 from stage_core.errors import StageError
 
@@ -140,6 +141,45 @@ def test_a_model_that_is_worse_than_none_is_refused(grid_session, tmp_path):
     with pytest.raises(StageError, match='written by force.*held-out RMS'):
         correction.activate(True)
     assert not correction.active
+
+
+@pytest.mark.parametrize(
+    ('linear', 'said'),
+    [
+        ([[1e3, 0.0], [0.0, 1e3]], 'the tracker moves 1000 times as far as the reference'),
+        ([[0.0, 1.0], [1.0, 0.0]], 'x and y look exchanged.*align'),
+        ([[0.8, -0.6], [0.6, 0.8]], 'the frame is turned.*align'),
+    ],
+)
+def test_a_tracker_in_another_unit_or_frame_is_named(grid_session, tmp_path, linear, said):
+    session = grid_session(30)
+    points = session.series[topics.TRACKER_POINT]
+    x, y = np.array(linear) @ [points.values['x'], points.values['y']]
+    points.values.update(x=x, y=y)
+    with pytest.raises(StageError, match=f'beyond max_correction.*{said}'):
+        run_job(job(tmp_path, session))
+
+
+def test_the_remedy_of_a_refused_model_fits_what_was_left_out(grid_session, tmp_path):
+    wanted = job(tmp_path, grid_session(40), method='affine')
+    samples = read(wanted).samples
+    noise = np.random.default_rng(0).normal(0.0, 3e-7, samples.command.shape)
+
+    def said(samples):
+        with pytest.raises(StageError, match='not proven') as refused:
+            run_job(wanted, Gathered(samples))
+        return str(refused.value)
+
+    still = replace(samples, measured=samples.command + noise)
+    assert 'there is nothing to correct' in said(still)
+    # The zero moves by 20 µm between two visits of the same places.
+    twice = [np.arange(40)] * 2
+    moved = np.repeat([1e-5, -1e-5], 40)[:, None] + np.vstack([noise, noise])
+    again = still.take(np.concatenate(twice))
+    again = replace(again, measured=again.command + moved, times=np.arange(80.0))
+    assert 'drifted: let them settle' in said(again)
+    other = replace(samples, measured=2.0 * samples.command - samples.measured)
+    assert 'the sessions disagree' in said(concatenate([samples, other]))
 
 
 def test_a_contour_is_no_calibration(grid_session, tmp_path):

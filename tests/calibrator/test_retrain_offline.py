@@ -18,13 +18,15 @@ def test_offline_command_trains_from_a_bag_and_writes_the_model(tmp_path, capsys
     arguments = ['--bag', str(bag), '--out', str(out), '--machine', 'm1', '--seed', '2']
     assert main(arguments) == 0
     printed = capsys.readouterr().out
-    assert '60 rests of 1 bag(s)' in printed and 'before' in printed
+    assert '60 rests of 1 bag(s)' in printed and 'servo lag included' in printed
     loaded = model_file.load(out, 'm1')
     assert loaded.seed == 2 and loaded.training == {'bag': model_file.bag_hash(bag)}
     assert loaded.metrics['after']['rms'] < 0.1 * loaded.metrics['before']['rms']
     assert main(['--bag', str(tmp_path / 'absent')]) == 2
     assert 'there is no bag' in capsys.readouterr().err
     assert main([*arguments, '--options', '[1]']) == 2
+    assert main(['--bag', str(bag), '--out', str(tmp_path / 'typo' / 'm.json')]) == 2
+    assert 'there is no folder' in capsys.readouterr().err and not (tmp_path / 'typo').exists()
 
 
 def test_offline_command_judges_held_out_bags_beside_the_phase_table(

@@ -117,7 +117,9 @@ def test_a_model_of_one_session_is_not_taken_for_another(samples):
     good, bad = (train(concatenate([samples, s]), 'affine') for s in (alike, other))
     assert good.gain.proven
     assert bad.gain.left_out and not bad.gain.proven
-    assert 'where whole sessions are left out' in bad.line()
+    places, sessions = bad.line().split('; ')
+    assert 'held-out RMS' in places and 'where whole sessions are left out' in sessions
+    assert f'after, gain {100 * (1 - bad.after.rms / bad.before.rms):.0f} %' in places
 
 
 @pytest.mark.parametrize('size', [0.0, 3e-4])

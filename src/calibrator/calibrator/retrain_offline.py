@@ -21,7 +21,7 @@ from calibrator.samples import Samples
 from calibrator.training import Training, default_options, judged_by, predict, train
 from calibrator.training_job import Job, run_job
 from session_bags.archive import add_arguments, find_bags, where_from
-from stage_core.errors import command_line
+from stage_core.errors import StageError, command_line
 from stage_core.metrics import Metrics
 from stage_core.untrusted import json_object
 
@@ -30,6 +30,9 @@ from stage_core.untrusted import json_object
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, print the errors before and after, and write the model."""
     options = _parser().parse_args(arguments)
+    folder = Path(options.out).parent
+    if not folder.is_dir():
+        raise StageError(f'{options.out}: there is no folder {folder}: create it first')
     where = where_from(options, progress=sys.stderr.isatty())
     gathered = gather(options.bag, options.input, options.target, options.results, where)
     samples = gathered.samples
@@ -38,14 +41,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     kind = 'rests' if samples.at_rest else 'moving points'
     print(
         f'{len(samples)} {kind} of {len(gathered.bags)} bag(s), axes {"".join(samples.axes)}, '
-        f'clock shift {1e3 * samples.shift:.2f} ms'
+        f'tracker {1e3 * samples.shift:.2f} ms behind the commands, servo lag included'
     )
     if options.compare:
         shared = {m: default_options(m, gathered.leads) for m in METHODS}
         print(table(compare(samples, options=shared, seed=options.seed, by=options.split)))
         return 0
     job = _job(options)
-
     held = [
         (bag.name, _samples(bag, options)) for path in options.holdout for bag in find_bags(path)
     ]
@@ -182,7 +184,7 @@ def _parser() -> argparse.ArgumentParser:
         '--max-correction',
         type=_not_negative(float),
         default=Job.max_correction,
-        help='largest error left [m]',
+        help='largest correction, and largest error left [m]',
     )
     parser.add_argument(
         '--force', action='store_true', help='write a model that is no better than none, marked'

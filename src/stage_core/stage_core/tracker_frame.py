@@ -30,7 +30,7 @@ def other_unit(points: Array, positions: Array, than: str) -> str:
     ratio = float(np.linalg.norm(np.ptp(points, axis=0))) / max(travel, 1e-300)
     if 1.0 / OTHER_UNIT < ratio < OTHER_UNIT:
         return ''
-    return f'moves {ratio:.3g} times as far as {than}: one of them is not in metres, mend its unit'
+    return f'moves {ratio:.4g} times as far as {than}: one of them is not in metres, mend its unit'
 
 
 def turned(points: Array, positions: Array) -> str:
