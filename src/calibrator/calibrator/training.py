@@ -114,10 +114,9 @@ def train(
 ) -> Training:
     """Fit a method on a part of the samples and judge it on the rest.
 
-    Of several sessions whole ones are left out, too, of one each half of its time: a drift of one
-    hour is no error of the stage. The worse gain counts. Where the places suffice for one draw
-    (see `prepare.splits`) the model is the one that was judged; else one of all samples, judged by
-    those that were fitted without each place.
+    Of several sessions whole ones are left out, too, of one each half of its time. The worse gain
+    counts. Where the places suffice for one draw (see `prepare.splits`) the model is the one that
+    was judged; else one of all samples, judged by those that were fitted without each place.
 
     Parameters
     ----------
