@@ -25,7 +25,7 @@ from gap_diagnosis.selection import (
     swinging,
 )
 from stage_core import clocks
-from stage_driver import servo_clocks
+from stage_driver import inbox_backend, servo_clocks
 from stage_twin import loops, machine
 from stage_twin.effects import knots, shared, straightness
 from stage_twin.emulators import drive
@@ -33,9 +33,10 @@ from stage_twin.emulators import drive
 MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
-                   foreseen, forward, grid, held_out, imitations, judged, kinematics, knots,
-                   lacking, library, loops, machine, misread, motions, online, outliers, pairs,
-                   passes, places, polish, prepare, propose, scene, search, selection, separation,
+                   foreseen, forward, grid, held_out, imitations, inbox_backend, judged,
+                   kinematics, knots, lacking, library, loops, machine, misread, motions,
+                   online, outliers, pairs, passes, places, polish, prepare, propose, scene,
+                   search, selection, separation,
                    servo_clocks, servo_part, shape, shared, slow_rows, straightness, swing,
                    swinging, temperatures, thermal, training, unrecorded, windows)
 }  # fmt: skip
@@ -66,6 +67,7 @@ wait of the plant for a late force, at most | {loops.PATIENCE:g} s
 of which it catches up at most | {drive.Pacer.longest_lag:g} s
 time without a force after which the emulated drive brakes | {machine.BRAKING_TIME:g} s
 lateness of drive or driver that ends a motion | {servo_clocks.LATE_LIMIT:g} s
+pause after which a stream may go on that somebody has stopped | {inbox_backend.ASKED_PAUSE:g} s
 lockstep: simulated time of a command line to a Zaber chain | {clocks.LOCKSTEP_EXCHANGE:,} ns
 """,
     'diagnosis': """
