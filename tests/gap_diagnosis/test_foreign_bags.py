@@ -160,7 +160,7 @@ def stands_half(points: np.ndarray) -> np.ndarray:
         (lambda: messages(machine(), Shape(stamped=False)), 'same stamp in its header'),
         (lambda: changed(tracker=lambda a: np.full_like(a, np.nan)), 'not a finite number'),
         (lambda: changed(tracker=stands_half), 'frozen 7.0 s after the start'),
-        (lambda: changed(tracker=lambda a: 1e3 * a), '1e+03 times as far'),
+        (lambda: changed(tracker=lambda a: 1e3 * a), 'times as far as the encoder'),
         (lambda: changed(tracker=lambda a: a * np.array([1.0, -1.0])), 'is mirrored'),
         (lambda: messages(machine(), Shape(tracker_offset=0.3)), '0.30 s late'),
         (lambda: changed(encoder=lambda a: 1e6 * a), 'times as far as its reference'),

@@ -245,6 +245,20 @@ def test_a_move_while_the_stage_brakes_is_watched_as_any_other():
         recorder.wait(lambda: backend.status().state is State.FAULT)
 
 
+def test_a_target_that_is_sent_again_after_a_stop_moves_nothing():
+    with rig() as (plant, backend, recorder):
+        backend.submit(5, ['x', 'y'], [0.04, 0.0], [])
+        recorder.wait(lambda: plant.velocity[0] > 0.05)
+        backend.stop()
+        quiet(backend, recorder)
+        rest = plant.position[0]
+        # A calibration that follows the temperature has corrected it otherwise by now.
+        backend.submit(5, ['x', 'y'], [0.04 + 1e-8, 0.0], [])
+        backend.enable(True).result()
+        quiet(backend, recorder)
+        assert plant.position[0] == pytest.approx(rest, abs=2e-6)
+
+
 def test_disabled_stage_refuses_moves():
     with rig() as (plant, backend, recorder):
         assert backend.enable(False).result() == 'disabled'

@@ -225,13 +225,16 @@ class InboxBackend(ABC):
         return self._stopped and not paused
 
     def _repeats(self, setpoint: Setpoint) -> bool:
-        """Whether this is the last set-point again, sent for the case that it got lost."""
+        """Whether this is the last set-point again, sent for the case that it got lost.
+
+        What has corrected it since may have moved its last digits.
+        """
         previous = self._last_setpoint
         return (
             previous is not None
             and setpoint.stamp == previous.stamp != 0
             and setpoint.kind is previous.kind
-            and (setpoint.streams or setpoint == previous)
+            and setpoint.named == previous.named
         )
 
     def _stop(self, reason: str) -> None:

@@ -57,6 +57,12 @@ class Setpoint:
     velocities: tuple[float | None, ...]
 
     @property
+    def named(self) -> tuple[bool, ...]:
+        """Whether each axis is given a value."""
+        values = zip(self.positions, self.velocities, strict=True)
+        return tuple(value != (None, None) for value in values)
+
+    @property
     def streams(self) -> bool:
         """Whether it belongs to a stream that must be refreshed."""
         return self.kind is not SetpointKind.POSITION

@@ -177,11 +177,8 @@ class StageDriver(StageNode):
             if text.startswith('set-point refused'):
                 self._refused_at = now
             for known in TOLD_AT_ONCE:
-                if text.startswith(known) and now - self._told[known] > TELL_PERIOD:
-                    # A controller learns it now, not with the next heartbeat; this thread has a
-                    # tick to answer.
-                    self._told[known] = now
-                    threading.Thread(target=self.diagnostics.publish, daemon=True).start()
+                if text.startswith(known):
+                    self._tell(known, now)
             if now - self._logged.get(kind, -1e9) < LOG_PERIOD:
                 return
             if len(self._logged) > 100:
@@ -194,6 +191,19 @@ class StageDriver(StageNode):
             log.warning(text)
         else:
             log.info(text)
+
+    def _tell(self, known: str, now: float) -> None:
+        """Speak on /diagnostics: a controller learns it now, not with the next heartbeat.
+
+        Another thread does it, as the backend's has a tick to answer.
+        """
+        told = self._told[known]
+        if now < told:  # what is about to be told holds this one, too
+            return
+        self._told[known] = max(now, told + TELL_PERIOD)
+        telling = threading.Timer(self._told[known] - now, self.diagnostics.publish)
+        telling.daemon = True
+        telling.start()
 
     # -- diagnostics --------------------------------------------------------------------------
 

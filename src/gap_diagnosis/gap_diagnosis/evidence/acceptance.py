@@ -28,7 +28,7 @@ Values = Mapping[str, tuple[float, float]]
 SIGMAS = 1.96
 #: The same of the largest of many: noise has this amplitude at one of the hundred periods that a
 #: travel holds in 3 % of all records. Of 22 ripples on six simulators the wrong ones had 3 to 15
-#: deviations, the right ones 82 and more; of 17 screws that grow the wrong one 2.4, the others 12.
+#: deviations, the right ones 82 and more.
 LARGEST_OF_MANY = 4.0
 #: Of the bootstrap.
 BLOCKS, DRAWS = 48, 500

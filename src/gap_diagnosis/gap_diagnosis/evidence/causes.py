@@ -71,9 +71,7 @@ def cause_of(name: str, run: Run) -> judge.Cause:
     found = part.selection.evidence[name] if part is not None else None
     stated = with_model_error(name, run.parameters[name])
     own = run.parameters[name]
-    # The largest of many shapes is judged with what its shape leaves open.
-    given = not effect_of(name).scanned and (link_of(name) != 'servo' or effect_of(name).by_shape)
-    if part is not None and given:
+    if part is not None and (link_of(name) != 'servo' or effect_of(name).by_shape):
         own = given_shape(name, own, part.selection, part.selector.regression)
     if link_of(name) == 'servo':
         # Models of forces have errors, so that their effects are judged with them.

@@ -41,8 +41,8 @@ class Parameter:
     doubt : float
         Standard deviation, as a share of the value, of what a fit gets wrong beyond what it says.
     scanned : bool
-        True for one of which a fit takes the best of many values (a period, a fixed point): the
-        amplitude beside it is then the largest of many.
+        True for one of which a fit takes the best of many values (a period): the amplitude beside
+        it is then the largest of many.
     tried : tuple of float
         Values that the closed loop is run with beside that of the force balance, which cannot
         tell it well.

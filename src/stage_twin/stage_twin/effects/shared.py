@@ -40,7 +40,7 @@ HALF_RANGE = Parameter(
 )
 
 #: Highest order of a curve of the travel: six waves and a half over the travel need 25.
-ORDERS = 30
+ORDERS = 25
 #: What its mean square curvature counts beside the mean square of what it leaves. Of two guides
 #: that are splines, 1e-7 to 1e-5 predict other rows better than any curve of fewer orders.
 ROUGH = 1e-6

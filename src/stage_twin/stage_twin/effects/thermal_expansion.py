@@ -32,7 +32,6 @@ EFFECT = Effect(
             0.0,
             'position that does not move; may lie outside',
             neutral=None,
-            scanned=True,
         ),
         Parameter(
             'initial_rise',
