@@ -97,6 +97,13 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
         plant.close()
 
 
+def at_rest(plant):
+    """Whether the plant has not moved for 300 ticks."""
+    places = [place for place, _ in plant.trace[-300:]]
+    far = max(abs(one - last) for one, last in zip(places[0], places[-1], strict=True))
+    return len(places) == 300 and far < 2e-6
+
+
 def stopped_in_a_run(client, plant, moving):
     """Stop a contour run in real time once it is `moving`; the stage stays where it stops."""
     stop = client.node.create_client(Trigger, '/stage_driver/stop')
@@ -109,7 +116,7 @@ def stopped_in_a_run(client, plant, moving):
     assert answer.result().message == 'stopping'
     client.wait_for(failed.done, PATIENCE, 'the end of the run')
     assert not failed.result().success and 'stopped' in failed.result().message
-    client.wait_for(lambda: max(map(abs, plant.velocity)) < 1e-4, PATIENCE, 'the rest')
+    client.wait_for(lambda: at_rest(plant), PATIENCE, 'the rest')
     where = list(plant.position)
     time.sleep(1.0)
     # The loop settles by micrometres; a contour or an approach would have gone on by 1 mm.
@@ -143,9 +150,13 @@ def test_a_contour_is_refused_before_homing_and_ends_with_the_stop_of_its_stream
                 client.set_bool('/stage_driver/enable', False)
             client.set_bool('/stage_driver/enable', True)
             client.trigger('/stage_driver/home', PATIENCE)
+            setpoints = []
+            client.watch(JointState, topics.SETPOINT, SETPOINT_QOS, setpoints.append)
             # On the way to the circle, and on it.
             stopped_in_a_run(client, plant, lambda: plant.position[0] > 1e-4)
             stopped_in_a_run(client, plant, lambda: plant.position[1] > 0.5e-3)
+            # The stream ends without a move.
+            assert len(setpoints[-1].velocity) == 2
     finally:
         plant.close()
 
