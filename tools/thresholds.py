@@ -27,13 +27,14 @@ from gap_diagnosis.selection import (
 from stage_core import clocks
 from stage_driver import inbox_backend, servo_clocks
 from stage_twin import loops, machine
-from stage_twin.effects import knots, shared, straightness
+from stage_twin.effects import drive_play, knots, shared, straightness
 from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
-                   foreseen, forward, grid, held_out, imitations, inbox_backend, judged,
+                   drive_play, foreseen, forward, grid, held_out, imitations, inbox_backend,
+                   judged,
                    kinematics, knots, lacking, library, loops, machine, misread, motions,
                    online, outliers, pairs, passes, places, polish, prepare, propose, scene,
                    search, selection, separation,
@@ -97,6 +98,7 @@ force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}
 ratio of the swings of twin and record, at most | {swing.AS_MUCH:g}
 remainder over the noise from which a swing is looked for, squares | {swinging.FAST:g}
 share of it that one sine explains, from which on no loop swings | {swinging.STEADY:.0%}
+time constant of the edge of a play before the encoder, below | {drive_play.SLOWEST:g} s
 increments of a noisy effort at a limit that the law leaves, at least | {commands.HELD:.1f} times
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}

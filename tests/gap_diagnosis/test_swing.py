@@ -51,7 +51,7 @@ def test_a_swing_is_named_by_the_force_balance(planted: Maker) -> None:
 
 
 def test_a_soft_play_is_named_although_a_resonance_stands_before_it(planted: Maker) -> None:
-    soft = {'width': 9.3e-6, 'mass_ratio': 0.29, 'contact_frequency': 105.0}
+    soft = {'width': 9.3e-6, 'mass_ratio': 0.29, 'contact_frequency': 70.0}
     found = diagnose([planted({'drive_play.x': soft})], [], nominal())
     assert found.verdict == ['drive_play.x']
     assert_product(found, soft)

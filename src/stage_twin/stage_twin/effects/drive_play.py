@@ -7,15 +7,15 @@ import math
 import numpy as np
 
 from stage_twin.effects.definition import Effect, Parameter
-from stage_twin.effects.play_search import DAMPING, FREQUENCY, Crossing, push
+from stage_twin.effects.play_search import DAMPING, FREQUENCY, SOFTEST, STIFFEST, Crossing, push
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.term import Array, Term
 
 #: Radians of the contact's oscillation that a substep may cover.
 REACH = 0.2
-#: Hz. From 900 Hz on the plant's steps feed the edge of a light carriage in a play of less than
-#: 0.4 µm, until the stage flies away.
-SOFTEST, STIFFEST = 100.0, 800.0
+#: Time constant [s] of an edge, from which on it delays a force as a current loop does: that of a
+#: wave which the encoder misreads was 13 ms, those of right plays 4.3 ms at most.
+SLOWEST = 8e-3
 #: What a fit gets wrong of the width, as the drive's share of the mass hardly shows: on eight
 #: development sessions it found 0.58 to 1.3 of the true width.
 DOUBT = 0.4
@@ -129,7 +129,9 @@ def term(rows: ForceRows) -> Term:
         propose=crossing.propose,
         lower=(0.0, 0.02, 0.02, SOFTEST),
         upper=(2e-4, 0.8, 2.0, STIFFEST),
-        admissible=lambda theta, c: theta[0] > 0.0 and 0.03 < theta[1] < 0.7,
+        admissible=lambda theta, c: (
+            theta[0] > 0.0 and 0.03 < theta[1] < 0.7 and theta[2] / (math.pi * theta[3]) < SLOWEST
+        ),
         fixed=True,
         steps=(2e-8, 5e-3, 0.02, 5.0),
     )
