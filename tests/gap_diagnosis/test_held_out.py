@@ -29,11 +29,15 @@ def strokes(hard: tuple[float, ...], back: float = 0.5) -> np.ndarray:
     return path[:, None]
 
 
-def diagnosed(path: np.ndarray) -> Diagnosis:
-    """The diagnosis of a machine whose force limit only the hard strokes reach."""
+def diagnosed(*paths: np.ndarray) -> Diagnosis:
+    """The diagnosis of a machine whose force limit only the hard strokes reach.
+
+    All paths after the first are held out.
+    """
     twin = nominal()
-    rise = np.full(len(path), 20.0)
-    return diagnose([session(twin.with_effects(LIMIT), twin, path, rise, 0)], [], twin)
+    machine, rise = twin.with_effects(LIMIT), np.full(len(paths[0]), 20.0)
+    first, *others = [session(machine, twin, path, rise, k) for k, path in enumerate(paths)]
+    return diagnose([first], others, twin)
 
 
 def test_windows_move_to_where_the_gap_is() -> None:
@@ -43,8 +47,13 @@ def test_windows_move_to_where_the_gap_is() -> None:
     assert found.records[0].windows_at < LAST_THIRD
 
 
-def test_a_gap_that_only_the_fit_sees_is_unknown() -> None:
+def test_a_gap_that_opens_once_is_seen_by_the_fit_and_by_the_judge() -> None:
     found = diagnosed(strokes((11.26,), back=DURATION))
+    assert found.verdict == ['force_saturation.x']
+
+
+def test_a_gap_that_only_the_fit_sees_is_unknown() -> None:
+    found = diagnosed(strokes((11.26,)), strokes(()))
     assert found.verdict == ['unknown']
 
 

@@ -51,10 +51,15 @@ def test_a_swing_is_named_by_the_force_balance(planted: Maker) -> None:
 
 
 def test_a_soft_play_is_named_although_a_resonance_stands_before_it(planted: Maker) -> None:
-    soft = {'width': 9.3e-6, 'mass_ratio': 0.29, 'contact_frequency': 70.0}
+    soft = {'width': 9.3e-6, 'mass_ratio': 0.29, 'contact_frequency': 105.0}
     found = diagnose([planted({'drive_play.x': soft})], [], nominal())
     assert found.verdict == ['drive_play.x']
     assert_product(found, soft)
+
+
+def test_a_play_with_very_soft_edges_is_named(planted: Maker) -> None:
+    soft = {'width': 12e-6, 'mass_ratio': 0.2, 'contact_frequency': 70.0, 'contact_damping': 0.4}
+    assert diagnose([planted({'drive_play.x': soft})], [], nominal()).verdict == ['drive_play.x']
 
 
 def test_a_swing_faster_than_the_rows_of_the_balance_is_named() -> None:

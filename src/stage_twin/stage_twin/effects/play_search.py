@@ -23,7 +23,7 @@ FREQUENCY, DAMPING = 300.0, 0.2
 SOFTEST, STIFFEST = 50.0, 800.0
 #: Frequencies [Hz] that a search tries of an edge: of soft and of firm ones from the start, as the
 #: best width beside one is not that beside the other.
-STARTS = (75.0, 130.0, FREQUENCY)
+STARTS = (75.0, 120.0, FREQUENCY)
 #: Radians of the contact's oscillation that a substep of the search may cover.
 REACH = 0.3
 #: Starts of a search: share of the mass times width [m], damping ratios, and that share.
