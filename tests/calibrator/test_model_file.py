@@ -1,5 +1,6 @@
 """Model files: exact round trip, and refusal of everything that is not the file as written."""
 
+import hashlib
 import json
 
 import numpy as np
@@ -73,6 +74,51 @@ def test_tampering_other_version_and_other_machine_are_refused(stored, tmp_path)
             model_file.load(path)
     with pytest.raises(StageError, match='cannot read'):
         model_file.load(tmp_path / 'absent.json')
+
+
+def without_seed(content):
+    del content['seed']
+
+
+def without_gains(content):
+    del content['model']['state']['gain']
+
+
+def without_model(content):
+    content['model'] = None
+
+
+def of_one_axis(content):
+    content['model']['axes'] = 1
+
+
+def with_a_sensor_of_its_own(content):
+    content['sensors'] = ['air']
+
+
+@pytest.mark.parametrize(
+    'change', [without_seed, without_gains, without_model, of_one_axis, with_a_sensor_of_its_own]
+)
+def test_a_whole_file_of_other_software_is_refused_in_one_line(stored, tmp_path, change):
+    path = tmp_path / 'model.json'
+    model_file.save(stored, path)
+    document = json.loads(path.read_text())
+    change(document['content'])
+    body = json.dumps(document['content'], sort_keys=True, separators=(',', ':'))
+    path.write_text(json.dumps({**document, 'sha256': hashlib.sha256(body.encode()).hexdigest()}))
+    with pytest.raises(
+        StageError, match='of other software or incomplete .*: train the model again'
+    ):
+        model_file.load(path)
+
+
+@pytest.mark.parametrize('number', ['NaN', '1e999'])
+def test_a_file_with_a_number_that_is_not_finite_is_refused(stored, tmp_path, number):
+    path = tmp_path / 'model.json'
+    model_file.save(stored, path)
+    path.write_text(path.read_text().replace('"version": 3', f'"version": {number}'))
+    with pytest.raises(StageError, match='altered after it was written'):
+        model_file.load(path)
 
 
 def test_a_number_that_is_not_finite_is_never_written(stored, tmp_path):

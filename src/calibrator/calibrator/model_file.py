@@ -186,7 +186,8 @@ def load(path: str | Path, machine: str = '') -> StoredModel:
     Raises
     ------
     StageError
-        If the file is absent, truncated, altered, of another format version or machine.
+        If the file is absent, truncated, altered, of another format version or machine, or holds a
+        model that cannot predict.
     """
     source = Path(path)
     what, remedy = f'the model file {source}', 'train the model again, or name another file'
@@ -201,16 +202,35 @@ def load(path: str | Path, machine: str = '') -> StoredModel:
     content = document.get('content')
     if not isinstance(content, dict):
         raise StageError(f'{source} holds no model: train it again')
-    if hashlib.sha256(_canonical(content).encode()).hexdigest() != document.get('sha256'):
+    try:
+        body = _canonical(content)
+    except ValueError:
+        body = ''  # a number that is not finite, which `save` never writes
+    if hashlib.sha256(body.encode()).hexdigest() != document.get('sha256'):
         raise StageError(
             f'{source} was altered after it was written (checksum differs): train the model again'
         )
-    if machine and content['machine'] and content['machine'] != machine:
+    owner = content.get('machine')
+    if machine and owner and owner != machine:
         raise StageError(
-            f'{source} was trained on machine {content["machine"]}, this one is {machine}: '
+            f'{source} was trained on machine {owner}, this one is {machine}: '
             'train a model for this machine'
         )
-    return StoredModel(
+    try:
+        return _stored(content)
+    except StageError as error:
+        reason = str(error)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        reason = repr(error)
+    raise StageError(
+        f'{source} is of other software or incomplete ({reason}): train the model again from its '
+        'bag'
+    )
+
+
+def _stored(content: dict[str, Any]) -> StoredModel:
+    """The model of a file's content, once it has predicted at the places that it knows."""
+    stored = StoredModel(
         model_from_dict(content['model']),
         content['machine'],
         int(content['version']),
@@ -219,6 +239,13 @@ def load(path: str | Path, machine: str = '') -> StoredModel:
         int(content['seed']),
         tuple(content['sensors']),
     )
+    domain, heat = stored.model.domain, stored.temperature_row({}, {})
+    assert domain is not None
+    places = domain.places
+    row = None if heat is None else np.tile(heat, (len(places), 1))
+    if not np.isfinite(stored.model.predict(places, np.ones_like(places), row, warn=False)).all():
+        raise ValueError('a prediction is not finite')
+    return stored
 
 
 def bag_hash(path: str | Path) -> str:
