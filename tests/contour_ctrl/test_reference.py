@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from geomdl import NURBS as geomdl_nurbs
@@ -10,10 +13,10 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import ellipe
 
-from calibrator.model_file import StoredModel
+from calibrator.model_file import StoredModel, save
 from calibrator.models import make_model
 from contour_ctrl import curve_file, curves, nurbs, reference
-from contour_ctrl.calibration import inverse, temperatures_line
+from contour_ctrl.calibration import announced_model, inverse, temperatures_line
 from contour_ctrl.feedrate import AxisLimits, SCurve
 from contour_ctrl.path import PathTable
 from hra_curves.arc_length import ArcLength
@@ -248,6 +251,29 @@ def test_a_thermal_model_is_inverted_at_the_temperatures_heard_else_at_their_mea
     # No temperature is asked of a model without sensors.
     plain = StoredModel(make_model('affine').fit(command, 1.01 * command))
     np.testing.assert_allclose(1.01 * inverse(plain, {}, {})(goals), goals, atol=1e-9)
+
+
+def test_a_file_that_changed_since_the_calibrator_took_it_corrects_no_contour(
+    tmp_path: Path,
+) -> None:
+    command = np.random.default_rng(0).uniform(0.0, 0.1, (50, 2))
+    model = make_model('affine').fit(command, 1.001 * command)
+    taken = StoredModel(model, version=3, metrics={'after': {'rms': 1e-6}})
+    file = tmp_path / 'model.json'
+    announced = {'active': True, 'file': str(file), 'version': 3, 'metrics': taken.metrics}
+    save(taken, file)
+    assert announced_model(announced).version == 3
+    for other in (
+        replace(taken, version=4),
+        replace(taken, metrics={'after': {'rms': 5e-5}, 'refusal': 'worse than none'}),
+    ):
+        save(other, file)
+        with pytest.raises(StageError, match='no longer the model that the calibrator corrects'):
+            announced_model(announced)
+    with pytest.raises(StageError, match='written by force: worse than none'):
+        announced_model({'active': True, 'file': str(file)})
+    with pytest.raises(StageError, match='names no file'):
+        announced_model({'active': True})
 
 
 def test_path_table_holds_unit_tangents() -> None:

@@ -3,13 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrator.model_file import StoredModel
+from calibrator.model_file import StoredModel, load
+from stage_core import topics
+from stage_core.errors import StageError
 
 FloatArray = NDArray[np.float64]
+
+
+def announced_model(announced: Mapping[str, Any]) -> StoredModel:
+    """The model that the calibrator announced as active.
+
+    Raises
+    ------
+    StageError
+        If it names no file, or one that cannot be read, holds another model by now, or a model
+        that was written by force.
+    """
+    path = announced.get('file')
+    if not isinstance(path, str) or not path:
+        raise StageError(f'{topics.MODEL} is active but names no file: retrain the calibrator')
+    stored = load(path)
+    found = {'version': stored.version, 'metrics': stored.metrics}
+    if any(announced.get(name, value) != value for name, value in found.items()):
+        raise StageError(
+            f'{path} is no longer the model that the calibrator corrects with: call '
+            '/calibrator/load to take it, or /calibrator/retrain'
+        )
+    if stored.refusal:
+        raise StageError(f'{path} was written by force: {stored.refusal}')
+    return stored
 
 
 def inverse(

@@ -12,11 +12,10 @@ from sensor_msgs.msg import Temperature
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from calibrator import model_file
 from calibrator.temperatures import LiveTemperatures
 from contour_ctrl import contour_parameters as parameters
 from contour_ctrl import storage
-from contour_ctrl.calibration import inverse, temperatures_line
+from contour_ctrl.calibration import announced_model, inverse, temperatures_line
 from contour_ctrl.figures import Figures
 from contour_ctrl.planning import Planning, prepare
 from contour_ctrl.sequence import ContourRun
@@ -129,10 +128,7 @@ class ContourCtrl(StreamingNode):
         """Return the inverse of the active calibration model, None where none is active."""
         if not (self.value('use_model') and self._model.get('active')):
             return None
-        path = self._model.get('file')
-        if not isinstance(path, str) or not path:
-            raise StageError(f'{topics.MODEL} is active but names no file: retrain the calibrator')
-        stored = model_file.load(path)
+        stored = announced_model(self._model)
         readings = self._temperatures.fresh(self.now())
         if stored.sensors:
             line = temperatures_line(stored, readings)
