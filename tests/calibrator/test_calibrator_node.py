@@ -89,7 +89,9 @@ def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted
         assert content['method'] == 'structured' and content['version'] == 1
         assert content['metrics']['after']['rms'] < 0.5 * content['metrics']['before']['rms']
 
-        corrected((0.02, 0.02), 6 * 10**9)
+        # Where the stage is counts, not where the last target was.
+        states.publish(joint_state(int(reference.stamps[-1]), ('x', 'y'), position=(0.02, 0.02)))
+        time.sleep(0.5)
         goal = np.array([0.031, 0.027])
         command = corrected(goal.tolist(), 7 * 10**9)
         reached = planted_map(command[None], np.ones((1, 2)))[0]

@@ -52,6 +52,54 @@ def test_correction_is_the_inverse_with_the_direction_of_approach():
     np.testing.assert_array_equal(correction.apply(np.array([0.01, 0.02])), [0.01, 0.02])
 
 
+def test_direction_is_that_of_the_move_that_the_stage_will_make():
+    """Play of 10 µm: half of it to either side, whatever became of the targets before."""
+    model = stored(size=0.0)
+
+    def signs(correction, target, standing=None):
+        target = np.array(target)
+        command = correction.apply(target, standing=standing)
+        return list(np.rint((target - command) / 5e-6)), command
+
+    correction = Correction(1e-3)
+    correction.stored = model
+    correction.activate(True)
+    assert signs(correction, (0.02, 0.02))[0] == [0, 0]
+    assert signs(correction, (0.03, 0.03))[0] == [1, 1]
+    correction.max_correction = 1e-6
+    with pytest.raises(StageError, match='beyond max_correction'):
+        correction.apply(np.array([0.09, 0.01]))
+    correction.max_correction = 1e-3
+    # The stage never went to the refused target: it comes from 30 mm.
+    found, command = signs(correction, (0.04, 0.03))
+    assert found == [1, 1]
+    # It stands where it was sent: the same target again is no move.
+    arrived = command, np.ones(2)
+    assert signs(correction, (0.04, 0.03), arrived)[0] == [1, 1]
+    # Others moved it home and then along y to 60 mm; the target is beyond x and where y stands.
+    home = np.array([0.0, 0.06]), np.array([-1.0, 1.0])
+    assert signs(correction, (0.02, 0.02), home)[0] == [1, -1]
+    # The node heard the stage before its first target.
+    fresh = Correction(1e-3)
+    fresh.stored = model
+    fresh.activate(True)
+    assert signs(fresh, (0.02, 0.02), home)[0] == [1, -1]
+
+
+def test_live_buffer_tells_where_the_stage_stands_and_where_it_came_from():
+    buffer = LiveBuffer(3)
+    assert buffer.standing(('x',)) is None
+    for k, x in enumerate((0.0, 0.1, 0.1, float('nan'), 0.05, 0.05, 0.05)):
+        buffer.add_reference(k, ('x', 'y'), (x, 0.02))
+    buffer.add_point(6, (0.0, 0.0, 0.0))
+    position, direction = buffer.standing(('y', 'x'))
+    assert list(position) == [0.02, 0.05] and list(direction) == [0.0, 1.0]
+    assert buffer.standing(('z',)) is None
+    # The ring holds the standstill alone, and the direction of the move before it.
+    held = buffer.session().series[topics.REFERENCE].columns('direction', ('x', 'y'))
+    assert held.tolist() == [[1.0, 0.0]] * 3
+
+
 def test_correction_refuses_what_is_too_large_or_no_number():
     correction = Correction(2e-5)
     correction.stored = stored()

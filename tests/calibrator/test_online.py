@@ -191,3 +191,63 @@ def test_live_rests_are_learned_once_and_followed(grid_session, planted_map):
         return np.sqrt(np.mean((truth - m.predict(warm.command, warm.direction)) ** 2))
 
     assert rms(adaptation.stored.model) < 0.6 * rms(model)
+
+
+def adapt_along_x(model, rests, monkeypatch, sensors=()):
+    """A stage of 10 µm play that rests for so many seconds along x, after a move of y."""
+    from calibrator import adaptation as module
+    from calibrator.live_buffer import LiveBuffer
+    from calibrator.model_file import StoredModel
+
+    monkeypatch.setattr(module, 'NEWEST', 600)
+    generator = np.random.default_rng(1)
+    adaptation = module.LiveAdaptation(StoredModel(model, sensors=sensors), 5e-6, 5e-7, 0.98)
+    buffer, stamp, at = LiveBuffer(100_000), 0, np.array([0.01, 0.04])
+
+    def put(goal, count):
+        nonlocal stamp, at
+        sign = np.where(goal != at, np.sign(goal - at), put.sign)
+        for share in np.linspace(0.0, 1.0, count):
+            stamp += 10_000_000
+            now = at + share * (goal - at)
+            buffer.add_reference(stamp, ('x', 'y'), tuple(now))
+            table = now + 0.5e-5 * sign + generator.normal(0.0, 3e-7, 2)
+            buffer.add_point(stamp, (*table, 0.0))
+        at, put.sign = goal, sign
+
+    put.sign = np.zeros(2)
+    put(np.array([0.01, 0.05]), 20)
+    for count in rests:
+        put(np.array([generator.uniform(0.01, 0.09), 0.05]), 20)
+        for _ in range(count):
+            put(at, 100)
+            adaptation.step(buffer)
+    return adaptation
+
+
+def playing(warm=False):
+    """A model of a stage with 10 µm play, and with a growing screw where it is warm."""
+    generator = np.random.default_rng(0)
+    command = generator.uniform(0.0, 0.1, (200, 2))
+    direction = generator.choice([-1.0, 1.0], (200, 2))
+    heat = generator.uniform(20.0, 24.0, (200, 1)) if warm else None
+    growth = 2e-5 * (heat - 20.0) * command if warm else 0.0
+    measured = command + growth + 0.5e-5 * direction
+    return make_model('structured', degree=1).fit(command, measured, direction, heat)
+
+
+def test_the_direction_of_an_axis_that_stands_for_long_is_known(monkeypatch):
+    model = playing()
+    adaptation = adapt_along_x(model, [1] * 60, monkeypatch)
+    assert 45 <= adaptation.adapter.learned <= 60 and adaptation.adapter.refused == 0
+    at, back = np.array([[0.05, 0.05]]), -np.ones((1, 2))
+    np.testing.assert_allclose(
+        adaptation.adapter.model.predict(at, back), model.predict(at, back), atol=5e-7
+    )
+
+
+def test_a_long_rest_is_learned_once(monkeypatch):
+    # Rests of 4 s and 40 s; the buffer that is looked through holds 6 s.
+    adaptation = adapt_along_x(playing(), [4, 4, 40, 4, 4], monkeypatch)
+    adapter = adaptation.adapter
+    assert adapter.learned + len(adapter._judged) + adapter.refused == 4

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from calibrator.live_buffer import LiveBuffer
 from calibrator.model_file import StoredModel
 from calibrator.online import OnlineAdapter
@@ -53,16 +55,16 @@ class LiveAdaptation:
         """
         # A sensor that the model does not use may fall silent.
         session = buffer.session(NEWEST, self._stored.sensors)
-        samples = rest_samples(session)
-        stamps = session.start_ns + (samples.times * 1e9).astype('int64')
-        fresh = samples.take(stamps > self._seen_until)
+        samples, ended = rest_samples(session)
+        # Before an axis' first move its play is open to either side.
+        known = np.all(samples.direction != 0.0, axis=1)
+        fresh = samples.take((ended > self._seen_until) & known)
         for k in range(len(fresh)):
             row = slice(k, k + 1)
             self.adapter.update(
                 fresh.command[row], fresh.measured[row], fresh.direction[row], self._heat(fresh, k)
             )
-        if len(stamps):
-            self._seen_until = max(self._seen_until, int(stamps.max()))
+        self._seen_until = int(ended.max(initial=self._seen_until))
         return len(fresh)
 
     def _heat(self, samples: Samples, k: int) -> Array | None:

@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrator.model_file import StoredModel
+from calibrator.prepare import last_moves
 from calibrator.temperatures import silence
 from stage_core.errors import StageError
-from stage_core.rests import REFERENCE_BAND
 
 Array = NDArray[np.float64]
+
+ELSEWHERE = 1e-6
+"""Further than this [m] from where it was sent, the stage is on its way or was moved by others."""
 
 
 class Correction:
@@ -25,8 +28,8 @@ class Correction:
         self.largest = 0.0
         #: Why the last target is corrected by less than a model knows; empty inside its domain.
         self.beyond = ''
-        self._last: Array | None = None
-        self._direction: Array | None = None
+        #: The last target, its set-point and the signs of the moves to it.
+        self._last: tuple[Array, Array, Array] | None = None
 
     def activate(self, active: bool) -> None:
         """Switch the correction.
@@ -47,11 +50,13 @@ class Correction:
         target: Array,
         temperatures: dict[str, float] | None = None,
         rates: dict[str, tuple[float, float]] | None = None,
+        standing: tuple[Array, Array] | None = None,
     ) -> Array:
         """Set-point (axes,) [m] for a wanted table point (axes,) [m].
 
         `temperatures` [degC] and their derivatives `rates` [K/s] and [K/s2] by sensor, of the
-        sensors that are heard.
+        sensors that are heard; `standing` where the stage's reference is (axes,) [m] and the
+        signs of its last moves.
 
         Raises
         ------
@@ -63,16 +68,29 @@ class Correction:
         wanted = np.asarray(target, dtype=float)
         if not np.isfinite(wanted).all():
             raise StageError('the wanted table point is not finite: the target is ignored')
-        self._follow(wanted)
+        direction = self._approach(wanted, standing)
         self.beyond = ''
-        if not self.active or self.stored is None:
-            return wanted
+        command = wanted
+        if self.active and self.stored is not None:
+            command = self._corrected(self.stored, wanted, direction, temperatures, rates)
+        # Only now: the stage does not go to a target that is refused.
+        self._last = wanted.copy(), command, direction
+        return command
+
+    def _corrected(
+        self,
+        stored: StoredModel,
+        wanted: Array,
+        direction: Array,
+        temperatures: dict[str, float] | None,
+        rates: dict[str, tuple[float, float]] | None,
+    ) -> Array:
         if reason := self.silence(temperatures or {}):
             raise StageError(reason)
         # The means of the training until enough readings were heard for a derivative.
-        heat = self.stored.temperature_row(temperatures or {}, rates or {})
-        command = self.stored.invert(wanted[None], self._direction, heat)[0]
-        self.beyond = self.stored.beyond(wanted[None], heat)
+        heat = stored.temperature_row(temperatures or {}, rates or {})
+        command = np.asarray(stored.invert(wanted[None], direction[None], heat)[0])
+        self.beyond = stored.beyond(wanted[None], heat)
         correction = float(np.max(np.abs(command - wanted)))
         if correction > self.max_correction:
             raise StageError(
@@ -83,17 +101,19 @@ class Correction:
         self.largest = max(self.largest, correction)
         return command
 
-    def _follow(self, wanted: Array) -> None:
-        """Keep the sign of each axis' last move, which the play of a screw depends on."""
-        if self._last is None or self._last.shape != wanted.shape:
-            self._direction = np.zeros((1, len(wanted)))
-        else:
-            step = wanted - self._last
-            assert self._direction is not None
-            self._direction = np.where(
-                np.abs(step) < REFERENCE_BAND, self._direction, np.sign(step)
-            )
-        self._last = wanted.copy()
+    def _approach(self, wanted: Array, standing: tuple[Array, Array] | None) -> Array:
+        """Signs (axes,) of the moves to a target, which the play of a screw depends on."""
+        start, sent, held = wanted, wanted, np.zeros(len(wanted))
+        if self._last is not None and len(self._last[0]) == len(wanted):
+            start, sent, held = self._last
+        elif standing is not None:
+            start, sent, held = standing[0], *standing
+        if standing is not None:
+            at, came = standing
+            elsewhere = np.abs(at - sent) > ELSEWHERE
+            start = np.where(elsewhere, at - (sent - start), start)
+            held = np.where(elsewhere, came, held)
+        return last_moves(wanted - start, held)
 
     def silence(self, temperatures: Iterable[str]) -> str:
         """Why targets are refused while only these sensors are heard; empty where they are not.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,8 +14,11 @@ from calibrator.temperatures import LiveTemperatures
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
+from stage_core.rests import REFERENCE_BAND
 from stage_core.session import Series, Session, by_topic
 from stage_core.whole_file import replacing
+
+Array = NDArray[np.float64]
 
 
 class LiveBuffer:
@@ -24,6 +28,7 @@ class LiveBuffer:
         self._capacity = capacity
         self._reference: Ring | None = None
         self._axes: tuple[str, ...] = ()
+        self._standing: tuple[Sequence[float], Sequence[float]] | None = None
         self._points = Ring(capacity, 3)
         self.temperatures = LiveTemperatures(capacity)
         self.alignment: RigidTransform | None = None
@@ -31,8 +36,24 @@ class LiveBuffer:
     def add_reference(self, stamp: int, axes: tuple[str, ...], position: Sequence[float]) -> None:
         """Take a reference; another set of axes starts the buffer anew."""
         if self._reference is None or axes != self._axes:
-            self._axes, self._reference = axes, Ring(self._capacity, len(axes))
-        self._reference.add(stamp, position)
+            self._axes, self._reference = axes, Ring(self._capacity, 2 * len(axes))
+            self._standing = None
+        before, held = self._standing or (position, (0.0,) * len(axes))
+        # As `prepare.last_moves`, without arrays: this is done at each tick.
+        direction = [
+            math.copysign(1.0, new - old) if abs(new - old) >= REFERENCE_BAND else sign
+            for new, old, sign in zip(position, before, held, strict=True)
+        ]
+        self._standing = position, direction
+        self._reference.add(stamp, (*position, *direction))
+
+    def standing(self, axes: tuple[str, ...]) -> tuple[Array, Array] | None:
+        """Newest reference [m] of these axes and signs of their last moves; None if unheard."""
+        if self._standing is None or not set(axes) <= set(self._axes):
+            return None
+        position, direction = np.array(self._standing)
+        chosen = [self._axes.index(axis) for axis in axes]
+        return position[chosen], direction[chosen]
 
     def add_point(self, stamp: int, point: Sequence[float]) -> None:
         """Take a raw tracker point (x, y, z) [m]."""
@@ -65,8 +86,15 @@ class LiveBuffer:
             )
         reference, rows = self._reference.content(newest)
         points, places = self._points.content(newest)
+        q = len(self._axes)
         series = by_topic(
-            Series.per_axis(topics.REFERENCE, reference, self._axes, position=rows),
+            Series.per_axis(
+                topics.REFERENCE,
+                reference,
+                self._axes,
+                position=rows[:, :q],
+                direction=rows[:, q:],
+            ),
             Series.points(topics.TRACKER_POINT, points, places),
         )
         series.update(self.temperatures.series(newest, sensors))

@@ -110,8 +110,10 @@ class Calibrator(StageNode):
             self._refuse(f'{topics.TARGET} needs one position for each of the axes x, y')
             return
         target = np.array([message.position[axes.index(axis)] for axis in known])
+        self._batches.take()
+        standing = self._buffer.standing(known)
         try:
-            command = self._correction.apply(target, self._fresh(), self._rates())
+            command = self._correction.apply(target, self._fresh(), self._rates(), standing)
         except StageError as error:
             self._refuse(str(error))
             return

@@ -75,11 +75,12 @@ def prepare(session: Session, source: str = 'reference', target: str = 'tracker'
     if motion is not None:
         shift = estimate_shift(*motion, measured_times, measured)
     measured_times = measured_times - shift
+    directions = _directions(session, source, axes, command)
     rests = find_rests(times, command, REST_DURATION)
-    samples = _rest_samples(times, command, measured_times, measured, rests)
+    samples = _rest_samples(times, command, directions, measured_times, measured, rests)
     at_rest = len(samples[0]) >= ENOUGH_RESTS
     if not at_rest:
-        samples = _stream_samples(times, command, measured_times, measured)
+        samples = _stream_samples(times, command, directions, measured_times, measured)
     sample_times, sample_command, sample_measured, direction = samples
     if len(sample_times) == 0:
         raise StageError(
@@ -112,17 +113,21 @@ def require_rests(samples: Samples, target: str) -> None:
         )
 
 
-def rest_samples(session: Session) -> Samples:
-    """Means over the finished rests of a session, without a search for a clock shift.
+def rest_samples(session: Session) -> tuple[Samples, NDArray[np.int64]]:
+    """Means over the finished rests of a session, and the stamps [ns] (n,) at which they ended.
 
-    For use while the stage runs: a rest lasts far longer than a clock that is off. May be empty.
+    For use while the stage runs: there is no search for a clock shift, since a rest lasts far
+    longer than a clock that is off. May be empty.
     """
     times, command = _stage_series(session, 'reference', session.axes)
     measured_times, measured = _target_series(session, 'tracker', session.axes)
+    directions = _directions(session, 'reference', session.axes, command)
     rests = [rest for rest in find_rests(times, command, REST_DURATION) if rest[1] < len(times)]
-    t, c, m, d = _rest_samples(times, command, measured_times, measured, rests)
+    t, c, m, d = _rest_samples(times, command, directions, measured_times, measured, rests)
+    last = np.array([stop - 1 for _, stop in rests], dtype=np.int64)
+    ended = session.series[topics.REFERENCE].stamps[last[np.searchsorted(times[last], t)]]
     sensors, heat = readings_at(session, t) if len(t) else ((), np.empty((0, 0)))
-    return Samples(c, m, d, heat, t, sensors, session.axes, 0.0, True)
+    return Samples(c, m, d, heat, t, sensors, session.axes, 0.0, True), ended
 
 
 def splits(samples: Samples, seed: int = 0, by: str = 'position') -> list[tuple[Samples, Samples]]:
@@ -209,21 +214,33 @@ def _known(samples: Samples, held: NDArray[np.bool_]) -> Samples:
 
 def approach_direction(command: Array) -> Array:
     """Sign of each axis' last move at each sample, (n, axes); 0 before the first one."""
-    step = np.diff(command, axis=0, prepend=command[:1])
-    sign = np.where(np.abs(step) < REFERENCE_BAND, 0.0, np.sign(step))
+    sign = last_moves(np.diff(command, axis=0, prepend=command[:1]), 0.0)
     last = np.where(sign != 0.0, np.arange(len(command))[:, None], 0)
     np.maximum.accumulate(last, axis=0, out=last)
     return np.take_along_axis(sign, last, axis=0)
 
 
+def last_moves(step: Array, before: Array | float) -> Array:
+    """Signs of steps [m]; of an axis that stands, the sign `before`."""
+    return np.where(np.abs(step) >= REFERENCE_BAND, np.sign(step), before)
+
+
+def _directions(session: Session, source: str, axes: tuple[str, ...], command: Array) -> Array:
+    """Signs (n, axes) of the last moves, told by what was heard live: it begins amid a motion."""
+    topic = topics.REFERENCE if source == 'reference' else topics.JOINT_STATES
+    if f'direction.{axes[0]}' in session.series[topic].values:
+        return session.series[topic].columns('direction', axes)
+    return approach_direction(command)
+
+
 def _rest_samples(
     times: Array,
     command: Array,
+    directions: Array,
     measured_times: Array,
     measured: Array,
     rests: list[tuple[int, int]],
 ) -> tuple[Array, Array, Array, Array]:
-    directions = approach_direction(command)
     moves = np.any(directions != 0.0, axis=0)
     rows = []
     for start, stop in rests:
@@ -259,7 +276,7 @@ def _still_moving(times: Array, measured: Array) -> int:
 
 
 def _stream_samples(
-    times: Array, command: Array, measured_times: Array, measured: Array
+    times: Array, command: Array, directions: Array, measured_times: Array, measured: Array
 ) -> tuple[Array, Array, Array, Array]:
     inside = np.flatnonzero((measured_times >= times[0]) & (measured_times <= times[-1]))
     if len(inside) > MOST_STREAM_SAMPLES:
@@ -270,7 +287,7 @@ def _stream_samples(
         t,
         interpolate(t, times, command),
         measured[inside],
-        approach_direction(command)[before],
+        directions[before],
     )
 
 
