@@ -251,3 +251,8 @@ def test_a_long_rest_is_learned_once(monkeypatch):
     adaptation = adapt_along_x(playing(), [4, 4, 40, 4, 4], monkeypatch)
     adapter = adaptation.adapter
     assert adapter.learned + len(adapter._judged) + adapter.refused == 4
+
+
+def test_nothing_is_learned_while_a_sensor_of_the_model_is_unheard(monkeypatch):
+    with pytest.raises(StageError, match='no temperature sensor screw_x'):
+        adapt_along_x(playing(warm=True), [1] * 4, monkeypatch, ('screw_x',))

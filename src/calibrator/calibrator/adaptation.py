@@ -9,8 +9,7 @@ import numpy as np
 from calibrator.live_buffer import LiveBuffer
 from calibrator.model_file import StoredModel
 from calibrator.online import OnlineAdapter
-from calibrator.prepare import Array, rest_samples
-from calibrator.samples import Samples
+from calibrator.prepare import rest_samples
 
 NEWEST = 20_000
 """Messages per topic that are looked through for new rests."""
@@ -51,7 +50,7 @@ class LiveAdaptation:
         ------
         StageError
             If the buffer holds no pair of reference and tracker point, or a sensor of the model
-            was silent.
+            was not heard.
         """
         # A sensor that the model does not use may fall silent.
         session = buffer.session(NEWEST, self._stored.sensors)
@@ -59,17 +58,13 @@ class LiveAdaptation:
         # Before an axis' first move its play is open to either side.
         known = np.all(samples.direction != 0.0, axis=1)
         fresh = samples.take((ended > self._seen_until) & known)
+        if len(fresh):
+            fresh = fresh.only(self._stored.sensors)
         for k in range(len(fresh)):
             row = slice(k, k + 1)
+            heat = None if fresh.heat is None else fresh.heat[row]
             self.adapter.update(
-                fresh.command[row], fresh.measured[row], fresh.direction[row], self._heat(fresh, k)
+                fresh.command[row], fresh.measured[row], fresh.direction[row], heat
             )
         self._seen_until = int(ended.max(initial=self._seen_until))
         return len(fresh)
-
-    def _heat(self, samples: Samples, k: int) -> Array | None:
-        wanted = self._stored.sensors
-        if not wanted or any(sensor not in samples.sensors for sensor in wanted):
-            return None
-        columns = [samples.sensors.index(sensor) for sensor in wanted]
-        return samples.temperatures[k : k + 1, columns]
