@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from calibrator.training import train
 from session_bags.archive import Where
 from session_bags.reader import read_session
 from session_bags.writer import write_session
+from stage_core import topics
 from stage_core.errors import StageError
 
 BAGS = 6
@@ -63,11 +66,19 @@ def test_every_place_gives_the_same_samples(
         gather([str(archive / 'bad')], 'reference', 'tracker')
 
 
+def measured_beside(session, offset: float):
+    """The session with the tracker's x off by an offset [m]."""
+    points = session.series[topics.TRACKER_POINT]
+    moved = replace(points, values={**points.values, 'x': points.values['x'] + offset})
+    return replace(session, series={**session.series, topics.TRACKER_POINT: moved})
+
+
 def test_kept_samples_hold_the_derivatives_of_temperatures(
     tmp_path: Path, warming_session
 ) -> None:
-    for name in ('first', 'second'):
-        write_session(tmp_path / 'bags' / name, warming_session)
+    for name, offset in (('first', 0.0), ('second', 1e-6)):
+        session = measured_beside(warming_session, offset)
+        write_session(tmp_path / 'bags' / name, session)
     expected = prepare(warming_session).rates
     assert expected is not None and np.ptp(expected) > 0.0
     for _ in range(2):  # read from the bags, then from what was kept
@@ -125,3 +136,17 @@ def test_a_contour_among_the_bags_of_a_folder_is_skipped(tmp_path: Path, grid_se
     assert skipped == str(tmp_path / 'circle') and 'this is no calibration' in reason
     with pytest.raises(StageError, match='this is no calibration'):
         gather([str(tmp_path / 'circle')], 'reference', 'tracker')
+
+
+def test_a_copy_of_a_session_is_no_second_session(tmp_path: Path, capsys, grid_session) -> None:
+    bag = write_session(tmp_path / 'bags' / 'bag', grid_session(40))
+    shutil.copytree(bag, tmp_path / 'bags' / 'copy')
+    gathered = gather([str(tmp_path / 'bags')], 'reference', 'tracker')
+    assert [found.name for found in gathered.bags] == ['bag']
+    assert gathered.samples.session is None
+    [reason] = gathered.skipped.values()
+    assert reason == f'it holds the same measurements as {bag}'
+    twice = gather([str(bag), str(bag)], 'reference', 'tracker')
+    assert twice.samples.session is None and len(twice.samples) == len(gathered.samples)
+    assert main(['--bag', str(bag), '--holdout', str(tmp_path / 'bags' / 'copy')]) == 2
+    assert 'copy was trained on: hold out another session' in capsys.readouterr().err

@@ -27,7 +27,7 @@ def gather(
     """Samples of the bags that paths name, each a bag or a folder of bags.
 
     A bag that is named must give samples; one that is found in a folder is skipped where it
-    does not.
+    does not. What was measured once is taken once, however many bags hold it.
 
     Parameters
     ----------
@@ -62,8 +62,15 @@ def gather(
     if not given:
         name, reason = next(iter(skipped.items()))
         raise StageError(f'no bag gives training samples; {name}, for one: {reason}')
-    parts = [Samples.from_dict(content['samples']) for _, content in given]
-    return Gathered(concatenate(parts), given[0][1]['leads'], [bag for bag, _ in given], skipped)
+    parts: dict[Path, Samples] = {}
+    for bag, content in given:
+        part = Samples.from_dict(content['samples'])
+        # A copy, or the bag beside its repaired one, would vouch for itself as another session.
+        if twins := [other for other, samples in parts.items() if samples.holds(part)]:
+            skipped[str(bag)] = f'it holds the same measurements as {twins[0]}'
+        else:
+            parts[bag] = part
+    return Gathered(concatenate(list(parts.values())), given[0][1]['leads'], list(parts), skipped)
 
 
 def bag_samples(bag: str, source: str, target: str) -> dict[str, Any]:

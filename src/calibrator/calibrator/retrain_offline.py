@@ -51,6 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     held = [
         (bag.name, _samples(bag, options)) for path in options.holdout for bag in find_bags(path)
     ]
+    for name, part in held:
+        if samples.holds(part):
+            raise StageError(f'{name} was trained on: hold out another session')
 
     def trained(settings: dict[str, Any]) -> Training:
         if options.restarts <= 1:

@@ -57,6 +57,14 @@ class Samples:
     def __len__(self) -> int:
         return len(self.command)
 
+    def holds(self, session: Samples) -> bool:
+        """Whether the pairs of points of a session are all among these samples, to the bit."""
+        own, other = (
+            [row.tobytes() for row in np.hstack([part.command, part.measured])]
+            for part in (self, session)
+        )
+        return set(other) <= set(own)
+
     def take(self, chosen: NDArray[np.int64] | NDArray[np.bool_]) -> Samples:
         """The samples of an index or mask."""
         return replace(
