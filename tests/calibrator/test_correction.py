@@ -21,6 +21,7 @@ from calibrator.trainer import Trainer
 from calibrator.training_job import Job, read, run_job
 from stage_core import topics
 from stage_core.errors import StageError
+from stage_core.session import Series, Session, by_topic
 
 from ..patience import PATIENCE, wait
 
@@ -186,7 +187,7 @@ def test_a_model_that_is_worse_than_none_is_refused(grid_session, tmp_path):
     model_file.save(forced, path)
     correction = Correction(1e-3)
     correction.stored = model_file.load(path)
-    with pytest.raises(StageError, match='written by force.*held-out RMS'):
+    with pytest.raises(StageError, match='must not correct.*held-out RMS'):
         correction.activate(True)
     assert not correction.active
 
@@ -228,6 +229,35 @@ def test_the_remedy_of_a_refused_model_fits_what_was_left_out(grid_session, tmp_
     assert 'drifted: let them settle' in said(again)
     other = replace(samples, measured=2.0 * samples.command - samples.measured)
     assert 'the sessions disagree' in said(concatenate([samples, other]))
+
+
+@pytest.mark.parametrize(
+    ('source', 'target', 'words'),
+    [
+        ('reference', 'encoder', 'learned a moving stage'),
+        ('encoder', 'reference', 'predicts the reference'),
+    ],
+)
+def test_a_model_of_the_servo_is_written_and_corrects_nothing(tmp_path, source, target, words):
+    times = np.arange(0.0, 20.0, 0.01)
+
+    def circle(at):
+        return 0.03 * np.column_stack([np.cos(0.5 * at), np.sin(0.5 * at)])
+
+    stamps = 10**18 + (1e9 * times).astype(np.int64)
+    series = by_topic(
+        Series.per_axis(topics.REFERENCE, stamps, position=circle(times)),
+        Series.per_axis(topics.JOINT_STATES, stamps, position=circle(times - 0.024)),
+    )
+    job_of = Job(out='', method='affine', source=source, target=target)
+    lag = prepare(Session('servo', series), source, target)
+    result, model = run_job(job_of, Gathered(lag))
+    assert result.gain.proven and result.before.rms > 1e-4
+    model_file.save(model, tmp_path / 'servo.json')
+    correction = Correction(1e-3)
+    correction.stored = model_file.load(tmp_path / 'servo.json')
+    with pytest.raises(StageError, match=f'must not correct: .*{words}'):
+        correction.activate(True)
 
 
 def test_a_contour_is_no_calibration(grid_session, tmp_path):

@@ -270,7 +270,7 @@ def test_a_file_that_changed_since_the_calibrator_took_it_corrects_no_contour(
         save(other, file)
         with pytest.raises(StageError, match='no longer the model that the calibrator corrects'):
             announced_model(announced)
-    with pytest.raises(StageError, match='written by force: worse than none'):
+    with pytest.raises(StageError, match='must not correct: worse than none'):
         announced_model({'active': True, 'file': str(file)})
     with pytest.raises(StageError, match='names no file'):
         announced_model({'active': True})

@@ -37,12 +37,12 @@ class Correction:
         Raises
         ------
         StageError
-            If there is no model to apply, or only one that was written by force.
+            If there is no model to apply, or only one that must not correct.
         """
         if active and self.stored is None:
             raise StageError('there is no model to activate: call ~/retrain or ~/load first')
         if active and self.stored is not None and self.stored.refusal:
-            raise StageError(f'the model was written by force: {self.stored.refusal}')
+            raise StageError(f'the model must not correct: {self.stored.refusal}')
         self.active = active
 
     def apply(

@@ -24,6 +24,8 @@ from stage_core.wording import span
 FORMAT = 'stage-calibration-model'
 FORMAT_VERSION = 1
 
+LAG = 'it learned a moving stage, whose error is the lag of its servo: train one at rest'
+
 
 @dataclass(frozen=True)
 class StoredModel:
@@ -57,8 +59,14 @@ class StoredModel:
 
     @property
     def refusal(self) -> str:
-        """Why the model must not correct, where it was written by force; else empty."""
-        return str(self.metrics.get('refusal', ''))
+        """Why the model must not correct: it was written by force, or of a motion; else empty."""
+        reason = str(self.metrics.get('refusal', ''))
+        return reason or (LAG if self.fastest else '')
+
+    @property
+    def fastest(self) -> float:
+        """Speed [m/s] up to which a moving stage was learned; zero for one at rest."""
+        return float(self.metrics.get('domain', {}).get('speeds', (0.0, 0.0))[1])
 
     @property
     def drift(self) -> str:
@@ -110,8 +118,7 @@ class StoredModel:
                 self.sensors, seen.coldest[:heat], seen.hottest[:heat], strict=True
             )
         ]
-        fastest = self.metrics.get('domain', {}).get('speeds', (0.0, 0.0))[1]
-        parts.append(f'up to {1e3 * fastest:.0f} mm/s' if fastest else 'at rest')
+        parts.append(f'up to {1e3 * self.fastest:.0f} mm/s' if self.fastest else 'at rest')
         half = ', '.join(
             f'{axis} ± {1.96e6 * deviation:.2f} µm'
             for axis, deviation in zip(AXES, self.model.spread, strict=False)

@@ -216,7 +216,7 @@ class Calibrator(StageNode):
         """Load a model and swap it in; on an error the old one stays."""
         stored = model_file.load(path, self.value('machine'))
         if self._correction.active and stored.refusal:
-            raise StageError(f'{path} was written by force: {stored.refusal}')
+            raise StageError(f'{path} must not correct: {stored.refusal}')
         # One assignment: a target is corrected with the old model or with the new one.
         self._correction.stored = stored
         self._adaptation = None

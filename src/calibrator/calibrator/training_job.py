@@ -52,6 +52,7 @@ DRIFTED = -0.3
 no better than noise: noise gave -0.15 or more in 24 trainings, a zero that steps or drifts about
 its mean -0.4 or less in 48.
 """
+BACKWARDS = 'it predicts the reference, not the table: train one with the target tracker'
 REMEDIES = {
     SESSIONS: 'the sessions disagree (another machine, reflector or day), or hold only noise: '
     'train them apart, or calibrate again',
@@ -143,7 +144,8 @@ def run_job(
     reason = refusal(result, data.samples, job)
     if reason and not job.force:
         raise StageError(reason)
-    return result, stored(result, data.bags, job.machine, job.version, job.seed, reason)
+    mark = reason or (BACKWARDS if job.target == 'reference' else '')
+    return result, stored(result, data.bags, job.machine, job.version, job.seed, mark)
 
 
 def refusal(result: Training, samples: Samples, job: Job) -> str:

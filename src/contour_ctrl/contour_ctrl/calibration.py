@@ -21,8 +21,8 @@ def announced_model(announced: Mapping[str, Any]) -> StoredModel:
     Raises
     ------
     StageError
-        If it names no file, or one that cannot be read, holds another model by now, or a model
-        that was written by force.
+        If it names no file, or one that cannot be read, holds another model by now, or one that
+        must not correct.
     """
     path = announced.get('file')
     if not isinstance(path, str) or not path:
@@ -35,7 +35,7 @@ def announced_model(announced: Mapping[str, Any]) -> StoredModel:
             '/calibrator/load to take it, or /calibrator/retrain'
         )
     if stored.refusal:
-        raise StageError(f'{path} was written by force: {stored.refusal}')
+        raise StageError(f'{path} must not correct: {stored.refusal}')
     return stored
 
 
