@@ -45,6 +45,17 @@ def test_offline_command_judges_held_out_bags_beside_the_phase_table(
         assert float(after) < 0.2 * float(before) and float(after) < float(table)
 
 
+def test_offline_command_refuses_a_held_out_bag_of_other_axes(tmp_path, capsys, grid_session):
+    session = grid_session(10, seed=2)
+    both = session.series[topics.REFERENCE]
+    alone = Series(topics.REFERENCE, both.stamps, {'position.x': both.values['position.x']})
+    other = replace(session, series={**session.series, topics.REFERENCE: alone})
+    held = write_session(tmp_path / 'held', other)
+    bag = write_session(tmp_path / 'bag', grid_session(10))
+    assert main(['--bag', str(bag), '--holdout', str(held)]) == 2
+    assert 'held has the axes x, the training xy: hold out' in capsys.readouterr().err
+
+
 def test_offline_command_refuses_a_model_that_makes_another_session_worse(
     tmp_path, capsys, grid_session
 ):

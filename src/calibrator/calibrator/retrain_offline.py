@@ -48,12 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(table(compare(samples, options=shared, seed=options.seed, by=options.split)))
         return 0
     job = _job(options)
-    held = [
-        (bag.name, _samples(bag, options)) for path in options.holdout for bag in find_bags(path)
-    ]
-    for name, part in held:
-        if samples.holds(part):
-            raise StageError(f'{name} was trained on: hold out another session')
+    held = _held_out(options, samples)
 
     def trained(settings: dict[str, Any]) -> Training:
         if options.restarts <= 1:
@@ -109,6 +104,21 @@ def before_and_after(before: Metrics, after: Metrics, count: int) -> str:
             f'{label:22s} {1e6 * getattr(before, name):10.3f} {1e6 * getattr(after, name):10.3f}'
         )
     return '\n'.join(lines)
+
+
+def _held_out(options: argparse.Namespace, samples: Samples) -> list[tuple[str, Samples]]:
+    """Names and samples of the bags that are held out of a training on `samples`."""
+    bags = [bag for path in options.holdout for bag in find_bags(path)]
+    held = [(bag.name, _samples(bag, options)) for bag in bags]
+    for name, part in held:
+        if part.axes != samples.axes:
+            raise StageError(
+                f'{name} has the axes {"".join(part.axes)}, the training {"".join(samples.axes)}: '
+                'hold out a session of the same axes'
+            )
+        if samples.holds(part):
+            raise StageError(f'{name} was trained on: hold out another session')
+    return held
 
 
 def _samples(bag: Path, options: argparse.Namespace) -> Samples:
