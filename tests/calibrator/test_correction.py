@@ -136,6 +136,8 @@ def test_correction_by_temperature_needs_every_sensor_it_was_trained_with():
     assert late == {'screw_x': 21.0}
     with pytest.raises(StageError, match='sensor screw_y is silent'):
         correction.apply(goal, late)
+    # A simulated clock that starts anew: screw_x was not heard in its time.
+    assert 'screw_x' not in heard.fresh(10**9, 60.0)
     heard.hear('screw_y', 20.0, 71 * 10**9, 71 * 10**9)
     correction.apply(goal, heard.fresh(72 * 10**9, 60.0))
 

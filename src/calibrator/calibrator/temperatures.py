@@ -89,11 +89,14 @@ class LiveTemperatures:
             self._newest[sensor] = now, value
 
     def fresh(self, now: int, timeout: float = STALE) -> dict[str, float]:
-        """Readings [degC] by sensor of those heard within `timeout` [s]."""
+        """Readings [degC] by sensor of those heard within `timeout` [s].
+
+        What was heard before a clock that was set back is of a time that is not known.
+        """
         return {
             sensor: value
             for sensor, (heard, value) in self._newest.items()
-            if 1e-9 * (now - heard) <= timeout
+            if 0.0 <= 1e-9 * (now - heard) <= timeout
         }
 
     def rates(self, sensors: Iterable[str]) -> dict[str, Rates]:
