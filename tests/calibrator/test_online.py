@@ -182,6 +182,13 @@ def test_live_rests_are_learned_once_and_followed(grid_session, planted_map):
             buffer.add_point(int(points.stamps[i // 5]), row)
         if i % 2000 == 1999:
             learned += adaptation.step(buffer)
+    # What is in use stays as it was taken, whatever is learned meanwhile.
+    taken = adaptation.stored.model
+    points = cold.command[:5]
+    before = taken.predict(points)
+    adaptation.adapter.update(points[:1], points[:1] + 1e-5, np.ones((1, 2)))
+    np.testing.assert_array_equal(taken.predict(points), before)
+    assert taken is not model and adaptation.adapter.proven
     assert 60 <= learned + adaptation.step(buffer) <= 80
     assert adaptation.step(buffer) == 0
     warm = prepare(grid_session(40, seed=3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -40,8 +41,13 @@ class LiveAdaptation:
 
     @property
     def stored(self) -> StoredModel:
-        """The adapted model where it is proven, with the provenance of the one it came from."""
-        return replace(self._stored, model=self.adapter.in_use)
+        """The adapted model where it is proven, with the provenance of the one it came from.
+
+        It is a copy: what is learned later is in use only when it is asked for again.
+        """
+        if not self.adapter.proven:
+            return self._stored
+        return replace(self._stored, model=copy.deepcopy(self.adapter.model))
 
     def step(self, buffer: LiveBuffer) -> int:
         """Learn the rests that ended since the last call; how many there were.

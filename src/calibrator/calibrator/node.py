@@ -243,11 +243,12 @@ class Calibrator(StageNode):
             if not learned or (not adapter.proven and stored.model is adapter.trained):
                 return
             adapted = Path(self.value('model_folder')).absolute() / 'adapted.json'
-            model_file.save(self._adaptation.stored, adapted)
+            taken = self._adaptation.stored
+            model_file.save(taken, adapted)
         except StageError as error:
             self._failure = NO_ADAPTATION + str(error)
             return
-        self._correction.stored = self._adaptation.stored
+        self._correction.stored = taken
         self._file = str(adapted)
         self._announce()
 
