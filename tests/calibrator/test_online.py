@@ -263,3 +263,33 @@ def test_a_long_rest_is_learned_once(monkeypatch):
 def test_nothing_is_learned_while_a_sensor_of_the_model_is_unheard(monkeypatch):
     with pytest.raises(StageError, match='no temperature sensor screw_x'):
         adapt_along_x(playing(warm=True), [1] * 4, monkeypatch, ('screw_x',))
+
+
+def test_a_clock_that_is_set_back_begins_a_session(grid_session):
+    from calibrator.adaptation import LiveAdaptation
+    from calibrator.live_buffer import LiveBuffer
+    from calibrator.model_file import StoredModel
+    from calibrator.prepare import prepare
+    from stage_core import topics
+
+    buffer = LiveBuffer(100_000)
+    adaptation = LiveAdaptation(StoredModel(playing()), 1e-4, 1e-6, 0.98)
+    learned = []
+    for seed in (1, 2):
+        # The stamps of both sessions begin at the same second.
+        session = grid_session(10, rest=0.2, seed=seed)
+        reference = session.series[topics.REFERENCE]
+        points = session.series[topics.TRACKER_POINT]
+        rows = reference.columns('position', ('x', 'y'))
+        for i, stamp in enumerate(reference.stamps):
+            buffer.add_reference(int(stamp), ('x', 'y'), rows[i])
+            if i % 5 == 0:
+                row = [points.values[axis][i // 5] for axis in 'xyz']
+                buffer.add_point(int(points.stamps[i // 5]), row)
+            if i == 1000:
+                adaptation.step(buffer)
+        learned.append(adaptation.step(buffer))
+        np.testing.assert_array_equal(
+            prepare(buffer.session()).measured, prepare(session).measured
+        )
+    assert min(learned) > 3

@@ -11,6 +11,7 @@ from calibrator.live_buffer import LiveBuffer
 from calibrator.model_file import StoredModel
 from calibrator.online import OnlineAdapter
 from calibrator.prepare import rest_samples
+from stage_core import topics
 
 NEWEST = 20_000
 """Messages per topic that are looked through for new rests."""
@@ -63,6 +64,9 @@ class LiveAdaptation:
         samples, ended = rest_samples(session)
         # Before an axis' first move its play is open to either side.
         known = np.all(samples.direction != 0.0, axis=1)
+        # Of a clock that was set back nothing has been seen.
+        newest = int(session.series[topics.REFERENCE].stamps[-1])
+        self._seen_until = min(self._seen_until, newest)
         fresh = samples.take((ended > self._seen_until) & known)
         if len(fresh):
             fresh = fresh.only(self._stored.sensors)

@@ -19,6 +19,8 @@ from stage_core.session import Series, Session, by_topic
 from stage_core.whole_file import replacing
 
 Array = NDArray[np.float64]
+BACK = 1_000_000_000
+"""A reference that is earlier than the one before it by this [ns] begins another session."""
 
 
 class LiveBuffer:
@@ -28,13 +30,18 @@ class LiveBuffer:
         self._capacity = capacity
         self._reference: Ring | None = None
         self._axes: tuple[str, ...] = ()
+        self._newest = 0
         self._standing: tuple[Sequence[float], Sequence[float]] | None = None
         self._points = Ring(capacity, 3)
         self.temperatures = LiveTemperatures(capacity)
         self.alignment: RigidTransform | None = None
 
     def add_reference(self, stamp: int, axes: tuple[str, ...], position: Sequence[float]) -> None:
-        """Take a reference; another set of axes starts the buffer anew."""
+        """Take a reference; other axes, or a clock that was set back, start the buffer anew."""
+        if stamp < self._newest - BACK:
+            self._reference, self._points = None, Ring(self._capacity, 3)
+            self.temperatures = LiveTemperatures(self._capacity)
+        self._newest = stamp
         if self._reference is None or axes != self._axes:
             self._axes, self._reference = axes, Ring(self._capacity, 2 * len(axes))
             self._standing = None
