@@ -6,12 +6,13 @@ import time
 import numpy as np
 import rclpy
 
+from calibrator import model_file
 from calibrator.adaptation import LiveAdaptation
 from calibrator.model_file import StoredModel
 from calibrator.models import make_model
 from calibrator.node import Calibrator
 from stage_core import topics
-from stage_core.ros.node import make_executor, spin
+from stage_core.ros.node import OK, WARN, make_executor, spin
 
 from ..patience import PATIENCE, wait
 
@@ -66,5 +67,22 @@ def test_a_training_that_ends_within_an_adaptation_waits_for_it(
         spinning.join(PATIENCE)
         node.shutdown()
         executor.remove_node(node)
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def test_a_failed_training_is_told_until_a_model_is_taken(ros_env, tmp_path):
+    rclpy.init(args=['--ros-args', '-p', f'model_folder:={tmp_path}'])
+    node = Calibrator()
+    try:
+        node._failure = 'the training failed'
+        assert node._status()[:2] == (WARN, 'the training failed')
+        points = np.random.default_rng(0).uniform(0.0, 0.05, (50, 2))
+        stored = StoredModel(make_model('affine').fit(points, 1.001 * points))
+        model_file.save(stored, tmp_path / 'model.json')
+        node._use(tmp_path / 'model.json')
+        assert node._status()[:2] == (OK, stored.model.describe())
+    finally:
+        node.shutdown()
         node.destroy_node()
         rclpy.shutdown()

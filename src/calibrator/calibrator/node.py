@@ -182,7 +182,6 @@ class Calibrator(StageNode):
                 self._failure = str(error)
                 answer.set_exception(error)
                 return
-            self._failure = ''
             self._announce()
             answer.set_result(message)
 
@@ -220,7 +219,7 @@ class Calibrator(StageNode):
         # One assignment: a target is corrected with the old model or with the new one.
         self._correction.stored = stored
         self._adaptation = None
-        self._refusal = ''
+        self._refusal = self._failure = ''
         self._file = str(path.absolute())
 
     def _adapt(self) -> None:
