@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +22,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words[:1] == ['diagnose']:
         words = words[1:]
     options = _parser().parse_args(words)
+    if options.seed < 0:
+        raise StageError(f'--seed {options.seed}: give a whole number from 0 on')
+    travel = _travel(options.travel)
     folders = [path for path in options.bag if Path(path).is_dir() and not is_bag(path)]
     if folders:
         if len(options.bag) > 1 or options.holdout or options.controller or options.sim_bag:
@@ -28,7 +32,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 f'{folders[0]} is a folder of bags, each diagnosed by itself: give it alone, '
                 'without another --bag, --holdout, --controller or --sim-bag'
             )
-        how = {'seed': options.seed, 'without': options.without, 'with_page': not options.no_page}
+        how = {
+            'seed': options.seed,
+            'without': options.without,
+            'with_page': not options.no_page,
+            'travel': travel,
+        }
         where = where_from(options, progress=not options.quiet)
         print(diagnose_archive(folders[0], options.twin, Path(options.out), how, where))
         return 0
@@ -43,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with_page=not options.no_page,
         controller=options.controller,
         sim_bags=options.sim_bag,
-        travel=_travel(options.travel),
+        travel=travel,
     )
     print(verdict)
     return 0
@@ -110,8 +119,8 @@ def _travel(given: Sequence[str]) -> dict[str, tuple[float, float]]:
             out[axis] = float(low), float(high)
         except ValueError:
             raise StageError(f'--travel {text}: give AXIS:LOW:HIGH, as x:-0.05:0.05') from None
-        if not out[axis][0] < out[axis][1]:
-            raise StageError(f'--travel {text}: LOW must be below HIGH')
+        if not -math.inf < out[axis][0] < out[axis][1] < math.inf:
+            raise StageError(f'--travel {text}: LOW must be below HIGH, both finite')
     return out
 
 

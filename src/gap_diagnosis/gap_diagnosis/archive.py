@@ -27,12 +27,13 @@ def diagnose_archive(
     A bag's report goes into `out/reports/`, under its path in the archive; `out/summary.json`
     has a line per bag. What is done is kept in `out/results`, see
     `session_bags.archive.map_items`; `how` holds options of `service.run`: `seed`, `without`,
-    `with_page`.
+    `with_page`, `travel`.
 
     Raises
     ------
     StageError
-        If the twin cannot be read, there is no bag, or none can be diagnosed.
+        If the twin cannot be read, there is no bag, none can be diagnosed, or `out` cannot be
+        written into.
     """
     root = Path(archive).resolve()
     bags = find_bags(root)
@@ -43,6 +44,7 @@ def diagnose_archive(
         out=str(out.resolve()),
         how=how or {},
     )
+    service.empty(out)
     try:
         settings = Path(twin).read_text(encoding='utf-8') + json.dumps(how or {}, sort_keys=True)
     except OSError as error:

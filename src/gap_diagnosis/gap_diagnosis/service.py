@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from gap_diagnosis.diagnose import diagnose, silent, to_stderr
 from gap_diagnosis.experiment.propose import Travel, propose
@@ -15,8 +16,11 @@ from gap_diagnosis.result import Diagnosis
 from session_bags.reader import read_session
 from stage_core import topics
 from stage_core.errors import StageError
+from stage_core.names import nearest
+from stage_core.quantities import AXES, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
+from stage_twin.effects import EFFECTS
 from stage_twin.models import is_model, read_model
 from stage_twin.models.plant import as_twin
 
@@ -57,11 +61,15 @@ def run(
     """
     progress = silent if quiet else to_stderr
     # A report of an earlier run must not stand for an input that fails.
-    for name in ('report.json', 'report.html', 'corrected_twin.yaml', motion.FILE,
-                 own_model.MODEL, own_model.PATCH):  # fmt: skip
-        (out / name).unlink(missing_ok=True)
+    empty(out, ('report.json', 'report.html', 'corrected_twin.yaml', motion.FILE,
+                own_model.MODEL, own_model.PATCH))  # fmt: skip
     _refuse_mismatch(twin_path, controller, len(bags) + len(holdout), len(sim_bags))
+    _refuse_twice((*bags, *holdout))
+    _refuse_unknown(without)
     rig = TwinFile.load(controller or twin_path)
+    for axis in travel or {}:
+        if axis not in rig.axes:
+            raise StageError(f'--travel {axis}: the twin has the axes {", ".join(rig.axes)} only')
     model = read_model(twin_path) if controller else None
     twin = rig if model is None else as_twin(model.plants, rig)
     sessions = [_read(path, progress) for path in (*bags, *holdout, *sim_bags)]
@@ -87,6 +95,46 @@ def run(
     progress('writing the report')
     _write(found, out, with_page)
     return report.sentence(found)
+
+
+def empty(out: Path, names: Sequence[str] = ()) -> None:
+    """Make the folder of a report, and take these files out of it.
+
+    Raises
+    ------
+    StageError
+        If nothing can be written there: it is said before the diagnosis, not after it.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            (out / name).unlink(missing_ok=True)
+        with TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise StageError(
+            f'cannot write into {out} ({error.strerror}): give another folder as --out'
+        ) from error
+
+
+def _refuse_twice(bags: Sequence[str]) -> None:
+    """A session that a fit has seen cannot judge it, nor count as two."""
+    paths = [Path(bag).resolve() for bag in bags]
+    for bag, path in zip(bags, paths, strict=True):
+        if paths.count(path) > 1:
+            raise StageError(
+                f'{bag} is given twice: give each session once, as --bag or as --holdout'
+            )
+
+
+def _refuse_unknown(without: Sequence[str]) -> None:
+    for name in without:
+        effect, axis = split_effect(name)
+        if effect not in EFFECTS:
+            raise StageError(f'--without {name}: no such effect; {nearest(effect, EFFECTS)}')
+        known = [f'{effect}.{a}' for a in AXES] if EFFECTS[effect].per_axis else []
+        if axis and name not in known:
+            raise StageError(f'--without {name}: name it {" or ".join([effect, *known])}')
 
 
 def _write(found: Diagnosis, out: Path, with_page: bool) -> None:

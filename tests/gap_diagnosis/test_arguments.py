@@ -1,0 +1,84 @@
+"""Arguments of the command that cannot be meant: one line, exit status 2, before any work."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from gap_diagnosis import service
+from gap_diagnosis.__main__ import main
+from gap_diagnosis.archive import diagnose_archive
+from gap_diagnosis.experiment.propose import propose
+from gap_diagnosis.result import Diagnosis
+from session_bags.archive import Where
+from session_bags.writer import write_session
+from stage_core import topics
+from stage_core.errors import StageError
+from stage_core.session import Series, Session
+from stage_core.twin_file import TwinFile
+
+Maker = Callable[..., Session]
+
+
+@pytest.fixture(scope='module')
+def files(planted: Maker, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a bag, its twin, and a file that is no folder."""
+    folder = tmp_path_factory.mktemp('arguments')
+    write_session(folder / 'bag', planted({}, duration=4.0))
+    TwinFile.nominal_servo().save(folder / 'twin.yaml')
+    (folder / 'file').write_text('')
+    return folder
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        ('--out {}/file', 'cannot write into .*file'),
+        ('--out {}/file/below', 'cannot write into .*below'),
+        ('--out /proc/report', 'cannot write into /proc/report'),
+        ('--out {}/o --without backslash', 'backslash.*did you mean backlash'),
+        ('--out {}/o --without backlash.z', 'backlash.z: name it backlash or backlash.x or'),
+        ('--out {}/o --without nonorthogonality.x', 'name it nonorthogonality$'),
+        ('--out {}/o --seed -1', '--seed -1'),
+        ('--out {}/o --travel z:0:1', '--travel z: the twin has the axes x, y only'),
+        ('--out {}/o --travel x:-inf:0', 'both finite'),
+        ('--out {}/o --holdout {}/bag', 'bag is given twice'),
+        ('--out {}/o --bag {}/../{name}/bag', 'bag is given twice'),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(
+    files: Path, capsys: pytest.CaptureFixture[str], words: str, said: str
+) -> None:
+    named = words.replace('{name}', files.name).replace('{}', str(files))
+    bag = ['--bag', str(files / 'bag'), '--twin', str(files / 'twin.yaml')]
+    assert main(['diagnose', *bag, *named.split()]) == 2
+    error = capsys.readouterr().err.strip().splitlines()
+    assert re.search(said, error[-1]), error
+    assert len([line for line in error if not line.startswith('[gap_diagnosis]')]) == 1
+
+
+def test_a_folder_of_bags_passes_the_travel_on(
+    files: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    seen: list[Any] = []
+
+    def run(*_: Any, **how: Any) -> None:
+        seen.append(how['travel'])
+        raise StageError('seen')
+
+    monkeypatch.setattr(service, 'run', run)
+    words = ['--bag', str(files), '--twin', str(files / 'twin.yaml'), '--out', str(tmp_path)]
+    assert main([*words, '--travel', 'x:-0.1:0.1', '--jobs', '1', '--quiet']) == 2
+    assert seen == [{'x': (-0.1, 0.1)}]
+
+
+def test_a_folder_of_bags_needs_a_folder_to_write_into(files: Path) -> None:
+    twin = str(files / 'twin.yaml')
+    with pytest.raises(StageError, match='cannot write into'):
+        diagnose_archive(files, twin, files / 'file', where=Where(1, '', False))
