@@ -82,3 +82,27 @@ def test_a_folder_of_bags_needs_a_folder_to_write_into(files: Path) -> None:
     twin = str(files / 'twin.yaml')
     with pytest.raises(StageError, match='cannot write into'):
         diagnose_archive(files, twin, files / 'file', where=Where(1, '', False))
+
+
+def first_without_time(session: Session) -> Session:
+    """As stamped by a driver that has not heard the simulated clock at its first tick."""
+
+    def stamped(topic: str, old: Series) -> Series:
+        stamps = old.stamps.copy()
+        if topic != topics.TRACKER_POINT:
+            stamps[0] = 0
+        return replace(old, stamps=stamps)
+
+    return replace(session, series={k: stamped(k, s) for k, s in session.series.items()})
+
+
+def test_a_stamp_far_from_the_others_is_named(
+    planted: Maker, files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = write_session(tmp_path / 'bag', first_without_time(planted({}, duration=4.0)))
+    words = ['--bag', str(bag), '--twin', str(files / 'twin.yaml'), '--quiet']
+    assert main([*words, '--out', str(tmp_path / 'out')]) == 2
+    error = capsys.readouterr().err
+    assert re.search(
+        r'lacks 100 %.*/stage/\w+ is [\d.]+e\+09 s, after its message number 1\)', error
+    )

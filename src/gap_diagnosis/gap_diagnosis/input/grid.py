@@ -88,6 +88,7 @@ class Grid:
             numbers = self.ticks[states.topic]
             fitted = np.polyfit(numbers, to_seconds(states.stamps, start), 1)
             line = np.asarray(np.polyval(fitted, numbers), dtype=np.float64)
+        missing = self._missing()
         first = max(int(t[0]) for t in self.ticks.values())
         last = min(int(t[-1]) for t in self.ticks.values())
         if last <= first:
@@ -97,7 +98,7 @@ class Grid:
         self.time = np.asarray(line[0] + slope * (self.numbers - numbers[0]), dtype=np.float64)
         self.offset = self._offset(to_seconds(states.stamps, start), self.ticks[states.topic])
         self.gaps = self._gaps()
-        self._check_missing()
+        self.warnings = self._warnings(missing)
 
     def _overlap(self, series: tuple[Series, ...]) -> None:
         if max(int(s.stamps[0]) for s in series) >= min(int(s.stamps[-1]) for s in series):
@@ -126,12 +127,21 @@ class Grid:
                 found.add((float(self.time[ends[0]]), float(self.time[ends[1]])))
         return tuple(sorted(found))
 
-    def _check_missing(self) -> None:
-        missing = max(1.0 - len(np.unique(t)) / (t[-1] - t[0] + 1) for t in self.ticks.values())
-        if missing > 0.2:
+    def _missing(self) -> float:
+        """Share of its ticks that a topic lacks; refused before so many are laid out."""
+        lacks = {n: 1.0 - len(np.unique(t)) / (t[-1] - t[0] + 1) for n, t in self.ticks.items()}
+        topic = max(lacks, key=lambda name: lacks[name])
+        if lacks[topic] > 0.2:
+            steps = np.diff(self.ticks[topic])
+            at = int(np.argmax(steps))
             raise StageError(
-                f'{self.path} lacks {100 * missing:.0f} % of its control ticks: record it again'
+                f'{self.path} lacks {100 * lacks[topic]:.0f} % of its control ticks (the longest '
+                f'gap of {topic} is {steps[at] * self.period:.3g} s, after its message number '
+                f'{at + 1}): record it again, or cut that part out'
             )
+        return float(lacks[topic])
+
+    def _warnings(self, missing: float) -> tuple[str, ...]:
         warnings = []
         if missing > 1e-3:
             warnings.append(
@@ -144,7 +154,7 @@ class Grid:
                 f'the machine ran {ran:.1f} s of the {passed:.1f} s between the stamps (it waited '
                 'for late forces): times are those of the machine'
             )
-        self.warnings = tuple(warnings)
+        return tuple(warnings)
 
     def _counted(self, series: Series, start: int) -> Ints:
         seconds = to_seconds(series.stamps, start)
