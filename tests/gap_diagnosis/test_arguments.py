@@ -106,3 +106,13 @@ def test_a_stamp_far_from_the_others_is_named(
     assert re.search(
         r'lacks 100 %.*/stage/\w+ is [\d.]+e\+09 s, after its message number 1\)', error
     )
+
+
+@pytest.mark.parametrize(
+    'wrong', [{'axes': {'x': {'mass': 1.0, 'viscous': 1.0, 'delay': -1e-3}}},
+              {'tracker': {'noise': -1e-6}}, {'repeatability': -1e-6}],
+)  # fmt: skip
+def test_a_twin_that_answers_before_its_cause_is_refused(wrong: dict[str, Any]) -> None:
+    content = {'kind': 'servo', 'axes': {'x': {'mass': 1.0, 'viscous': 1.0}}, **wrong}
+    with pytest.raises(StageError, match='must be at least zero'):
+        TwinFile.from_dict(content)

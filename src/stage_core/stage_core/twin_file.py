@@ -81,6 +81,8 @@ POSITIVE = frozenset(
     {'mass', 'encoder_resolution', 'lead', 'velocity_filter', 'force_limit'}
     | {'microstep', 'max_speed', 'acceleration', 'effort_unit'}
 )
+#: Must not be below zero: nothing answers before its cause, nor scatters by less than nothing.
+NOT_NEGATIVE = frozenset({'delay', 'repeatability'})
 
 
 @dataclass(frozen=True)
@@ -173,12 +175,15 @@ class TwinFile:
             if name in axes_content
         }
         numbers = {
-            name: _number(content[name], f'{source}: {name}', name == 'control_period')
+            name: _number(
+                content[name],
+                f'{source}: {name}',
+                name == 'control_period',
+                name not in NOT_NEGATIVE,
+            )
             for name in _NUMBERS
             if name in content
         }
-        if numbers.get('repeatability', 0.0) < 0.0:
-            raise StageError(f'{source}: repeatability must be a length in m, at least zero')
         stated = kind != 'servo' or all(set(GAINS) <= set(axes_content[name]) for name in axes)
         return cls(
             kind=kind,
@@ -245,7 +250,7 @@ def _axis(kind: str, content: Any, source: str, axis: str) -> Axis:
     refuse_unknown_keys(content, known.keys() | _UNUSED[kind], source, f'axes.{axis}.')
     values: dict[str, float] = {}
     for name, value in content.items():
-        number = _number(value, f'{where}.{name}', name in POSITIVE)
+        number = _number(value, f'{where}.{name}', name in POSITIVE, name not in NOT_NEGATIVE)
         if name in known:
             values[name] = number
     for name, key in known.items():
@@ -264,7 +269,9 @@ def _tracker(content: Any, source: str) -> TrackerSpec | None:
     refuse_unknown_keys(content, [f.name for f in fields(TrackerSpec)], source, 'tracker.')
     return TrackerSpec(
         rate=_number(content.get('rate', TrackerSpec.rate), f'{source}: tracker.rate', True),
-        noise=_number(content.get('noise', TrackerSpec.noise), f'{source}: tracker.noise'),
+        noise=_number(
+            content.get('noise', TrackerSpec.noise), f'{source}: tracker.noise', negative=False
+        ),
     )
 
 
@@ -283,7 +290,7 @@ def _effects(content: Any, source: str) -> dict[str, dict[str, float]]:
     return effects
 
 
-def _number(value: Any, where: str, positive: bool = False) -> float:
+def _number(value: Any, where: str, positive: bool = False, negative: bool = True) -> float:
     # YAML 1.1 reads 1e-6 (no dot) as text; users write it all the same.
     try:
         number = float(value) if not isinstance(value, bool) else math.nan
@@ -293,4 +300,6 @@ def _number(value: Any, where: str, positive: bool = False) -> float:
         raise StageError(f'{where} must be a finite number, got {value!r}')
     if positive and number <= 0.0:
         raise StageError(f'{where} must be above zero, got {value!r}')
+    if number < 0.0 and not negative:
+        raise StageError(f'{where} must be at least zero, got {value!r}')
     return number
