@@ -116,3 +116,9 @@ def test_a_twin_that_answers_before_its_cause_is_refused(wrong: dict[str, Any]) 
     content = {'kind': 'servo', 'axes': {'x': {'mass': 1.0, 'viscous': 1.0}}, **wrong}
     with pytest.raises(StageError, match='must be at least zero'):
         TwinFile.from_dict(content)
+
+
+def test_a_session_whose_forces_are_not_judged_has_no_experiment() -> None:
+    tracker = SimpleNamespace(name='tracker')
+    found = SimpleNamespace(twin=TwinFile.nominal_servo(), drives={}, parts=[tracker])
+    assert propose(cast(Diagnosis, found)) is None

@@ -34,9 +34,11 @@ def propose(
 ) -> Experiment | None:
     """The motion that would decide what a diagnosis leaves open; None where nothing is.
 
-    `travel` is what each axis may use [m]; that of the session where it is not named.
+    None, too, where no axis moves enough to tell the noise of its forces. `travel` is what each
+    axis may use [m]; that of the session where it is not named.
     """
-    if found.twin.kind != 'servo' or found.drives:
+    balances = any(p.name.startswith('servo') for p in found.parts)
+    if found.twin.kind != 'servo' or found.drives or not balances:
         return None
     predictor = predictor_of(found)
     limits = replace(limits_of(found, travel or {}), duration=duration)
