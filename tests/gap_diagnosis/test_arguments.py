@@ -122,3 +122,15 @@ def test_a_session_whose_forces_are_not_judged_has_no_experiment() -> None:
     tracker = SimpleNamespace(name='tracker')
     found = SimpleNamespace(twin=TwinFile.nominal_servo(), drives={}, parts=[tracker])
     assert propose(cast(Diagnosis, found)) is None
+
+
+def test_ctrl_c_ends_the_command_without_a_traceback(
+    files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(*_: Any, **how: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr('gap_diagnosis.__main__.run', run)
+    words = ['--bag', str(files / 'bag'), '--twin', 'twin.yaml', '--out', 'out']
+    assert main(words) == 130
+    assert capsys.readouterr().err == ''

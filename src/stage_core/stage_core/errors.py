@@ -10,6 +10,7 @@ from typing import ParamSpec
 Arguments = ParamSpec('Arguments')
 
 EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
 
 
 class StageError(Exception):
@@ -17,7 +18,10 @@ class StageError(Exception):
 
 
 def command_line(main: Callable[Arguments, int | None]) -> Callable[Arguments, int]:
-    """Turn a :class:`StageError` of a command into one line on stderr and exit status 2."""
+    """Turn a :class:`StageError` of a command into one line on stderr and exit status 2.
+
+    Ctrl-C ends it without a word, with exit status 130.
+    """
 
     @functools.wraps(main)
     def wrapped(*args: Arguments.args, **kwargs: Arguments.kwargs) -> int:
@@ -26,5 +30,7 @@ def command_line(main: Callable[Arguments, int | None]) -> Callable[Arguments, i
         except StageError as error:
             print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
             return EXIT_BAD_INPUT
+        except KeyboardInterrupt:
+            return EXIT_INTERRUPTED
 
     return wrapped
