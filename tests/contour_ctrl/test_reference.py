@@ -241,7 +241,9 @@ def test_a_thermal_model_is_inverted_at_the_temperatures_heard_else_at_their_mea
         ({'screw_x': 23.0}, (23.0, mean[1])),
         ({}, mean),
     ):
-        table = inverse(stored, readings, {})(goals) * (1.0 + 1e-5 * (np.array(degrees) - 20.0))
+        table = inverse(stored, readings, {}, 1e-3)(goals) * (
+            1.0 + 1e-5 * (np.array(degrees) - 20.0)
+        )
         np.testing.assert_allclose(table, goals, atol=2e-9)
     both = temperatures_line(stored, {'screw_x': 23.0, 'screw_y': 19.0})
     assert both.endswith('heard now: screw_x 23.00 °C, screw_y 19.00 °C')
@@ -250,7 +252,9 @@ def test_a_thermal_model_is_inverted_at_the_temperatures_heard_else_at_their_mea
     assert 'heard now' not in temperatures_line(stored, {})
     # No temperature is asked of a model without sensors.
     plain = StoredModel(make_model('affine').fit(command, 1.01 * command))
-    np.testing.assert_allclose(1.01 * inverse(plain, {}, {})(goals), goals, atol=1e-9)
+    np.testing.assert_allclose(1.01 * inverse(plain, {}, {}, 1e-3)(goals), goals, atol=1e-9)
+    with pytest.raises(StageError, match='max_correction of the calibrator is 100'):
+        inverse(plain, {}, {}, 1e-4)(goals)
 
 
 def test_a_file_that_changed_since_the_calibrator_took_it_corrects_no_contour(

@@ -94,6 +94,7 @@ class Calibrator(StageNode):
         """Refuse options that the method does not know."""
         if 'max_correction' in changed:
             self._correction.max_correction = float(changed['max_correction'])
+            self._announce()
         if not {'method', 'options'} & set(changed):
             return None
         try:
@@ -259,6 +260,7 @@ class Calibrator(StageNode):
             'version': stored.version if stored else 0,
             'metrics': stored.metrics if stored else {},
             'file': self._file,
+            'max_correction': self._correction.max_correction,
             'adapted_by': self._adaptation.adapter.learned if self._adaptation else 0,
         }
         self._models.publish(String(data=json.dumps(content)))

@@ -43,16 +43,25 @@ def inverse(
     stored: StoredModel,
     readings: Mapping[str, float],
     rates: Mapping[str, tuple[float, float]],
+    largest: float,
 ) -> Callable[[FloatArray], FloatArray]:
     """Map of wanted table points (n, 2) [m] to commands; the temperatures hold for all of them.
 
-    Of a sensor that is not among the readings [degC] the mean of the training stands in.
+    Of a sensor that is not among the readings [degC] the mean of the training stands in. The map
+    raises a StageError where it corrects by more than `largest` [m].
     """
     row = stored.temperature_row(readings, rates)
 
     def commands(points: FloatArray) -> FloatArray:
         heat = None if row is None else np.tile(row, (len(points), 1))
-        return stored.invert(points, None, heat)
+        found = stored.invert(points, None, heat)
+        most = float(np.max(np.abs(found - points), initial=0.0))
+        if most > largest:
+            raise StageError(
+                f'the model corrects this contour by {1e6 * most:.1f} µm, the max_correction of '
+                f'the calibrator is {1e6 * largest:.1f} µm: retrain, or raise max_correction'
+            )
+        return found
 
     return commands
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
@@ -136,7 +137,8 @@ class ContourCtrl(StreamingNode):
                 self.get_logger().info(line)
             else:
                 self.get_logger().warning(line)
-        return inverse(stored, readings, self._temperatures.rates(readings))
+        largest = float(self._model.get('max_correction', math.inf))
+        return inverse(stored, readings, self._temperatures.rates(readings), largest)
 
     def _on_temperature(self, message: Temperature) -> None:
         self._temperatures.hear(

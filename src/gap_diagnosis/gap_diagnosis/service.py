@@ -67,9 +67,7 @@ def run(
     _refuse_twice((*bags, *holdout))
     _refuse_unknown(without)
     rig = TwinFile.load(controller or twin_path)
-    for axis in travel or {}:
-        if axis not in rig.axes:
-            raise StageError(f'--travel {axis}: the twin has the axes {", ".join(rig.axes)} only')
+    _refuse_axes(travel or {}, rig)
     model = read_model(twin_path) if controller else None
     twin = rig if model is None else as_twin(model.plants, rig)
     sessions = [_read(path, progress) for path in (*bags, *holdout, *sim_bags)]
@@ -135,6 +133,12 @@ def _refuse_unknown(without: Sequence[str]) -> None:
         known = [f'{effect}.{a}' for a in AXES] if EFFECTS[effect].per_axis else []
         if axis and name not in known:
             raise StageError(f'--without {name}: name it {" or ".join([effect, *known])}')
+
+
+def _refuse_axes(travel: Travel, rig: TwinFile) -> None:
+    for axis in travel:
+        if axis not in rig.axes:
+            raise StageError(f'--travel {axis}: the twin has the axes {", ".join(rig.axes)} only')
 
 
 def _write(found: Diagnosis, out: Path, with_page: bool) -> None:
