@@ -102,6 +102,20 @@ def test_a_jump_of_the_clock_stops_the_points_until_reset(jump_ns):
     assert late == 0
 
 
+@pytest.mark.parametrize('jump_ns', [4000 * SECOND, -4000 * SECOND])
+@pytest.mark.parametrize('jumped', [range(100, 600), range(50, 51)])
+def test_a_clock_that_jumps_before_its_offset_is_known_gives_no_wrong_stamp(jump_ns, jumped):
+    bridge = Bridge()
+    samples = [
+        s._replace(source_ns=s.source_ns + jump_ns) if k in jumped else s
+        for k, s in enumerate(stream(600))
+    ]
+    measured = {s.point: s.receive_ns for s in samples}
+    out = run(bridge, samples)
+    assert len(out) + bridge.counters.time_jumps == 600 and len(out) >= 500
+    assert all(stamp == measured[point] for stamp, point in out)
+
+
 def test_reset_keeps_the_offset_of_a_sound_clock():
     bridge = Bridge()
     run(bridge, stream(300))

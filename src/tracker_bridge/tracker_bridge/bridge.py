@@ -6,11 +6,9 @@ import math
 from dataclasses import asdict, dataclass
 
 from stage_core.clocks import NANOSECONDS
-from tracker_bridge.offset import ClockOffset
+from tracker_bridge.offset import TIME_JUMP_NS, ClockOffset
 from tracker_bridge.samples import Point, Sample
 
-# Longer than any network delay, shorter than a change of the source's clock.
-TIME_JUMP_NS = NANOSECONDS
 CLOCK_LOST = "the source's clock has jumped, its points are dropped: call ~/reset"
 
 
@@ -127,11 +125,9 @@ class Bridge:
         if not all(map(math.isfinite, sample.point)):
             self.counters.not_finite += 1
             return []
-        accepted = [
-            (stamp, known.point)
-            for stamp, known in self._offset.feed(sample)
-            if self._accept(stamp, known)
-        ]
+        stamped = self._offset.feed(sample)
+        self.counters.time_jumps += self._offset.given_up
+        accepted = [(stamp, known.point) for stamp, known in stamped if self._accept(stamp, known)]
         self.counters.published += len(accepted)
         return accepted
 
