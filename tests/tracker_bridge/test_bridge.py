@@ -265,6 +265,16 @@ def test_a_stage_whose_clock_begins_anew_and_one_with_other_axes_give_pairs_agai
 # Registration
 
 
+def test_joint_states_of_another_machine_leave_the_pairs_alone():
+    pairs = RestPairs()
+    for k in range(1000):
+        pairs.add_stage(k * MS, (1e-3, 2e-3))
+        pairs.add_stage(k * MS + 1, (0.0,) * 6)
+        pairs.add_point(k * MS, (1e-3, 2e-3, 0.0))
+    (pair,) = pairs.pairs()
+    assert pair.stage.tolist() == [1e-3, 2e-3, 0.0]
+
+
 def test_registration_against_scipy():
     random = np.random.default_rng(4)
     rotation = Rotation.from_euler('zyx', [2.4, 0.03, -0.02])

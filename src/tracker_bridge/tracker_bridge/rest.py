@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stage_core.clocks import NANOSECONDS
+from stage_core.quantities import AXES
 from stage_core.rests import Standstill
 from tracker_bridge.samples import Point
 
@@ -108,8 +109,11 @@ class RestPairs:
     def add_stage(self, stamp: int, position: tuple[float, ...]) -> None:
         """Take an encoder reading [m] of a stamp [ns]; stamps that do not increase are ignored.
 
+        One of more axes than a stage has is another machine's, and ignored too.
         A stamp that is much older than the last one is that of a stage that was started again.
         """
+        if len(position) > len(AXES):
+            return
         if self.last_stage is not None and stamp <= self.last_stage:
             if self.last_stage - stamp < RESTARTED:
                 return
