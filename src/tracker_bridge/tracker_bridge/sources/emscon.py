@@ -32,7 +32,7 @@ ANSWER_TIMEOUT = 10.0
 INITIALIZE_TIMEOUT = 300.0
 FIRST_BACKOFF = 0.2
 LONGEST_BACKOFF = 2.0
-# Events this soon after the set-up are echoes of its own commands [s].
+# Events this soon after the set-up may be echoes of its own commands [s].
 ECHO_TIME = 1.0
 # The thread looks this often whether it shall end.
 POLL = 0.2
@@ -69,6 +69,7 @@ class EmsconSource(Source):
         self._socket = socket.socket()
         self._splitter = tpi.StreamSplitter()
         self._ready = 0.0
+        self._suspected = False
         self._receive_ns = 0
 
     def run(self) -> None:
@@ -116,7 +117,7 @@ class EmsconSource(Source):
         self._socket.settimeout(POLL)
         self._splitter = tpi.StreamSplitter()
 
-    def _set_up(self) -> None:
+    def _configure(self) -> None:
         # Metres, radians, degrees Celsius, millibar.
         self._command(Command.SET_UNITS, LengthUnit.METRE, 0, 0, 0, 0)
         self._command(Command.SET_MEASUREMENT_MODE, CONTINUOUS_TIME_MODE)
@@ -124,9 +125,14 @@ class EmsconSource(Source):
         self._command(Command.SET_COORDINATE_SYSTEM_TYPE, CARTESIAN_RIGHT_HANDED)
         # Keep the last position, send events unsolicited; no transformation is applied.
         self._command(Command.SET_SYSTEM_SETTINGS, 1, 0, 0, 1, 1, 0, 0, 0, 0)
+
+    def _set_up(self) -> None:
+        self._configure()
         status = self._answer(Command.START_MEASUREMENT)
         if status == ResultStatus.NOT_INITIALISED:
             self._command(Command.INITIALIZE, timeout=INITIALIZE_TIMEOUT)
+            # It takes minutes, in which another client may have set the tracker up.
+            self._configure()
             status = self._answer(Command.START_MEASUREMENT)
         if status == ResultStatus.BUSY:
             self._command(Command.STOP_MEASUREMENT)
@@ -195,10 +201,14 @@ class EmsconSource(Source):
 
     def _take_event(self, event: int) -> None:
         self.count(f'event_{event}')
-        if event in SPOILING and time.monotonic() - self._ready > ECHO_TIME:
-            raise TrackerLost(
-                f'another client changed {SPOILING[Event(event)]}: setting the tracker up anew'
-            )
+        if event in SPOILING:
+            # What also follows the second set-up at once is its echo.
+            soon = time.monotonic() - self._ready <= ECHO_TIME
+            echo, self._suspected = soon and self._suspected, soon
+            if not echo:
+                raise TrackerLost(
+                    f'another client changed {SPOILING[Event(event)]}: setting the tracker up anew'
+                )
         if event == Event.SERVER_CLOSING:
             raise TrackerLost('the tracker server closes: start it again')
         if event in NOT_MEASURING:
