@@ -267,6 +267,14 @@ def test_units_that_another_client_changes_during_the_initialisation_are_not_mis
     assert Command.SET_UNITS in commands[commands.index(Command.INITIALIZE) :]
 
 
+def test_a_tracker_without_power_is_noticed():
+    with serving() as server, streaming(server) as source:
+        options = [socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT]
+        idle, step, count = (source._socket.getsockopt(socket.IPPROTO_TCP, o) for o in options)
+        assert source._socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        assert idle + step * count <= 10
+
+
 def test_a_client_that_sends_garbage_or_half_a_packet_harms_nobody():
     with serving() as server, streaming(server) as source:
         garbage = Client(server)

@@ -34,6 +34,8 @@ FIRST_BACKOFF = 0.2
 LONGEST_BACKOFF = 2.0
 # Events this soon after the set-up may be echoes of its own commands [s].
 ECHO_TIME = 1.0
+# A tracker whose power went says nothing more: asked after 5 s of silence, lost after 5 s more.
+KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 1, socket.TCP_KEEPCNT: 5}
 # The thread looks this often whether it shall end.
 POLL = 0.2
 # Another client has changed what the numbers mean: they must not be read any more.
@@ -113,6 +115,8 @@ class EmsconSource(Source):
     def _connect(self) -> None:
         self._socket = socket.create_connection(self.address, timeout=CONNECT_TIMEOUT)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, number in KEEPALIVE.items():
+            self._socket.setsockopt(socket.IPPROTO_TCP, option, number)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.settimeout(POLL)
         self._splitter = tpi.StreamSplitter()
