@@ -275,6 +275,17 @@ def test_a_tracker_without_power_is_noticed():
         assert idle + step * count <= 10
 
 
+@pytest.mark.parametrize('host', ['tracker..local', 70 * 'x'])
+def test_a_host_that_can_be_no_name_is_said(host):
+    source = EmsconSource(lambda _: None, host, 700)
+    source.start()
+    try:
+        wait(lambda: source.trouble or not source.is_alive())
+        assert host in source.trouble and source.is_alive()
+    finally:
+        source.stop()
+
+
 def test_a_client_that_sends_garbage_or_half_a_packet_harms_nobody():
     with serving() as server, streaming(server) as source:
         garbage = Client(server)

@@ -87,7 +87,7 @@ class EmsconSource(Source):
                 while not self.ended.is_set():
                     for packet in self._receive():
                         self._take(packet)
-            except (OSError, StageError) as error:
+            except (OSError, UnicodeError, StageError) as error:
                 self.trouble = self._explain(error)
             finally:
                 self._leave()
