@@ -272,7 +272,7 @@ def test_joint_states_of_another_machine_leave_the_pairs_alone():
         pairs.add_stage(k * MS + 1, (0.0,) * 6)
         pairs.add_point(k * MS, (1e-3, 2e-3, 0.0))
     (pair,) = pairs.pairs()
-    assert pair.stage.tolist() == [1e-3, 2e-3, 0.0]
+    assert pair.stage == pytest.approx([1e-3, 2e-3, 0.0])
 
 
 def test_registration_against_scipy():
@@ -331,3 +331,14 @@ def test_a_silence_is_told_and_its_end():
     # A world that waits in lockstep sends nothing.
     bridge.look(22 * SECOND, connected=True)
     assert bridge.complaints() == []
+
+
+@pytest.mark.parametrize('bad', [{'status': 3}, {'source_ns': 95_990_000_000}])
+def test_points_of_which_none_is_good_are_a_silence(bad):
+    bridge = Bridge()
+    run(bridge, stream(300))
+    bridge.look(103 * SECOND, connected=True)
+    run(bridge, [s._replace(**bad) for s in stream(100, start_ns=103 * SECOND)])
+    bridge.look(104 * SECOND, connected=True)
+    told = bridge.complaints()[0]
+    assert told == 'no point for 1.0 s (100 were refused): check the tracker and its beam'

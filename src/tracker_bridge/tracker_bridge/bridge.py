@@ -55,6 +55,11 @@ class Counters:
     gaps: int = 0
     jumps: int = 0
 
+    @property
+    def refused(self) -> int:
+        """Samples that say nothing new, or say that they are bad."""
+        return self.bad_status + self.not_finite + self.duplicates + self.out_of_order
+
 
 class Bridge:
     """Check samples of a source and stamp those that are fit to be published.
@@ -106,14 +111,14 @@ class Bridge:
             self.clock_lost = False
 
     def look(self, now: int, connected: bool) -> None:
-        """Note for how long a connected source has sent nothing; `now` [ns] is ROS time.
+        """Note for how long a connected source has sent no good point; `now` [ns] is ROS time.
 
         Called about once a second: a world that waits in lockstep has no silence, and what came
         between two calls ends it.
         """
-        received = self.counters.received
-        if received != self._heard[0] or not connected:
-            self._heard = (received, now)
+        good = self.counters.received - self.counters.refused
+        if good != self._heard[0] or not connected:
+            self._heard = (good, now)
         self.silence = (now - self._heard[1]) / NANOSECONDS
 
     def process(self, sample: Sample) -> list[tuple[int, Point]]:
@@ -176,7 +181,10 @@ class Bridge:
         if self.identical > limits.identical:
             found.append(f'{self.identical} identical points, not proven fresh: check the beam')
         if limits.rate and self.silence > limits.age:
-            found.append(f'no point for {self.silence:.1f} s: check the tracker and its beam')
+            refused = f' ({counters.refused} were refused)' if counters.refused else ''
+            found.append(
+                f'no point for {self.silence:.1f} s{refused}: check the tracker and its beam'
+            )
         if limits.rate and self.rate and not 0.5 < self.rate / limits.rate < 2.0:
             found.append(f'{self.rate:.0f} points per second, expected {limits.rate:.0f}')
         if self.source_clock == 'own' and self.age > limits.age:

@@ -141,7 +141,8 @@ class TrackerBridge(StageNode):
     def _check_streams(self) -> None:
         """Raise `StageError` when one of the two streams has never come."""
         if self._bridge.last_stamp is None:
-            reason = self._source.trouble or 'wait two seconds for the clock offset'
+            troubles = [self._source.trouble, *self._bridge.complaints()]
+            reason = '; '.join(filter(None, troubles)) or 'wait two seconds for the clock offset'
             raise StageError(f'no tracker point has come yet: {reason}')
         if self._pairs.last_stage is None:
             raise StageError(f'nothing has come on {topics.JOINT_STATES}: start stage_driver')
