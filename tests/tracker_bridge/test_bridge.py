@@ -116,6 +116,23 @@ def test_a_clock_that_jumps_before_its_offset_is_known_gives_no_wrong_stamp(jump
     assert all(stamp == measured[point] for stamp, point in out)
 
 
+def test_a_tracker_that_was_started_again_has_another_clock_also_after_a_long_pause():
+    bridge = Bridge()
+    first = stream(600)
+    assert len(run(bridge, first)) == 600
+    # Half an hour later, with a clock that stands 1000 s further back than the time that passed.
+    opened = 1899 * SECOND
+    later = stream(300, start_ns=1900 * SECOND)
+    restarted = [s._replace(source_ns=s.source_ns - 1000 * SECOND) for s in later]
+    assert run(bridge, [s._replace(opened_ns=opened) for s in restarted]) == []
+    assert '~/reset' in bridge.complaints()[0]
+    # A stall of the network is no jump: points may be old, but not older than their connection.
+    sound = Bridge()
+    run(sound, first)
+    late = [s._replace(receive_ns=s.receive_ns + 30 * SECOND, opened_ns=opened) for s in later]
+    assert len(run(sound, late)) == 300
+
+
 def test_reset_keeps_the_offset_of_a_sound_clock():
     bridge = Bridge()
     run(bridge, stream(300))

@@ -141,8 +141,10 @@ class Bridge:
         if self.source_clock == 'own' and sample.source_ns is not None:
             late = sample.receive_ns - stamp
             self.age = late / NANOSECONDS
-            # Ahead of its own arrival: the source's clock was set forward.
-            self.clock_lost = self.clock_lost or late < -TIME_JUMP_NS
+            # Ahead of its own arrival: the source's clock was set forward. Older than its
+            # connection: the source was started again, and its clock with it.
+            before = sample.opened_ns - stamp
+            self.clock_lost = self.clock_lost or late < -TIME_JUMP_NS or before > TIME_JUMP_NS
         if last is not None and stamp - last[0] < -TIME_JUMP_NS:
             self.clock_lost = True
         if self.clock_lost:

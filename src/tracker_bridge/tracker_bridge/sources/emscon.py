@@ -72,7 +72,7 @@ class EmsconSource(Source):
         self._splitter = tpi.StreamSplitter()
         self._ready = 0.0
         self._suspected = False
-        self._receive_ns = 0
+        self._receive_ns = self._opened_ns = 0
 
     def run(self) -> None:
         """Connect and stream until `stop`."""
@@ -113,6 +113,7 @@ class EmsconSource(Source):
         )
 
     def _connect(self) -> None:
+        self._opened_ns = time.time_ns()
         self._socket = socket.create_connection(self.address, timeout=CONNECT_TIMEOUT)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         for option, number in KEEPALIVE.items():
@@ -201,7 +202,9 @@ class EmsconSource(Source):
             self.trouble = ''
         values = packet.points['values'].tolist()
         for time_ns, status, (x, y, z) in zip(times, statuses, values, strict=True):
-            self.deliver(Sample((x, y, z), self._receive_ns, time_ns, status))
+            self.deliver(
+                Sample((x, y, z), self._receive_ns, time_ns, status, opened_ns=self._opened_ns)
+            )
 
     def _take_event(self, event: int) -> None:
         self.count(f'event_{event}')
