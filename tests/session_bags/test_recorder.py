@@ -155,6 +155,51 @@ def test_recorder_loses_no_message_and_repeats_the_alignment(
     assert again.alignment is not None, 'the second bag holds the alignment too'
 
 
+#: A recorder on a machine that lacks a package of messages.
+LACKING = 'import sys; sys.modules["lifecycle_msgs.msg"] = None; ' + RECORDER
+STRANGERS = """
+import sys, time, rclpy
+from geometry_msgs.msg import PointStamped
+from lifecycle_msgs.msg import State
+from sensor_msgs.msg import JointState
+from stage_core.ros.node import STATE_QOS
+rclpy.init()
+node = rclpy.create_node('strangers')
+odd = node.create_publisher(State, '/odd', STATE_QOS)
+joints = node.create_publisher(JointState, '/stage/reference', STATE_QOS)
+point = node.create_publisher(PointStamped, '/tracker/point', STATE_QOS)
+while not (joints.get_subscription_count() and point.get_subscription_count()):
+    time.sleep(0.01)
+while True:
+    odd.publish(State())
+    joints.publish(b'\\0\\1\\0\\0')
+    point.publish(PointStamped())
+    time.sleep(0.01)
+"""
+
+
+def test_what_a_stranger_publishes_does_not_end_the_recording(
+    start_process: Start, tmp_path: Path
+) -> None:
+    arguments = '--ros-args', '-p', f'directory:={tmp_path}', '-p', 'topics:=["*"]'
+    start_process(LACKING, *arguments)
+    start_process(STRANGERS)
+    with GraphClient('test_client') as client:
+        path = client.trigger('/session_recorder/start', PATIENCE)
+
+        def told() -> bool:
+            message = client.latest(topics.DIAGNOSTICS)
+            texts = [s.message for s in (message.status if message else ())]
+            return any('/odd is not' in t and '/stage/reference is not' in t for t in texts)
+
+        client.watch(DiagnosticArray, topics.DIAGNOSTICS)
+        client.wait_for(told, PATIENCE, 'what is not recorded')
+        wait_recorded(client, {topics.TRACKER_POINT: 100})
+        client.trigger('/session_recorder/stop', PATIENCE)
+    types = open_bag(path).topic_types()
+    assert topics.TRACKER_POINT in types and not types.keys() & {'/odd', topics.REFERENCE}
+
+
 def test_kill_loses_at_most_a_second(start_process: Start, tmp_path: Path) -> None:
     recorder = start_recorder(start_process, tmp_path, '-p', 'name:=killed')
     publisher = publish(start_process, 1000)

@@ -12,6 +12,7 @@ import rclpy.clock
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from session_bags.cdr import stamp_in
+from session_bags.definitions import definition
 from session_bags.drops import DropCounter
 from session_bags.graph_types import has_header, message_class
 from session_bags.writer import SessionWriter
@@ -59,6 +60,7 @@ class SessionRecorder(StageNode):
         self._opening: dict[str, bytes] = {}
         self._pending = set(self.value('topics'))
         self._topics: set[str] = set()
+        self._left_out: dict[str, str] = {}
         self._taken: list[tuple[int, str, str, bytes, bool, dict[str, int]]] = []
         self._batches = Batches(self, self._write_batch)
         self._subscribe()
@@ -94,14 +96,25 @@ class SessionRecorder(StageNode):
             if type_name is None:
                 continue
             self._pending.discard(topic)
-            self._drops[topic] = DropCounter()
             self._topics.add(topic)
+            try:
+                kind, _ = message_class(type_name), definition(type_name)
+            except StageError as error:
+                self._leave_out(topic, error)
+                continue
+            self._drops[topic] = DropCounter()
             self._batches.create_subscription(
-                message_class(type_name),
+                kind,
                 topic,
                 self._taker(topic, type_name),
                 LATCHED_QOS if topic in topics.LATCHED else RECORDER_QOS,
             )
+
+    def _leave_out(self, topic: str, error: StageError) -> None:
+        """Say once what a stranger's topic lacks: it must not end the recording of the rest."""
+        if topic not in self._left_out:
+            self._left_out[topic] = f'{topic} is not recorded: {error}'
+            self.get_logger().warning(self._left_out[topic])
 
     def _taker(self, topic: str, type_name: str) -> Any:
         header = has_header(type_name)
@@ -128,8 +141,12 @@ class SessionRecorder(StageNode):
         self, topic: str, type_name: str, data: bytes, header: bool, info: dict[str, int]
     ) -> None:
         assert self._writer is not None
-        # A bag has no time before the epoch.
-        stamp = max(stamp_in(data), 0) if header else info['source_timestamp']
+        try:
+            # A bag has no time before the epoch.
+            stamp = max(stamp_in(data), 0) if header else info['source_timestamp']
+        except StageError as error:
+            self._leave_out(topic, error)
+            return
         log_time = info['received_timestamp']
         published = stamp
         if self.value('use_sim_time'):
@@ -231,6 +248,8 @@ class SessionRecorder(StageNode):
         dropped = sum(c.known_drops or 0 for c in self._drops.values())
         if dropped:
             return WARN, f'{dropped} messages dropped: lower the load of this machine', values
+        if self._left_out:
+            return WARN, '; '.join(self._left_out.values()), values
         return OK, 'recording', values
 
     def shutdown(self) -> None:
