@@ -182,6 +182,18 @@ def test_a_disk_that_is_full_when_the_file_is_finished(
     assert_same(read_session(tmp_path / 'bag'), random_session(3000))
 
 
+def test_a_bag_that_is_still_recorded_is_not_repaired(tmp_path: Path) -> None:
+    """The recorder would go on in the file that the repair has put aside."""
+    blocks = session_blocks(random_session(100))
+    with SessionWriter(tmp_path / 'bag') as writer:
+        writer.write_blocks(blocks)
+        with pytest.raises(StageError, match='still recorded'):
+            repair.repair(tmp_path / 'bag')
+        writer.write_blocks(blocks)
+    (done,) = repair.repair(tmp_path / 'bag')
+    assert done.was_whole and done.messages == 2 * sum(len(b.times) for b in blocks)
+
+
 def test_repair_says_what_it_did(
     example: Example, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

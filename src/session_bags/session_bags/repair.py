@@ -21,6 +21,7 @@ from session_bags.records import (
     walk_messages,
 )
 from stage_core.errors import StageError, command_line
+from stage_core.ownership import hold
 
 #: Ending of the original file that a repaired one replaces.
 KEPT_SUFFIX = '.unfinished'
@@ -46,7 +47,7 @@ def repair(path: str | Path) -> list[Repaired]:
     Raises
     ------
     StageError
-        If there is no mcap file, it holds no message, or the disk is full.
+        If there is no mcap file, it holds no message, is still recorded, or the disk is full.
     """
     path = Path(path)
     files = sorted(path.glob('*.mcap')) if path.is_dir() else [path]
@@ -60,6 +61,13 @@ def repair(path: str | Path) -> list[Repaired]:
 
 def _repair_file(path: Path) -> Repaired:
     index = read_index(path)
+    with open(path, 'rb') as held:
+        if not hold(held):
+            raise StageError(f'{path} is still recorded, or repaired by another: wait for its end')
+        return _rewrite(path, index)
+
+
+def _rewrite(path: Path, index: FileIndex) -> Repaired:
     target = path.with_name(path.name + '.repairing')
     try:
         with open(target, 'wb', buffering=0) as stream:

@@ -19,6 +19,7 @@ from session_bags.container import MESSAGE, MESSAGE_HEADER, ContainerWriter
 from session_bags.definitions import definition, quality_of_service
 from stage_core import topics
 from stage_core.errors import StageError
+from stage_core.ownership import hold
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 
@@ -61,6 +62,8 @@ class SessionWriter:
         try:
             self.path.mkdir(parents=True)
             self._stream = open(self.path / file_name, 'xb', buffering=0)  # noqa: SIM115
+            # `repair` must not replace a file that is still written.
+            hold(self._stream)
         except FileExistsError as error:
             raise StageError(
                 f'{self.path} exists already: choose another name, a bag is never overwritten'

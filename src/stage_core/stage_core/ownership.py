@@ -9,6 +9,7 @@ import os
 import socket
 import time
 from pathlib import Path
+from typing import IO
 
 from stage_core.errors import StageError
 
@@ -58,6 +59,20 @@ class Ownership:
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
+
+
+def hold(file: IO[bytes]) -> bool:
+    """Lock an open file until it is closed; False where somebody else holds it.
+
+    Where the file system knows no locks nobody is known to hold it.
+    """
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True
 
 
 def _open(path: Path) -> int:
