@@ -19,6 +19,7 @@ from session_bags import info, metadata, repair
 from session_bags.bulk import session_blocks
 from session_bags.check import check_bag
 from session_bags.reader import read_session
+from session_bags.records import ChunkPlace, chunk_messages
 from session_bags.writer import SessionWriter
 from stage_core.errors import StageError
 from stage_core.session import Session
@@ -180,6 +181,32 @@ def test_a_disk_that_is_full_when_the_file_is_finished(
             writer.close()
     assert repair.main([str(tmp_path / 'bag')]) == 0
     assert_same(read_session(tmp_path / 'bag'), random_session(3000))
+
+
+def test_a_damaged_chunk_of_an_unfinished_bag_costs_that_chunk_only(tmp_path: Path) -> None:
+    with SessionWriter(tmp_path / 'bag') as writer:
+        writer.write_blocks(session_blocks(random_session(500)), chunk_bytes=20_000)
+    (file,) = (tmp_path / 'bag').glob('*.mcap')
+    index = info.open_bag(tmp_path / 'bag').files[0]
+    third, last = index.chunks[2], index.chunks[-1]
+    counts = [len(chunk_rows(file, place)) for place in index.chunks]
+    assert len(counts) > 5
+    data = bytearray(file.read_bytes()[: last.offset + last.length])
+    data[third.offset + third.length // 2] ^= 0xFF
+    data[last.offset + last.length // 2] ^= 0xFF
+    file.write_bytes(data)
+    with pytest.raises(StageError, match='repair'):
+        read_session(tmp_path / 'bag')
+    (done,) = repair.repair(tmp_path / 'bag')
+    assert done.lost_chunks == 1 and done.lost_bytes == last.length
+    assert done.messages == sum(counts) - counts[2] - counts[-1]
+    assert not read_session(tmp_path / 'bag').warnings
+
+
+def chunk_rows(file: Path, place: ChunkPlace) -> list[int]:
+    with open(file, 'rb') as stream:
+        _, found = chunk_messages(stream, file, place)
+    return [number for channel, rows in found.items() for number in [channel] * len(rows)]
 
 
 def test_a_bag_that_is_still_recorded_is_not_repaired(tmp_path: Path) -> None:

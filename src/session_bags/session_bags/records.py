@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import zlib
 from collections.abc import Iterator
@@ -185,10 +186,10 @@ def _note(index: FileIndex, opcode: int, body: bytes) -> None:
 
 
 def _from_scan(path: Path, stream: BinaryIO) -> FileIndex:
-    """Index by walking the file up to its last complete record."""
+    """Index by walking the file up to its last complete record, behind its last whole chunk."""
     index = FileIndex(path, finished=False)
     size = stream.seek(0, 2)
-    position = len(MAGIC)
+    position, whole = len(MAGIC), 0
     while position + RECORD_HEADER <= size:
         stream.seek(position)
         opcode, length = _RECORD.unpack(stream.read(RECORD_HEADER))
@@ -201,17 +202,15 @@ def _from_scan(path: Path, stream: BinaryIO) -> FileIndex:
             return index
         if opcode == Opcode.CHUNK:
             stream.seek(position)
-            try:
+            place = ChunkPlace(position, end - position, index_end=end)
+            index.chunks.append(place)
+            with contextlib.suppress(StageError):
                 chunk = split_chunk(stream.read(end - position), path)
-                inner = unpack_chunk(chunk, path)
-            except StageError:
-                # Half a page of a killed machine: nothing after it is trusted.
-                break
-            for inner_opcode, body in _records(inner):
-                if inner_opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    _note(index, inner_opcode, body)
-            times = chunk.message_start_time, chunk.message_end_time
-            index.chunks.append(ChunkPlace(position, end - position, *times, {}, end))
+                place.start, place.end = chunk.message_start_time, chunk.message_end_time
+                for inner_opcode, body in _records(unpack_chunk(chunk, path)):
+                    if inner_opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                        _note(index, inner_opcode, body)
+                whole = len(index.chunks)
         elif opcode == Opcode.MESSAGE_INDEX and index.chunks:
             channel = int.from_bytes(stream.read(2), 'little')
             index.chunks[-1].index[channel] = position
@@ -222,9 +221,14 @@ def _from_scan(path: Path, stream: BinaryIO) -> FileIndex:
                 index.chunks[-1] = ChunkPlace(last.offset, end - last.offset, bare=True)
             else:
                 index.chunks.append(ChunkPlace(position, end - position, bare=True))
+            whole = len(index.chunks)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
             _note(index, opcode, stream.read(length))
         position = end
+    if len(index.chunks) > whole:
+        # The last pages of a killed machine; a damaged chunk before a whole one is for `repair`.
+        position = index.chunks[whole].offset
+        del index.chunks[whole:]
     index.lost_bytes = size - position
     if index.chunks:
         # The end may have cut its message indexes: its messages are found by walking.
