@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as PlainWriter
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from session_bags.bag import open_bag
 from session_bags.definitions import definition
+from session_bags.info import contents
 from session_bags.reader import read_session
+from session_bags.repair import repair
 from session_bags.writer import SessionWriter, write_session
 from stage_core import topics
 from stage_core.errors import StageError
@@ -230,16 +234,9 @@ def test_named_topics_only(bag: Path) -> None:
         part.require(topics.COMMAND, 'drives')
 
 
-@pytest.mark.parametrize('compression', list(CompressionType))
-@pytest.mark.parametrize('chunked', [True, False])
-def test_files_of_other_recorders(
-    tmp_path: Path, compression: CompressionType, chunked: bool
-) -> None:
-    """Schemas inside chunks, lz4 or no compression, no chunks at all, no metadata.yaml."""
-    session = random_session(80)
-    source = write_session(tmp_path / 'bag', session)
-    path = tmp_path / 'other.mcap'
-    writer = PlainWriter(str(path), chunk_size=4096, compression=compression, use_chunking=chunked)
+def write_plainly(source: Path, path: Path, **options: Any) -> None:
+    """The messages of a bag in a bare file of the format's own writer."""
+    writer = PlainWriter(str(path), chunk_size=4096, **options)
     writer.start('ros2')
     channels: dict[str, int] = {}
     with AnyReader([source]) as reader:
@@ -252,7 +249,45 @@ def test_files_of_other_recorders(
                 )
             writer.add_message(channels[connection.topic], time, bytes(raw), time)
     writer.finish()
+
+
+@pytest.mark.parametrize('compression', list(CompressionType))
+@pytest.mark.parametrize('chunked', [True, False])
+def test_files_of_other_recorders(
+    tmp_path: Path, compression: CompressionType, chunked: bool
+) -> None:
+    """Schemas inside chunks, lz4 or no compression, no chunks at all, no metadata.yaml."""
+    session = random_session(80)
+    path = tmp_path / 'other.mcap'
+    source = write_session(tmp_path / 'bag', session)
+    write_plainly(source, path, compression=compression, use_chunking=chunked)
     assert_same(session, read_session(path))
+
+
+@pytest.mark.parametrize(
+    'options',
+    [
+        {'repeat_schemas': False},
+        {'repeat_channels': False},
+        {'use_statistics': False},
+        {'use_statistics': False, 'repeat_channels': False},
+        {'use_statistics': False, 'index_types': IndexType.NONE},
+        {'use_chunking': False},
+    ],
+)
+def test_a_file_whose_summary_lacks_a_part_is_read_from_end_to_end(
+    tmp_path: Path, options: dict[str, Any]
+) -> None:
+    session = random_session(80)
+    path = tmp_path / 'other.mcap'
+    write_plainly(write_session(tmp_path / 'bag', session), path, **options)
+    again = read_session(path)
+    assert_same(session, again)
+    assert ['no complete index' in warning for warning in again.warnings] == [True]
+    found = contents(open_bag(path))
+    assert found.counts[topics.REFERENCE] == 80
+    repair(path)
+    assert not read_session(path).warnings
 
 
 def test_sqlite_bag_and_big_endian_messages(tmp_path: Path) -> None:

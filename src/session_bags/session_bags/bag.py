@@ -52,10 +52,15 @@ def open_bag(path: str | Path) -> Bag:
         raise StageError(f'{path} {what}: name the directory of a session bag or an mcap file')
     for index in bag.files:
         _adopt(bag, index)
-        if not index.finished:
+        if index.cut:
             bag.warnings.append(
                 f'{index.path.name} is unfinished and was read up to its last complete chunk; '
                 'make it whole with `ros2 run session_bags repair`'
+            )
+        elif not index.finished:
+            bag.warnings.append(
+                f'{index.path.name} has no complete index and was read from end to end; '
+                '`ros2 run session_bags repair` gives it one'
             )
     return bag
 

@@ -64,6 +64,8 @@ class FileIndex:
     chunks: list[ChunkPlace] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     finished: bool = True
+    #: Whether the file ends before its data do; one that is not finished may lack its index only.
+    cut: bool = False
     #: From the statistics; unknown in an unfinished file.
     start: int = 0
     end: int = 0
@@ -133,7 +135,7 @@ def _from_summary(path: Path, stream: BinaryIO) -> FileIndex | None:
     if footer.summary_crc and zlib.crc32(checked) != footer.summary_crc:
         return None
     index = FileIndex(path)
-    messages = 0
+    messages: int | None = None
     for opcode, body in _records(summary):
         if opcode == Opcode.STATISTICS:
             statistics = Statistics.read(_stream(body))
@@ -156,8 +158,9 @@ def _from_summary(path: Path, stream: BinaryIO) -> FileIndex | None:
             index.chunks.append(place)
         else:
             _note(index, opcode, body)
-    if messages and not (index.chunks and index.channels):
-        # A file without chunks, or one that does not repeat its channels.
+    described = all(c.schema_id in {0, *index.schemas} for c in index.channels.values())
+    if messages is None or not described or messages and not (index.chunks and index.channels):
+        # A file without chunks, or one that does not repeat its channels, schemas or numbers.
         return None
     _metadata_before(index, stream, footer.summary_start)
     return index
@@ -187,7 +190,7 @@ def _note(index: FileIndex, opcode: int, body: bytes) -> None:
 
 def _from_scan(path: Path, stream: BinaryIO) -> FileIndex:
     """Index by walking the file up to its last complete record, behind its last whole chunk."""
-    index = FileIndex(path, finished=False)
+    index = FileIndex(path, finished=False, cut=True)
     size = stream.seek(0, 2)
     position, whole = len(MAGIC), 0
     while position + RECORD_HEADER <= size:
@@ -198,7 +201,7 @@ def _from_scan(path: Path, stream: BinaryIO) -> FileIndex:
             break
         if opcode == Opcode.DATA_END:
             # The data are complete; at most the summary is missing.
-            index.lost_bytes = 0
+            index.cut = False
             return index
         if opcode == Opcode.CHUNK:
             stream.seek(position)
