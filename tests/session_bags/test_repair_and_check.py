@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap.writer import Writer as PlainWriter
 from rosbags.highlevel import AnyReader
 
 from session_bags import info, metadata, repair
@@ -21,6 +22,7 @@ from session_bags.check import check_bag
 from session_bags.reader import read_session
 from session_bags.records import ChunkPlace, chunk_messages
 from session_bags.writer import SessionWriter
+from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Session
 
@@ -181,6 +183,50 @@ def test_a_disk_that_is_full_when_the_file_is_finished(
             writer.close()
     assert repair.main([str(tmp_path / 'bag')]) == 0
     assert_same(read_session(tmp_path / 'bag'), random_session(3000))
+
+
+@pytest.mark.parametrize('left', [0, 60])
+def test_a_bag_of_several_files_is_repaired_without_the_file_that_holds_nothing(
+    example: Example, tmp_path: Path, left: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A recorder was killed as it began the next file."""
+    bag = tmp_path / 'bag'
+    bag.mkdir()
+    (bag / 'bag_9.mcap').write_bytes(example.data)
+    (bag / 'bag_10.mcap').write_bytes(example.data)
+    (bag / 'bag_11.mcap').write_bytes(example.data[:left])
+    assert len(read_session(bag).series[topics.REFERENCE]) == 600
+    assert repair.main([str(bag)]) == 0
+    assert 'bag_11.mcap: no complete chunk' in capsys.readouterr().out
+    description = metadata.load(bag)
+    assert description and [f.path for f in description.files] == ['bag_9.mcap', 'bag_10.mcap']
+    assert not any('unfinished' in warning for warning in read_session(bag).warnings)
+
+
+def test_a_channel_without_a_schema_is_no_hindrance(tmp_path: Path) -> None:
+    bag = tmp_path / 'bag'
+    bag.mkdir()
+    writer = PlainWriter(str(bag / 'bag_0.mcap'))
+    writer.start()
+    writer.add_message(writer.register_channel('/panel', 'json', 0), 5, b'{}', 5)
+    writer.finish()
+    (done,) = repair.repair(bag)
+    assert done.was_whole and info.contents(info.open_bag(bag)).counts == {'/panel': 1}
+
+
+def test_a_disk_without_hard_links(
+    example: Example, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a USB stick formatted for Windows."""
+
+    def refused(*_: object) -> None:
+        raise PermissionError(errno.EPERM, 'Operation not permitted')
+
+    monkeypatch.setattr('os.link', refused)
+    bag = bag_with(example.data[:40_000], tmp_path)
+    (done,) = repair.repair(bag)
+    assert done.messages and not read_session(bag).warnings
+    assert (bag / 'bag_0.mcap.unfinished').read_bytes() == example.data[:40_000]
 
 
 def test_a_damaged_chunk_of_an_unfinished_bag_costs_that_chunk_only(tmp_path: Path) -> None:

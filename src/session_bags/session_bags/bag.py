@@ -71,7 +71,7 @@ def _open_directory(path: Path) -> Bag:
         lost = None
     except StageError as error:
         description, lost = None, error
-    found = sorted(path.glob('*.mcap'), key=_natural)
+    found = mcap_files(path)
     if description is None:
         if not found:
             raise lost or StageError(
@@ -101,6 +101,11 @@ def _adopt(bag: Bag, index: FileIndex) -> None:
     if inner is not None:
         for key, value in inner.custom_data.items():
             bag.description.custom_data.setdefault(key, value)
+
+
+def mcap_files(directory: Path) -> list[Path]:
+    """Files of a bag in the order in which they were recorded."""
+    return sorted(directory.glob('*.mcap'), key=_natural)
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:

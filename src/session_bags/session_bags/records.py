@@ -89,7 +89,11 @@ def read_index(path: Path) -> FileIndex:
     """
     try:
         with open(path, 'rb') as stream:
-            if stream.read(len(MAGIC)) != MAGIC:
+            head = stream.read(len(MAGIC))
+            if not head:
+                # Its recorder was killed before it wrote a byte.
+                return FileIndex(path, finished=False, cut=True)
+            if head != MAGIC:
                 raise StageError(f'{path} is not an mcap file: name a session bag')
             index = _from_summary(path, stream)
             return index if index is not None else _from_scan(path, stream)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from session_bags import metadata
+from session_bags.bag import mcap_files
 from session_bags.container import ChunkMessages, ContainerWriter
 from session_bags.definitions import typestore
 from session_bags.records import (
@@ -50,12 +51,15 @@ def repair(path: str | Path) -> list[Repaired]:
         If there is no mcap file, it holds no message, is still recorded, or the disk is full.
     """
     path = Path(path)
-    files = sorted(path.glob('*.mcap')) if path.is_dir() else [path]
+    files = mcap_files(path) if path.is_dir() else [path]
     if not files or not files[0].is_file():
         raise StageError(f'{path} holds no mcap file: name the directory of a session bag')
     done = [_repair_file(file) for file in files]
+    kept = [file.path for file in done if file.messages or file.was_whole]
+    if not kept:
+        raise StageError(f'{path} holds no complete chunk of messages: nothing can be saved')
     if path.is_dir():
-        _describe(path, files)
+        _describe(path, kept)
     return done
 
 
@@ -79,10 +83,10 @@ def _rewrite(path: Path, index: FileIndex) -> Repaired:
             return Repaired(path, container.message_count, 0, 0, True)
         if not container.message_count:
             target.unlink()
-            raise StageError(f'{path} holds no complete chunk of messages: nothing can be saved')
+            return Repaired(path, 0, lost, index.lost_bytes, False)
         kept = path.with_name(path.name + KEPT_SUFFIX)
         kept.unlink(missing_ok=True)
-        os.link(path, kept)
+        _keep(path, kept)
         os.replace(target, path)
     except OSError as error:
         target.unlink(missing_ok=True)
@@ -91,6 +95,14 @@ def _rewrite(path: Path, index: FileIndex) -> Repaired:
             'unchanged'
         ) from error
     return Repaired(path, container.message_count, lost, index.lost_bytes, False)
+
+
+def _keep(path: Path, kept: Path) -> None:
+    """Give a file a second name; where the file system has none, the first goes."""
+    try:
+        os.link(path, kept)
+    except OSError:
+        os.replace(path, kept)
 
 
 def _copy(index: FileIndex, container: ContainerWriter) -> tuple[int, bool]:
@@ -155,7 +167,8 @@ def _describe(directory: Path, files: Sequence[Path]) -> None:
         for key, value in (described.custom_data if described else {}).items():
             new.custom_data.setdefault(key, value)
         for number, channel in index.channels.items():
-            type_name = index.schemas[channel.schema_id].name
+            schema = index.schemas.get(channel.schema_id)
+            type_name = schema.name if schema else ''
             topic = topics.setdefault(
                 channel.topic,
                 metadata.TopicRecord(
@@ -189,6 +202,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for done in repair(bag):
             if done.was_whole:
                 print(f'{done.path}: whole, {done.messages} messages')
+                continue
+            if not done.messages:
+                print(f'{done.path}: no complete chunk of messages, left out of the bag')
                 continue
             print(
                 f'{done.path}: repaired, {done.messages} messages saved, {done.lost_chunks} '
