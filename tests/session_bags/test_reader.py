@@ -18,6 +18,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from session_bags.bag import open_bag
+from session_bags.bulk import session_blocks
+from session_bags.cdr import blank_layout, encode
 from session_bags.definitions import definition
 from session_bags.info import contents
 from session_bags.reader import read_session
@@ -29,6 +31,7 @@ from stage_core.session import Series, Session
 
 from .conftest import START, assert_same, random_session
 
+SECOND = 1_000_000_000
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
@@ -142,7 +145,6 @@ def test_metadata_has_all_that_rosbag2_reads(bag: Path) -> None:
 
 
 def test_live_writer_keeps_times_and_sequence(tmp_path: Path) -> None:
-    from session_bags.bag import open_bag
     from session_bags.messages import raw_messages
 
     data = bytes(
@@ -224,6 +226,40 @@ def test_a_part_is_read_from_its_chunks_only(
         )
         read_session(tmp_path / 'bag')
     assert unpacked_part < 0.75 * (len(unpacked) - unpacked_part)
+
+
+@pytest.mark.parametrize('reference', [True, False])
+@pytest.mark.parametrize('shift', [3600, -3600])
+def test_a_part_of_a_bag_with_topics_of_several_clocks(
+    tmp_path: Path, reference: bool, shift: int
+) -> None:
+    """A sensor on a machine with another date, and an alignment of long ago."""
+    session = random_session(500)
+    force = session.series[topics.CONTACT_FORCE]
+    shifted = Series(force.topic, force.stamps + shift * SECOND, force.values)
+    session.series[topics.CONTACT_FORCE] = shifted
+    if not reference:
+        del session.series[topics.REFERENCE]
+    old = blank_layout('geometry_msgs/msg/TransformStamped', 'stage', child_frame='tracker')
+    (alignment,) = encode(old, np.array([START - 7200 * SECOND]), {'rotation.w': np.ones(1)})
+    rows = []
+    for block in session_blocks(session):
+        late = shift * SECOND if block.topic == topics.CONTACT_FORCE else 0
+        if block.topic != topics.ALIGNMENT:
+            times = zip(block.times.tolist(), block.rows, strict=True)
+            rows += [(t - late, block.topic, row.tobytes()) for t, row in times]
+    with SessionWriter(tmp_path / 'bag', chunk_bytes=8192) as writer:
+        writer.write(topics.ALIGNMENT, alignment.tobytes(), START)
+        for time, topic, row in sorted(rows, key=lambda r: r[0]):
+            writer.write(topic, row, time)
+    whole = read_session(tmp_path / 'bag')
+    for begin in (0.2, shift + 0.2, 0.0):
+        part = read_session(tmp_path / 'bag', start=begin, stop=begin + 0.1)
+        first = whole.start_ns + round(begin * 1e9)
+        expected = {k: s.between(first, first + SECOND // 10) for k, s in whole.series.items()}
+        assert {k: len(s) for k, s in part.series.items()} == {
+            k: len(s) for k, s in expected.items()
+        }
 
 
 def test_named_topics_only(bag: Path) -> None:
@@ -314,8 +350,6 @@ def test_sqlite_bag_and_big_endian_messages(tmp_path: Path) -> None:
 
 def test_padding_and_many_layouts(tmp_path: Path) -> None:
     """Bytes that CDR leaves open may hold anything; frames may change from message to message."""
-    from session_bags.cdr import blank_layout, encode
-
     rng = np.random.default_rng(3)
     stamps = START + np.arange(60) * 1_000_000
     layout = blank_layout('sensor_msgs/msg/JointState', 'stage', ('x',), ('position',))

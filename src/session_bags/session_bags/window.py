@@ -24,33 +24,30 @@ def window_stamps(
     """Part of the session as stamps [ns]."""
     if start is not None and stop is not None and not start < stop:
         raise StageError(f'the part from {start} s to {stop} s is empty: name a later end')
-    origin = names.REFERENCE if names.REFERENCE in types else None
-    numeric = [topic for topic, kind in types.items() if kind in NUMERIC_TYPES]
-    if origin is None and not numeric:
-        raise StageError(f'{bag.path} holds no message of a session: record it again')
-    first = _first_stamp(bag, types, [origin] if origin else numeric)
+    numeric = types.keys() - {names.ALIGNMENT}
+    wanted = [t for t in numeric if types[t] in NUMERIC_TYPES]
+    first = _first_stamp(bag, types, [names.REFERENCE] if names.REFERENCE in types else wanted)
     begin = first + round((start or 0.0) * NANOSECONDS) if start is not None else -_NEVER
     end = first + round(stop * NANOSECONDS) if stop is not None else _NEVER
     return begin, end
 
 
 def _first_stamp(bag: Bag, types: Mapping[str, str], wanted: Sequence[str]) -> int:
-    """First stamp of the session, from the first chunk with messages of the wanted topics."""
+    """First stamp of the session, from the first chunk with messages of each wanted topic."""
+    decoders = {t: TopicDecoder(t, types[t], str(bag.path)) for t in wanted}
     if bag.foreign:
-        decoders = {t: TopicDecoder(t, types[t], str(bag.path)) for t in wanted}
         read_foreign(bag, decoders)
         return _earliest(bag, decoders)
     for index in bag.files:
-        numbers = {n for n, channel in index.channels.items() if channel.topic in wanted}
         for place in sorted(index.chunks, key=lambda p: p.start):
-            if place.index and numbers.isdisjoint(place.index):
-                continue
-            decoders = {t: TopicDecoder(t, types[t], str(bag.path)) for t in wanted}
-            channels = {n: decoders[index.channels[n].topic] for n in numbers}
-            read_file(index, [place], channels)
-            if any(decoder.count for decoder in decoders.values()):
-                return _earliest(bag, decoders)
-    return _earliest(bag, {})
+            channels = {
+                number: decoders[channel.topic]
+                for number, channel in index.channels.items()
+                if channel.topic in decoders and not decoders[channel.topic].count
+            }
+            if channels and not (place.index and channels.keys().isdisjoint(place.index)):
+                read_file(index, [place], channels)
+    return _earliest(bag, decoders)
 
 
 def _earliest(bag: Bag, decoders: Decoders) -> int:
@@ -71,32 +68,43 @@ def read_window(bag: Bag, decoders: dict[str, TopicDecoder], begin: int, end: in
     places.sort(key=lambda item: item[1].start)
 
     @cache
-    def latest(number: int) -> int | None:
-        """Latest stamp in a chunk; None where it holds none of the topics."""
+    def latest(number: int) -> dict[str, int]:
+        """Latest stamp of each topic in a chunk."""
         index, place = places[number]
-        trial = {t: TopicDecoder(t, d.type_name, str(bag.path)) for t, d in decoders.items()}
-        chosen = {
-            n: trial[c.topic]
-            for n, c in index.channels.items()
-            if c.topic in trial and c.topic != names.ALIGNMENT
+        trial = {t: TopicDecoder(t, d.type_name, str(bag.path)) for t, d in main.items()}
+        read_file(index, [place], {n: trial[t] for n, t in held(number).items()})
+        return {
+            topic: max(int(part.stamps[-1]) for part in series.values())
+            for topic, decoder in trial.items()
+            if (series := decoder.series())
         }
-        if chosen and (not place.index or not chosen.keys().isdisjoint(place.index)):
-            read_file(index, [place], chosen)
-        found = [s for d in trial.values() for s in d.series().values()]
-        return max((int(s.stamps[-1]) for s in found), default=None)
 
-    def latest_from(number: int) -> int:
-        """Latest stamp in a chunk or the first after it that holds the topics."""
-        known = (latest(n) for n in range(number, len(places)))
-        return next((stamp for stamp in known if stamp is not None), _NEVER)
+    def held(number: int) -> dict[int, str]:
+        """Channel -> topic of what a chunk may hold."""
+        index, place = places[number]
+        return {
+            n: c.topic
+            for n, c in index.channels.items()
+            if c.topic in main and (not place.index or n in place.index)
+        }
 
-    chunks = range(len(places))
-    # Neighbouring chunks overlap where messages of one moment arrive across a boundary.
-    lower = max(bisect_left(chunks, begin, key=latest_from) - 1, 0)
-    upper = min(bisect_left(chunks, end, key=latest_from) + 2, len(places))
-    inside = {(id(i), p.offset) for i, p in places[lower:upper]}
+    def inside(topic: str) -> range:
+        """Chunks that hold the part of a topic, whose clock may be one of its own."""
+
+        def latest_from(number: int) -> int:
+            """Latest stamp in a chunk or the first after it that holds the topic."""
+            holding = (n for n in range(number, len(places)) if topic in held(n).values())
+            known = (latest(n)[topic] for n in holding if topic in latest(n))
+            return next(known, _NEVER)
+
+        chunks = range(len(places))
+        # Neighbouring chunks overlap where messages of one moment arrive across a boundary.
+        lower = max(bisect_left(chunks, begin, key=latest_from) - 1, 0)
+        return chunks[lower : bisect_left(chunks, end, key=latest_from) + 2]
+
     main = {t: d for t, d in decoders.items() if t != names.ALIGNMENT}
-    read_places(bag, main, lambda index, place: (id(index), place.offset) in inside)
+    wanted = {(id(i), p.offset) for t in main for i, p in (places[n] for n in inside(t))}
+    read_places(bag, main, lambda index, place: (id(index), place.offset) in wanted)
     if names.ALIGNMENT in decoders:
         latched = {names.ALIGNMENT: decoders[names.ALIGNMENT]}
         read_places(bag, latched, lambda index, place: True)
