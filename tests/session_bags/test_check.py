@@ -11,8 +11,10 @@ import pytest
 
 from session_bags import check, info
 from session_bags.bulk import session_blocks
+from session_bags.cdr import blank_layout, encode
 from session_bags.check import ERROR, OK, WARNING, check_bag
 from session_bags.drops import DropCounter
+from session_bags.reader import read_session
 from session_bags.writer import SessionWriter, write_session
 from stage_core import topics
 from stage_core.session import Series, Session, by_topic
@@ -153,6 +155,33 @@ def test_what_is_wrong_is_named(tmp_path: Path, breaks: Break, level: str, text:
     found = [str(f) for f in check_bag(path) if f.level == level]
     assert any(text in line for line in found), found
     assert check.main([str(path), '-q']) == (1 if level == ERROR else 0)
+
+
+def alignments(path: Path, *frames: tuple[str, str], w: float = 1.0) -> Path:
+    """A bag with an alignment for each pair of frames, x = 1 m from the tracker to the stage."""
+    with SessionWriter(path) as writer:
+        for k, (frame, child) in enumerate(frames):
+            layout = blank_layout('geometry_msgs/msg/TransformStamped', frame, child_frame=child)
+            shift = -1.0 if frame == 'tracker' else 1.0
+            columns = {'rotation.w': np.array([w]), 'translation.x': np.array([shift])}
+            (row,) = encode(layout, np.array([START + k]), columns)
+            writer.write(topics.ALIGNMENT, row.tobytes(), START + k)
+    return path
+
+
+def test_what_is_wrong_with_an_alignment_is_named(tmp_path: Path) -> None:
+    found = [str(f) for f in check_bag(alignments(tmp_path / 'w', ('stage', 'tracker'), w=2.0))]
+    assert any('no unit quaternion' in f for f in found), found
+    found = [str(f) for f in check_bag(alignments(tmp_path / 'f', ('map', 'tracker')))]
+    assert any("frame_id 'map' and child_frame_id 'tracker' should be" in f for f in found), found
+
+
+def test_the_last_alignment_counts_with_its_own_frames(tmp_path: Path) -> None:
+    one, other = ('stage', 'tracker'), ('tracker', 'stage')
+    for number, frames in enumerate([(one, other, one), (one, other), (other, one, other)]):
+        path = alignments(tmp_path / str(number), *frames)
+        found = read_session(path, topics=[topics.ALIGNMENT]).alignment
+        assert found is not None and found.translation[0] == 1.0
 
 
 def test_a_topic_of_another_clock_is_named(tmp_path: Path) -> None:

@@ -68,12 +68,13 @@ def check_bag(path: str | Path) -> list[Finding]:
         decoder = TopicDecoder(topic, type_name, str(path))
         try:
             decode(bag, {topic: decoder})
-            aligned = last_alignment(decoder) if topic == topics.ALIGNMENT else aligned
+            findings += _check_decoded(topic, decoder)
+            frame, decoded = decoder.last_frame(), decoder.series()
+            series |= decoded
+            if topic == topics.ALIGNMENT:
+                aligned = last_alignment(frame, decoded.get(topic))
         except StageError as error:
             findings.append(Finding(ERROR, topic, str(error)))
-            continue
-        findings += _check_decoded(topic, decoder)
-        series |= decoder.series()
     for key, part in series.items():
         findings += _check_series(key, part)
     span = contents(bag)

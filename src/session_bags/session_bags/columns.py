@@ -128,6 +128,14 @@ class TopicDecoder:
         parts = [*self._parts, *self._odd.values()]
         return list(dict.fromkeys((p.layout.frame, p.layout.child_frame) for p in parts))
 
+    def last_frame(self) -> str:
+        """Frame of the message with the last stamp; empty where there is no message."""
+        parts = [p for p in (*self._parts, *self._odd.values()) if p.order]
+        newest = [
+            max(zip(np.concatenate(p.stamps), np.concatenate(p.order), strict=True)) for p in parts
+        ]
+        return parts[newest.index(max(newest))].layout.frame if parts else ''
+
     def series(self) -> dict[str, Series]:
         """Series by key, in order of stamps; a temperature has one per sensor.
 

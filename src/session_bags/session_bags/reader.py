@@ -16,7 +16,7 @@ from session_bags.writer import TWIN_KEY
 from stage_core import topics as names
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform, alignment
-from stage_core.session import Session
+from stage_core.session import Series, Session
 from stage_core.untrusted import yaml_mapping
 
 
@@ -70,7 +70,7 @@ def read_session(
         if decoder.unsorted():
             warnings.append(f'{topic} is not in the order of its stamps; it was sorted')
         if topic == names.ALIGNMENT:
-            aligned = last_alignment(decoder)
+            aligned = last_alignment(decoder.last_frame(), decoder.series().get(topic))
             continue
         for key, part in decoder.series().items():
             series[key] = part if window is None else part.between(*window)
@@ -143,15 +143,13 @@ def _twin(bag: Bag, warnings: list[str]) -> dict[str, Any] | None:
         return None
 
 
-def last_alignment(decoder: TopicDecoder) -> RigidTransform | None:
-    """The last alignment."""
-    frames = decoder.frames()
-    series = decoder.series().get(names.ALIGNMENT)
+def last_alignment(frame: str, series: Series | None) -> RigidTransform | None:
+    """The last alignment of a series, whose message has this frame."""
     if series is None or not len(series):
         return None
     last = {name: column[-1] for name, column in series.values.items()}
     return alignment(
-        frames[-1][0],
+        frame,
         [last[f'rotation.{axis}'] for axis in 'xyzw'],
         [last[f'translation.{axis}'] for axis in 'xyz'],
     )
