@@ -10,7 +10,7 @@ from pathlib import Path
 
 from session_bags.bag import Bag, open_bag
 from session_bags.records import chunk_messages
-from stage_core.errors import command_line
+from stage_core.errors import StageError, command_line
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,13 @@ def describe(path: str | Path) -> str:
     types = bag.topic_types()
     directory = bag.path if bag.path.is_dir() else bag.path.parent
     names = [index.path.name for index in bag.files] or [r.path for r in bag.description.files]
-    size = sum((directory / name).stat().st_size for name in names)
+    try:
+        size = sum((directory / name).stat().st_size for name in names)
+    except OSError as error:
+        raise StageError(
+            f'{directory} lacks {error.filename} ({error.strerror}): copy the whole directory of '
+            'the bag'
+        ) from error
     lines = [
         ('Files:', '\n'.join(names)),
         ('Bag size:', f'{size / 2**20:.1f} MiB'),
