@@ -6,15 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
 
-from session_bags.cdr import NUMERIC_TYPES
+from session_bags import info
+from session_bags.bulk import session_blocks
+from session_bags.cdr import JOINT_STATE, NUMERIC_TYPES, blank_layout, encode
+from session_bags.definitions import typestore
 from session_bags.metadata import load
 from session_bags.reader import read_session
 from session_bags.writer import SessionWriter, write_session
 from stage_core import topics
 from stage_core.errors import StageError
 
-from .conftest import assert_same, random_session
+from .conftest import START, assert_same, random_session
 
 
 class TestBadInput:
@@ -51,6 +55,20 @@ class TestBadInput:
         assert_same(session, read_session(path, allow_nan=True))
         read_session(path, topics=[topics.REFERENCE])
 
+    def test_a_stranger_that_is_not_a_number(self, tmp_path: Path) -> None:
+        """As the joint states of a robot whose controller knows no efforts."""
+        layout = blank_layout(JOINT_STATE, '', ('arm',), ('position', 'effort'))
+        (row,) = encode(layout, np.array([START]), {'effort.arm': np.array([np.nan])})
+        with SessionWriter(tmp_path / 'bag') as writer:
+            writer.write_blocks(session_blocks(random_session(30)))
+            writer.add_topic('/joint_states', JOINT_STATE)
+            writer.write('/joint_states', row.tobytes(), START)
+        session = read_session(tmp_path / 'bag')
+        assert_same(session, random_session(30))
+        assert '/joint_states was left out' in session.warnings[0]
+        with pytest.raises(StageError, match=r'/joint_states holds .*\(effort.arm at stamp'):
+            read_session(tmp_path / 'bag', topics=['/joint_states'])
+
     def test_wrong_type(self, tmp_path: Path) -> None:
         with SessionWriter(tmp_path / 'bag') as writer:
             writer.add_topic(topics.REFERENCE, 'geometry_msgs/msg/PointStamped')
@@ -82,6 +100,15 @@ class TestBadInput:
         (bag / 'bag_0.mcap').unlink()
         with pytest.raises(StageError, match='lacks its file bag_0.mcap'):
             read_session(bag)
+
+    def test_missing_file_of_another_storage(self, tmp_path: Path) -> None:
+        with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+            kind = 'geometry_msgs/msg/PointStamped'
+            writer.add_connection('/tracker/point', kind, typestore=typestore())
+        (tmp_path / 'bag' / 'bag.db3').unlink()
+        for use in (read_session, info.describe):
+            with pytest.raises(StageError, match='bag.db3'):
+                use(tmp_path / 'bag')
 
     @pytest.mark.parametrize('text', ['', '{', 'a: 1', 'rosbag2_bagfile_information: 3', '\0\xff'])
     def test_unreadable_metadata_does_not_matter(self, bag: Path, text: str) -> None:

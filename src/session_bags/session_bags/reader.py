@@ -40,7 +40,8 @@ def read_session(
         Part of the session to read, start <= t < stop, in seconds since its first reference;
         only the chunks that hold it are read. The part is a session of its own.
     allow_nan
-        Hand over messages with NaN or infinity; otherwise they are an error.
+        Hand over messages with NaN or infinity; otherwise they are an error, and a topic that no
+        session has and nobody named is left out with a warning.
 
     Raises
     ------
@@ -65,8 +66,15 @@ def read_session(
     series = {}
     aligned = None
     for topic, decoder in decoders.items():
-        if not allow_nan:
-            _check_finite(path, topic, decoder)
+        bad = None if allow_nan else decoder.not_a_number()
+        if bad and topics is None and topic not in names.TOPIC_TYPES:
+            warnings.append(f'{topic} was left out: it holds a value that is not finite ({bad})')
+            continue
+        if bad:
+            raise StageError(
+                f'{path}: {topic} holds a value that is not a finite number ({bad}): mend its '
+                'source and record the session again'
+            )
         if decoder.unsorted():
             warnings.append(f'{topic} is not in the order of its stamps; it was sorted')
         if topic == names.ALIGNMENT:
@@ -79,15 +87,6 @@ def read_session(
     return Session(
         str(path), series, _twin(bag, warnings), aligned, tuple(warnings), _recorded(bag)
     )
-
-
-def _check_finite(path: str | Path, topic: str, decoder: TopicDecoder) -> None:
-    bad = decoder.not_a_number()
-    if bad:
-        raise StageError(
-            f'{path}: {topic} holds a value that is not a finite number ({bad}): mend its source '
-            'and record the session again'
-        )
 
 
 def _recorded(bag: Bag) -> int:
