@@ -15,10 +15,12 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer as PlainWriter
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from session_bags import info, metadata, repair
 from session_bags.bulk import session_blocks
 from session_bags.check import check_bag
+from session_bags.definitions import typestore
 from session_bags.reader import read_session
 from session_bags.records import ChunkPlace, chunk_messages
 from session_bags.writer import SessionWriter
@@ -212,6 +214,22 @@ def test_a_channel_without_a_schema_is_no_hindrance(tmp_path: Path) -> None:
     writer.finish()
     (done,) = repair.repair(bag)
     assert done.was_whole and info.contents(info.open_bag(bag)).counts == {'/panel': 1}
+
+
+def test_a_bag_of_compressed_messages_is_left_as_it_is(bag: Path, tmp_path: Path) -> None:
+    other = tmp_path / 'other'
+    writer = Writer(other, version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with AnyReader([bag]) as reader, writer:
+        known = {
+            c.topic: writer.add_connection(c.topic, c.msgtype, typestore=typestore())
+            for c in reader.connections
+        }
+        for connection, time, raw in reader.messages():
+            writer.write(known[connection.topic], time, raw)
+    with pytest.raises(StageError, match='compressed messages'):
+        repair.repair(other)
+    assert_same(read_session(bag), read_session(other))
 
 
 def test_a_disk_without_hard_links(

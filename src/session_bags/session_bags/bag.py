@@ -81,7 +81,7 @@ def _open_directory(path: Path) -> Bag:
         bag = Bag(path, metadata.BagMetadata(), [read_index(file) for file in found])
         bag.warnings.append('metadata.yaml is missing or unreadable; the mcap files were read')
         return bag
-    if description.storage != 'mcap' or description.compression_mode in ('file', 'message'):
+    if description.foreign:
         return Bag(path, description, foreign=True)
     names = [path / record.path for record in description.files] or found
     missing = [file for file in names if not file.is_file()]

@@ -51,6 +51,11 @@ class BagMetadata:
     topics: list[TopicRecord] = field(default_factory=list)
     custom_data: dict[str, str] = field(default_factory=dict)
 
+    @property
+    def foreign(self) -> bool:
+        """Whether the files are no plain mcap files: another storage, or compressed."""
+        return self.storage != 'mcap' or self.compression_mode in ('file', 'message')
+
     def content(self) -> dict[str, Any]:
         """The inner mapping with every key that rosbag2 reads unconditionally."""
         filled = [f for f in self.files if f.count]

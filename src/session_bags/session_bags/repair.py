@@ -54,12 +54,18 @@ def repair(path: str | Path) -> list[Repaired]:
     files = mcap_files(path) if path.is_dir() else [path]
     if not files or not files[0].is_file():
         raise StageError(f'{path} holds no mcap file: name the directory of a session bag')
+    old = _description(path) if path.is_dir() else None
+    if old is not None and old.foreign:
+        raise StageError(
+            f'{path} holds compressed messages, which its description alone tells: it is left as it '
+            'is; convert it with `rosbags-convert`'
+        )
     done = [_repair_file(file) for file in files]
     kept = [file.path for file in done if file.messages or file.was_whole]
     if not kept:
         raise StageError(f'{path} holds no complete chunk of messages: nothing can be saved')
     if path.is_dir():
-        _describe(path, kept)
+        _describe(path, old, kept)
     return done
 
 
@@ -150,12 +156,15 @@ def _known(index: FileIndex, messages: ChunkMessages) -> ChunkMessages:
     return {channel: rows for channel, rows in messages.items() if channel in index.channels}
 
 
-def _describe(directory: Path, files: Sequence[Path]) -> None:
-    """Write ``metadata.yaml`` from the summaries of the files."""
+def _description(directory: Path) -> metadata.BagMetadata | None:
     try:
-        old = metadata.load(directory)
+        return metadata.load(directory)
     except StageError:
-        old = None
+        return None
+
+
+def _describe(directory: Path, old: metadata.BagMetadata | None, files: Sequence[Path]) -> None:
+    """Write ``metadata.yaml`` from the summaries of the files."""
     new = metadata.BagMetadata(custom_data=dict(old.custom_data) if old else {})
     topics: dict[str, metadata.TopicRecord] = {}
     for path in files:
