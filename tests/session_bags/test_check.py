@@ -108,6 +108,11 @@ def without(topic: str) -> Break:
     return lambda series: series.__delitem__(topic)
 
 
+def nameless(series: dict[str, Series]) -> None:
+    for topic in (topics.REFERENCE, topics.JOINT_STATES, topics.COMMAND):
+        series[topic] = Series(topic, series[topic].stamps, {})
+
+
 def exchanged(series: dict[str, Series]) -> None:
     values = series[topics.TRACKER_POINT].values
     values['x'], values['y'] = values['y'], values['x']
@@ -125,6 +130,7 @@ def renamed(series: dict[str, Series]) -> None:
         (without(topics.REFERENCE), ERROR, '/stage/reference: is absent'),
         (without(topics.TRACKER_POINT), WARNING, '/tracker/point: is absent'),
         (renamed, ERROR, "names joint 'joint1'"),
+        (nameless, ERROR, '/stage/joint_states: names no joint'),
         (
             scaled(topics.JOINT_STATES, ('position.x', 'velocity.x'), 1e3),
             WARNING,

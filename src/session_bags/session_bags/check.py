@@ -188,7 +188,9 @@ def _check_series(key: str, series: Series) -> Iterator[Finding]:
 def _check_joints(series: Series) -> Iterator[Finding]:
     joints = list(dict.fromkeys(name.partition('.')[2] for name in series.values))
     unknown = [joint for joint in joints if joint not in AXES]
-    if unknown:
+    if not joints:
+        yield Finding(ERROR, series.topic, 'names no joint: the joints are x and y')
+    elif unknown:
         yield Finding(ERROR, series.topic, f'names joint {unknown[0]!r}: the joints are x and y')
     elif joints != [axis for axis in AXES if axis in joints]:
         yield Finding(WARNING, series.topic, 'the joints are not in the order [x, y]')

@@ -52,6 +52,8 @@ def check_tracker(session: Session) -> tuple[str, str]:
         return '', ''  # of the encoder that is said already
     encoder = session.series[topics.JOINT_STATES]
     axes = [axis for axis in AXES if f'position.{axis}' in encoder.values]
+    if not axes:
+        return '', ''  # the encoder names no axis, which is said already
     points, stamps = session.table_points(), session.series[topics.TRACKER_POINT].stamps
     together = (stamps >= encoder.stamps[0]) & (stamps <= encoder.stamps[-1])
     points, stamps = points[together], stamps[together]
