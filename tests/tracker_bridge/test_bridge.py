@@ -330,6 +330,22 @@ def test_too_few_rests_are_refused(count):
         register(np.zeros((count, 3)), np.zeros((count, 3)))
 
 
+@pytest.mark.parametrize('unit', [1e-3, 1e3, 1e6, 1 / 0.0254])
+def test_points_in_another_unit_are_refused(unit):
+    stage = np.random.default_rng(0).uniform(-0.05, 0.05, (8, 3)) * [1, 1, 0]
+    tracker = Rotation.from_euler('z', 70, degrees=True).apply(stage) + [1.0, 2.0, 0.5]
+    assert register(tracker, stage).rms < 1e-9
+    with pytest.raises(StageError, match='as far as the stage: .*unit'):
+        register(unit * tracker, stage)
+
+
+def test_points_that_do_not_follow_the_stage_are_refused():
+    rng = np.random.default_rng(0)
+    stage = rng.uniform(-0.05, 0.05, (8, 3)) * [1, 1, 0]
+    with pytest.raises(StageError, match='does not follow the stage .*reflector'):
+        register(rng.uniform(-0.05, 0.05, (8, 3)), stage)
+
+
 def test_rests_on_one_line_are_refused():
     line = np.outer(np.linspace(-0.05, 0.05, 9), [1.0, 0.5, 0.0])
     with pytest.raises(StageError, match='one line'):

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform, fit_rigid
+from stage_core.tracker_frame import TURNED, other_unit
 from stage_core.wording import measure
 
 Array = NDArray[np.float64]
@@ -70,7 +71,8 @@ def register(tracker: ArrayLike, stage: ArrayLike) -> Registration:
     Raises
     ------
     StageError
-        With fewer than three pairs, or pairs nearly on one line.
+        With fewer than three pairs, pairs nearly on one line, another unit, or points that do not
+        follow the stage.
     """
     source = np.asarray(tracker, dtype=float).reshape(-1, 3)
     target = np.asarray(stage, dtype=float).reshape(-1, 3)
@@ -86,8 +88,15 @@ def register(tracker: ArrayLike, stage: ArrayLike) -> Registration:
             f'the positions lie within {spread * 1e3:.3f} mm of one line: '
             'rest at positions that differ on both axes, then align again'
         )
+    if unit := other_unit(source, target, 'the stage'):
+        raise StageError(f'the tracker {unit}')
     transform = fit_rigid(source, target)
     residuals = transform.apply(source) - target
+    if _rms(residuals) > TURNED * _rms(centred):
+        raise StageError(
+            f'the tracker does not follow the stage (RMS {measure(_rms(residuals))}): put the '
+            'reflector on the table, call ~/reset, rest at six places and align again'
+        )
     freedom = 3 * len(source) - 6
     variance = float(np.sum(residuals**2)) / freedom
     # Small rotation w and shift t about the centre move a point by w × p + t.
