@@ -254,6 +254,11 @@ def test_player_refuses_what_is_not_there(start_process: Start, tmp_path: Path, 
     absent = start_process(
         PLAYER, '--ros-args', '-p', f'bag:={bag}', '-p', 'topics:=["/stage/nonsense"]'
     )
+    behind = start_process(
+        PLAYER, '--ros-args', '-p', f'bag:={bag}', '-p', 'start:=100.0', '-p', 'delay:=0.0'
+    )
+    out, _ = behind.communicate()
+    assert 'holds no message to replay from 100 s on' in out and 'Traceback' not in out
     out, _ = missing.communicate()
     assert missing.returncode == 2 and 'does not exist' in out and 'Traceback' not in out
     out, _ = absent.communicate()

@@ -111,7 +111,13 @@ class SessionPlayer(StageNode):
                     return
         try:
             while not self._ended.is_set():
+                played = self._played
                 self._play_once()
+                if self._played == played and not self._ended.is_set():
+                    raise StageError(
+                        f'{self.value("bag")} holds no message to replay from '
+                        f'{self.value("start"):g} s on: set an earlier start or other topics'
+                    )
                 if not self.value('loop'):
                     break
         except StageError as error:
