@@ -57,8 +57,8 @@ def repair(path: str | Path) -> list[Repaired]:
     old = _description(path) if path.is_dir() else None
     if old is not None and old.foreign:
         raise StageError(
-            f'{path} holds compressed messages, which its description alone tells: it is left as it '
-            'is; convert it with `rosbags-convert`'
+            f'{path} holds compressed messages, which its description alone tells: it is left as '
+            'it is; convert it with `rosbags-convert`'
         )
     done = [_repair_file(file) for file in files]
     kept = [file.path for file in done if file.messages or file.was_whole]
