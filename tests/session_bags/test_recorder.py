@@ -178,10 +178,10 @@ while True:
 """
 
 
-def test_what_a_stranger_publishes_does_not_end_the_recording(
+def test_what_is_not_recorded_is_told_and_the_rest_is_recorded(
     start_process: Start, tmp_path: Path
 ) -> None:
-    arguments = '--ros-args', '-p', f'directory:={tmp_path}', '-p', 'topics:=["*"]'
+    arguments = '--ros-args', '-p', f'directory:={tmp_path}', '-p', 'topics:=["*", "/nobody"]'
     start_process(LACKING, *arguments)
     start_process(STRANGERS)
     with GraphClient('test_client') as client:
@@ -190,7 +190,8 @@ def test_what_a_stranger_publishes_does_not_end_the_recording(
         def told() -> bool:
             message = client.latest(topics.DIAGNOSTICS)
             texts = [s.message for s in (message.status if message else ())]
-            return any('/odd is not' in t and '/stage/reference is not' in t for t in texts)
+            strange = [f'{name} is not recorded' for name in ('/nobody', '/odd', topics.REFERENCE)]
+            return any(all(said in text for said in strange) for text in texts)
 
         client.watch(DiagnosticArray, topics.DIAGNOSTICS)
         client.wait_for(told, PATIENCE, 'what is not recorded')

@@ -110,11 +110,11 @@ class SessionRecorder(StageNode):
                 LATCHED_QOS if topic in topics.LATCHED else RECORDER_QOS,
             )
 
-    def _leave_out(self, topic: str, error: StageError) -> None:
+    def _leave_out(self, what: str, error: StageError) -> None:
         """Say once what a stranger's topic lacks: it must not end the recording of the rest."""
-        if topic not in self._left_out:
-            self._left_out[topic] = f'{topic} is not recorded: {error}'
-            self.get_logger().warning(self._left_out[topic])
+        if what not in self._left_out:
+            self._left_out[what] = f'{what} is not recorded: {error}'
+            self.get_logger().warning(self._left_out[what])
 
     def _taker(self, topic: str, type_name: str) -> Any:
         header = has_header(type_name)
@@ -145,7 +145,7 @@ class SessionRecorder(StageNode):
             # A bag has no time before the epoch.
             stamp = max(stamp_in(data), 0) if header else info['source_timestamp']
         except StageError as error:
-            self._leave_out(topic, error)
+            self._leave_out(f'a message of {topic}', error)
             return
         log_time = info['received_timestamp']
         published = stamp
@@ -248,8 +248,13 @@ class SessionRecorder(StageNode):
         dropped = sum(c.known_drops or 0 for c in self._drops.values())
         if dropped:
             return WARN, f'{dropped} messages dropped: lower the load of this machine', values
-        if self._left_out:
-            return WARN, '; '.join(self._left_out.values()), values
+        troubles = list(self._left_out.values())
+        troubles += [
+            f'{topic} is not recorded: nobody publishes it, see the parameter topics'
+            for topic in sorted(self._pending - {_ALL})
+        ]
+        if troubles:
+            return WARN, '; '.join(troubles), values
         return OK, 'recording', values
 
     def shutdown(self) -> None:
