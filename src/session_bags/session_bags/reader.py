@@ -67,14 +67,9 @@ def read_session(
     aligned = None
     for topic, decoder in decoders.items():
         bad = None if allow_nan else decoder.not_a_number()
-        if bad and topics is None and topic not in names.TOPIC_TYPES:
-            warnings.append(f'{topic} was left out: it holds a value that is not finite ({bad})')
-            continue
         if bad:
-            raise StageError(
-                f'{path}: {topic} holds a value that is not a finite number ({bad}): mend its '
-                'source and record the session again'
-            )
+            warnings.append(_left_out(path, topic, bad, topics is not None))
+            continue
         if decoder.unsorted():
             warnings.append(f'{topic} is not in the order of its stamps; it was sorted')
         if topic == names.ALIGNMENT:
@@ -87,6 +82,16 @@ def read_session(
     return Session(
         str(path), series, _twin(bag, warnings), aligned, tuple(warnings), _recorded(bag)
     )
+
+
+def _left_out(path: str | Path, topic: str, bad: str, named: bool) -> str:
+    """The warning about a topic that holds no number somewhere; an error where it is needed."""
+    if named or topic in names.TOPIC_TYPES:
+        raise StageError(
+            f'{path}: {topic} holds a value that is not a finite number ({bad}): mend its source '
+            'and record the session again'
+        )
+    return f'{topic} was left out: it holds a value that is not finite ({bad})'
 
 
 def _recorded(bag: Bag) -> int:
