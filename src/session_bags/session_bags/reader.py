@@ -40,8 +40,8 @@ def read_session(
         Part of the session to read, start <= t < stop, in seconds since its first reference;
         only the chunks that hold it are read. The part is a session of its own.
     allow_nan
-        Hand over messages with NaN or infinity; otherwise they are an error, and a topic that no
-        session has and nobody named is left out with a warning.
+        Hand over messages with NaN or infinity; otherwise they are an error, or a warning of a
+        topic that no session has and nobody named.
 
     Raises
     ------
@@ -55,9 +55,8 @@ def read_session(
     if names.ALIGNMENT in types and topics is not None and names.TRACKER_POINT in topics:
         wanted.append(names.ALIGNMENT)
     decoders = {topic: TopicDecoder(topic, types[topic], str(path)) for topic in wanted}
-    window = None
-    if start is not None or stop is not None:
-        window = window_stamps(bag, types, start, stop)
+    whole = start is None and stop is None
+    window = None if whole else window_stamps(bag, types, start, stop)
     if window is None or bag.foreign:
         decode(bag, decoders)
     else:
@@ -66,8 +65,7 @@ def read_session(
     series = {}
     aligned = None
     for topic, decoder in decoders.items():
-        bad = None if allow_nan else decoder.not_a_number()
-        if bad:
+        if not allow_nan and (bad := decoder.not_a_number()):
             warnings.append(_left_out(path, topic, bad, topics is not None))
             continue
         if decoder.unsorted():
