@@ -22,6 +22,7 @@ from calibrator.models import METHODS, make_model
 from calibrator.places import folds, judged_places
 from session_bags.measured import data_folder
 from stage_core.errors import StageError
+from stage_core.metrics import SIGMAS
 
 HELD_OUT = 200
 LEARNT = 70
@@ -101,7 +102,7 @@ def judge(method: str, pairs: list[tuple[Rows, Rows]]) -> np.ndarray:
     for learnt, (command, measured, direction, temperatures) in pairs:
         model = make_model(method).fit(*learnt)
         after = measured - model.predict(command, direction, temperatures)
-        rows.append([measured - command, after, 1.96 * model.deviation(command)])
+        rows.append([measured - command, after, SIGMAS * model.deviation(command)])
     return np.concatenate(rows, axis=1)
 
 

@@ -13,7 +13,7 @@ import sys
 import numpy as np
 
 from calibrator.models import METHODS, make_model
-from stage_core.metrics import Metrics
+from stage_core.metrics import SIGMAS, Metrics
 
 SHOWN = (
     'identity',
@@ -100,7 +100,7 @@ def main() -> int:
     print(f'{"paper raw":18s} {52.4:>14} {79.1:>14} {58.2:>14} {86.1:>14}')
     for method in SHOWN:
         values = np.array([t[method] for t in tables])
-        half = 1.96 * values.std(axis=0, ddof=1) / np.sqrt(len(values))
+        half = SIGMAS * values.std(axis=0, ddof=1) / np.sqrt(len(values))
         cells = [f'{m:8.2f} ± {h:.2f}' for m, h in zip(values.mean(axis=0), half, strict=True)]
         print(f'{method:18s} ' + ' '.join(f'{cell:>14s}' for cell in cells))
     return 0

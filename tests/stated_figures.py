@@ -13,7 +13,6 @@ import yaml
 
 from calibrator import prepare
 from contour_ctrl import sequence
-from gap_diagnosis.evidence import acceptance
 from gap_diagnosis.input import stepper
 from gap_diagnosis.report import causes, document
 from session_bags import convert_odrive_cogging, metadata, writer
@@ -22,6 +21,7 @@ from stage_bringup.rerun_view import PINNED
 from stage_bringup.up import TPI_PORT
 from stage_core import drive_link
 from stage_core.clocks import NANOSECONDS
+from stage_core.metrics import SIGMAS
 from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS
 from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile
 from stage_driver import protocol, zaber_link
@@ -108,7 +108,7 @@ STATED: dict[str, list[str]] = {
         'blocks of about 5 s, of about 10 s for a session longer than two minutes',
         'encoder resolution / √12',
         f'at most {document.MOST_CANDIDATES} |',
-        f'further than {acceptance.SIGMAS:g} standard deviations',
+        f'further than {SIGMAS:g} standard deviations',
     ],
     'reference/interfaces_tracker.md': [
         f'port {TPI_PORT}',

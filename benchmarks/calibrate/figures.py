@@ -11,6 +11,7 @@ from benchmarks.calibrate.fit import CANDIDATES, left_out, statements
 from benchmarks.calibrate.truth import belongs_to_machine
 from benchmarks.generators.score import judged
 from gap_diagnosis.evidence.describe import is_magnitude
+from stage_core.metrics import SIGMAS
 from stage_core.quantities import split_effect
 
 Row = dict[str, Any]
@@ -106,7 +107,7 @@ def coverage(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
         named = known + open_.get(key, 0)
         out[key] = {
             'count': known,
-            'holds': float(np.mean(np.abs(values[:, 0]) <= 1.96)) if known else np.nan,
+            'holds': float(np.mean(np.abs(values[:, 0]) <= SIGMAS)) if known else np.nan,
             'width': _median(values[:, 1]),
             'bias': _median(values[:, 0]),
             'open': open_.get(key, 0) / named if named else np.nan,

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from benchmarks.calibrate.figures import NO_SHARE
 from benchmarks.calibrate.truth import belongs_to_machine
-from gap_diagnosis.evidence.acceptance import SIGMAS
 from gap_diagnosis.evidence.describe import is_magnitude, model_of
+from stage_core.metrics import SIGMAS
 from stage_core.quantities import LINKS
 from stage_twin.effects import effect_of
 

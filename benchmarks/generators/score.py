@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from stage_core.metrics import SIGMAS
+
 # These belong to the whole session; a report that adds an axis means the same.
 SESSION_WIDE = ('sample_jitter',)
 BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.9, 0.99, 1.0)
@@ -170,7 +172,7 @@ def _coverage(rows: list[Row]) -> list[str]:
     for key, entries in [*sorted(found.items()), ('all', everything)]:
         if not entries:
             continue
-        held = float(np.mean([abs(sigmas) <= 1.96 for sigmas, _ in entries]))
+        held = float(np.mean([abs(sigmas) <= SIGMAS for sigmas, _ in entries]))
         width = float(np.median([width for _, width in entries]))
         lines.append(f'{key:45s} {len(entries):4d} {held:5.2f} {width:15.3g}')
     return lines

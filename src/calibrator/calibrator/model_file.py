@@ -16,6 +16,7 @@ from calibrator.models import model_from_dict
 from calibrator.models.base import Array, CalibrationModel
 from calibrator.models.encoding import to_json
 from stage_core.errors import StageError
+from stage_core.metrics import SIGMAS
 from stage_core.quantities import AXES
 from stage_core.untrusted import file_text, json_object
 from stage_core.whole_file import write_whole
@@ -120,7 +121,7 @@ class StoredModel:
         ]
         parts.append(f'up to {1e3 * self.fastest:.0f} mm/s' if self.fastest else 'at rest')
         half = ', '.join(
-            f'{axis} ± {1.96e6 * deviation:.2f} µm'
+            f'{axis} ± {1e6 * SIGMAS * deviation:.2f} µm'
             for axis, deviation in zip(AXES, self.model.spread, strict=False)
         )
         count = self.metrics.get('sessions', 1)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from contour_ctrl.friction import LuGre
 from stage_core.errors import StageError
+from stage_core.metrics import SIGMAS
 
-#: Half width of a 95 % interval in standard deviations.
-CERTAIN = 1.96
 #: Friction explains something where it lowers the force left by this share.
 EXPLAINS = 0.01
 
@@ -68,10 +67,10 @@ def refuse_noise(coulomb: float, std: float) -> None:
     NoFriction
         If its 95 % interval reaches zero.
     """
-    if coulomb <= CERTAIN * std:
+    if coulomb <= SIGMAS * std:
         raise NoFriction(
             f'no friction can be told from this bag: the Coulomb force is {coulomb:.2g} N '
-            f'± {CERTAIN * std:.2g} N (95 %)'
+            f'± {SIGMAS * std:.2g} N (95 %)'
         )
 
 

@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike
 
 from stage_core.errors import StageError
 
+#: Half width of a 95 % interval in standard deviations.
+SIGMAS = 1.96
+
 
 @dataclass(frozen=True)
 class Metrics:

@@ -17,6 +17,7 @@ from scipy.special import stdtrit
 from calibrator.models.domain import Domain
 from calibrator.places import distinct_places, folds, judged_places
 from stage_core.errors import StageError
+from stage_core.metrics import SIGMAS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -136,7 +137,7 @@ def deviation(left_out: Array) -> Array:
         rms = np.sqrt(np.mean(left_out**2, axis=0))
         wide = rms * stdtrit(max(n - 1, 1), 0.975) * np.sqrt(1.0 + 1.0 / n)
         quantile = np.maximum(quantile, wide)
-    return np.asarray(quantile / 1.96, dtype=float)
+    return np.asarray(quantile / SIGMAS, dtype=float)
 
 
 def _schemes(data: Conditions, count: int) -> list[list[Mask]]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.evidence.acceptance import FAR_BESIDE, SIGMAS
+from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.calibrated import SPREAD
 from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.evidence.judgement import channel_floor
@@ -23,6 +23,7 @@ from gap_diagnosis.input.windows import STARTED, held_out_windows, inside
 from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
 from stage_core.errors import StageError
+from stage_core.metrics import SIGMAS
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin import hooks

@@ -18,14 +18,13 @@ from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.input.noise import CLEARLY, white_part
 from gap_diagnosis.selection.forward import LACKING
 from gap_diagnosis.selection.gains import weights
+from stage_core.metrics import SIGMAS
 from stage_core.quantities import split_effect
 from stage_twin.effects import EFFECTS, effect_of, link_of
 
 Array = NDArray[np.float64]
 Values = Mapping[str, tuple[float, float]]
 
-#: Half width of a 95 % interval in standard deviations.
-SIGMAS = 1.96
 #: The same of the largest of many: noise has this amplitude at one of the hundred periods that a
 #: travel holds in 3 % of all records. Of 22 ripples on six simulators the wrong ones had 3 to 15
 #: deviations, the right ones 82 and more.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gap_diagnosis.evidence.acceptance import SIGMAS, defining
+from gap_diagnosis.evidence.acceptance import defining
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.parameters import Parameters
@@ -13,6 +13,7 @@ from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.selection.model import Selection
 from gap_diagnosis.selection.parts import Part
+from stage_core.metrics import SIGMAS
 from stage_twin.effects import effect_of
 
 #: Rivals of one effect that are simulated.

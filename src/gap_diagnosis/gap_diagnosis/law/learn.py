@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.channels import Channel, position_rms
 from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.evidence.acceptance import SIGMAS
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import judging, scored_ticks
 from gap_diagnosis.law.judged import Law, law_of
@@ -22,6 +21,7 @@ from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.parts import LEAST_ROWS, Part
 from stage_core.errors import StageError
+from stage_core.metrics import SIGMAS
 from stage_core.twin_file import TwinFile
 from stage_twin.effects.friction import DRY
 

@@ -9,6 +9,7 @@ from gap_diagnosis.evidence.judgement import NONE, Cause
 from gap_diagnosis.parameters import Estimates
 from gap_diagnosis.report.words import probability_words, status_words
 from gap_diagnosis.result import Diagnosis
+from stage_core.metrics import SIGMAS
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.wording import effect_words, parameter_name, rounded, span, with_std
@@ -49,7 +50,7 @@ def effect_sentence(effect: str, parameters: Estimates) -> str:
         for name, (value, std) in parameters.items()
         if f'{{{name}}}' in definition.sentence
         and definition.parameter(name).neutral == 0.0
-        and abs(value) < 1.96 * std
+        and abs(value) < SIGMAS * std
     ]
     beside = {
         p.name: parameters[p.name]
@@ -58,7 +59,7 @@ def effect_sentence(effect: str, parameters: Estimates) -> str:
         and p.fitted
         and p.neutral == 0.0
         and p.name in parameters
-        and abs(parameters[p.name][0]) >= 1.96 * parameters[p.name][1]
+        and abs(parameters[p.name][0]) >= SIGMAS * parameters[p.name][1]
     }
     said = [f'the {parameter_name(name)} may be zero' for name in unsure]
     unseen = [parameter_name(name) for name in not_seen(effect, parameters)]
