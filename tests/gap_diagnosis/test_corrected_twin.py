@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from benchmarks.experiment.machine import session
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.report import document as report
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 
-from .conftest import nominal
+from .conftest import nominal, reference
 
 Maker = Callable[..., Session]
 
@@ -69,3 +71,14 @@ def test_what_holds_an_effect_of_the_twin_takes_its_place(planted: Maker) -> Non
     assert set(effects) == set(machine)
     for name, value in friction.items():
         assert effects['asymmetric_friction.x'][name] == pytest.approx(value, rel=0.05)
+
+
+def test_a_stated_friction_is_as_inexact_as_one_that_is_found() -> None:
+    stated = {'coulomb': 10.0, 'presliding': 1e-6}
+    own = {**stated, 'breakaway': 11.0, 'stribeck_velocity': 2e-3, 'exponent': 1.0}
+    whole = nominal()
+    path = reference(14.0, whole.control_period, 1)
+    machine = whole.with_effects({'stribeck_friction.x': own})
+    made = session(machine, whole, path, np.full(len(path), 20.0), 0)
+    found = diagnose([made], [], whole.with_effects({'coulomb_friction.x': stated}))
+    assert found.verdict == ['stribeck_friction.x']

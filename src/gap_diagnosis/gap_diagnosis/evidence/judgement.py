@@ -96,7 +96,7 @@ def structure(
     a model could still predict, less that of the encoder's noise in a resonance (`answer`). The
     force balance has a known noise (the encoder's steps): what exceeds it is structure. Its share
     is of the gap that approximate models (all but those of the sensor link) have to explain:
-    `modelled` (n,).
+    `modelled` (n,), and what the twin's own effects explain.
     """
     rows = problem.held_out
     residual = everywhere[rows]
@@ -112,7 +112,7 @@ def structure(
         share = min(max(remaining, 0.0) / gap, 1.0)
         return Structure(remaining, share, remaining > least and share > TRACKER_STRUCTURE)
     remaining = float(np.mean(residual**2)) - problem.floor**2
-    share = min(max(remaining, 0.0) / gap, 1.0)
+    share = min(max(remaining, 0.0) / (gap + problem.stated), 1.0)
     return Structure(
         remaining, share, remaining > 3.0 * problem.floor**2 and share > SERVO_STRUCTURE
     )

@@ -47,8 +47,10 @@ class Servo(ForceRows):
         ]
         candidates = {f'{name}.{self.axis}': self for name in servo}
         terms = effects.terms(candidates)
+        stated = 0.0
         if self._predictions:
-            target -= self._nominal(())
+            nominal = self._nominal(())
+            target, stated = target - nominal, float(np.mean(nominal**2))
             terms = re_estimated(
                 terms, self._predictions[0].names('servo', self.axis), self._share
             )
@@ -74,6 +76,7 @@ class Servo(ForceRows):
             signatures=effects.signatures(candidates),
             signal=float(np.var(self.columns(self.applied()))),
             speed=np.abs(self.used(self.smooth_velocity())),
+            stated=stated,
         )
         if not all(r.effort_recorded for r in self.records):
             # The integral of the controller that made the force may have started anywhere.
