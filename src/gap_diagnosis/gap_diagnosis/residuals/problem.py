@@ -40,7 +40,7 @@ class Problem:
     signatures: dict[str, Callable[[], Array]] = field(default_factory=dict)
     #: Variance of the whole signal of which the target is what the twin leaves: of the force.
     signal: float = 0.0
-    #: Mean square of what the twin's own effects need: their models err by a share of it.
+    #: Mean square of what the twin's own effects need: their models leave a share of it.
     stated: float = 0.0
     #: ρ of rows and columns r_k - ρ r_(k-1), freed of their stands before; None: as they are.
     whitening: float | None = None

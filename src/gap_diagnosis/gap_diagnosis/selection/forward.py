@@ -49,7 +49,7 @@ class Selector:
         self.regression = Regression(problem)
         self.noise = problem.floor**2
         self.raw = raw if raw is not None else problem.target
-        self.gap = max(problem.mean_square(problem.judged) - self.noise, 0.0) + problem.stated
+        self.gap = max(problem.mean_square(problem.judged) - self.noise, 0.0)
         #: Effects that another one was taken before.
         self.passed: dict[str, Passed] = {}
 
@@ -95,7 +95,7 @@ class Selector:
                     if name.partition('.')[0] in EXACT:
                         # What they explain is no measure for the errors of other models.
                         rest = joint.mean_square(self.problem) - self.noise
-                        self.gap = min(self.gap, max(rest, 0.0) + self.problem.stated)
+                        self.gap = min(self.gap, max(rest, 0.0))
                     break
             else:
                 rejected.update({n: t.evidence for n, t in trials.items()})
