@@ -18,7 +18,7 @@ from gap_diagnosis.residuals.controller import (
     force_increments,
     velocity_law,
 )
-from gap_diagnosis.residuals.recording import _path, in_another_unit
+from gap_diagnosis.residuals.recording import _path, in_another_unit, in_newtons
 from gap_diagnosis.result import Diagnosis
 from stage_core import topics
 from stage_core.session import Series, Session
@@ -180,6 +180,16 @@ def test_an_effort_without_sign_is_told_although_noise_takes_it_below_zero(
     noisy = Series(topics.COMMAND, old.stamps, {**old.values, 'effort.x': effort})
     result = found(replace(made, series={**made.series, topics.COMMAND: noisy}), {})
     assert result.verdict == ['effort_convention.x']
+
+
+def test_an_effort_of_the_wrong_sign_that_is_all_noise_has_lost_none(planted: Maker) -> None:
+    twin = other_gains({})
+    record = load_record(planted({}, duration=10.0), twin)
+    noise = Noise((AxisNoise(0.0, 0.0, float(np.abs(record.force).max()), 0.0),), None)
+    turned = replace(record, force=-record.force, noise=noise)
+    _, values = in_newtons([turned], twin, ())
+    assert values['effort_convention.x']['factor'][0] == pytest.approx(-1.0)
+    assert values['effort_convention.x']['magnitude'][0] == 0.0
 
 
 def test_the_signs_of_magnitudes_are_those_whose_increments_follow_the_law() -> None:

@@ -182,17 +182,20 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimate
     axis = twin.servo(records[0].axes[i])
     efforts = [r.force[:, i] for r in judged]
     least = [0.0 if r.noise is None else -BELOW_ZERO * r.noise.axes[i].effort for r in judged]
-    unsigned = all(effort.min() >= low for effort, low in zip(efforts, least, strict=True))
+    written, law = _all_increments(judged, i, axis, efforts)
+    if not law.any():  # an axis at rest whose encoder shows no noise
+        return {}, False
+    factor, left = _factor(written, law)
+    # What follows the law to the last digits has its signs, even where noise is all it holds.
+    exact = left < ROUNDED**2 * float(np.mean(written**2))
+    unsigned = not exact and all(e.min() >= low for e, low in zip(efforts, least, strict=True))
     if unsigned:
         signs = [_signs(r, i, axis, e) for r, e in zip(judged, efforts, strict=True)]
         unsigned = float(np.mean(np.concatenate(signs) < 0.0)) > BOTH_SIGNS
-        efforts = [e * s for e, s in zip(efforts, signs, strict=True)] if unsigned else efforts
-    pairs = [_increments(r, i, axis, e) for r, e in zip(judged, efforts, strict=True)]
-    written, law = (np.concatenate(side) for side in zip(*pairs, strict=True))
-    if not law.any():  # an axis at rest whose encoder shows no noise
-        return {}, False
-    factor = float(written @ law / (law @ law))
-    left = float(np.mean((written - factor * law) ** 2))
+    if unsigned:
+        efforts = [e * s for e, s in zip(efforts, signs, strict=True)]
+        written, law = _all_increments(judged, i, axis, efforts)
+        factor, left = _factor(written, law)
     if left > (1.0 - FOLLOWED) * float(np.mean(written**2)):
         return {}, False
     deviation = math.sqrt(left / float(law @ law))
@@ -212,6 +215,20 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimate
     told = abs(moved - math.log(factor)) < NEARER * abs(moved)
     told = told or abs(math.log(factor)) > math.log(NO_GAIN)
     return values, told and any(r.moving[i] for r in judged)
+
+
+def _all_increments(
+    records: list[Record], i: int, axis: ServoAxis, efforts: list[Array]
+) -> tuple[Array, Array]:
+    pairs = [_increments(r, i, axis, e) for r, e in zip(records, efforts, strict=True)]
+    written, law = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    return written, law
+
+
+def _factor(written: Array, law: Array) -> tuple[float, float]:
+    """Factor of the law's increments that is nearest to the recorded ones, and what it leaves."""
+    factor = float(written @ law / (law @ law))
+    return factor, float(np.mean((written - factor * law) ** 2))
 
 
 def _left_by_any_law(
