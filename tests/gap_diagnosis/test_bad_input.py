@@ -44,6 +44,12 @@ def nan_encoder(session: Session) -> Session:
     return changed(session, topics.JOINT_STATES, position_x=position)
 
 
+def wrong_once(session: Session, topic: str, column: str, value: float) -> Session:
+    values = session.series[topic].values[column].copy()
+    values[len(values) // 2] = value
+    return changed(session, topic, **{column.replace('.', '_'): values})
+
+
 def still(session: Session) -> Session:
     zero = np.zeros(len(session.series[topics.REFERENCE]))
     for topic in (topics.REFERENCE, topics.JOINT_STATES):
@@ -61,6 +67,21 @@ CASES: list[tuple[str, Callable[[Session], Session], str]] = [
     ('no reference', lambda s: without(s, topics.REFERENCE), topics.REFERENCE),
     ('no encoder', lambda s: without(s, topics.JOINT_STATES), topics.JOINT_STATES),
     ('NaN', nan_encoder, 'NaN|not.*number'),
+    (
+        'one wrong reading of the encoder',
+        lambda s: wrong_once(s, topics.JOINT_STATES, 'position.x', 1e3),
+        'encoder of axis x has single values far from all others',
+    ),
+    (
+        'one wrong point of the tracker',
+        lambda s: wrong_once(s, topics.TRACKER_POINT, 'x', 1e3),
+        'has single values far from all others',
+    ),
+    (
+        'one wrong effort',
+        lambda s: wrong_once(s, topics.COMMAND, 'effort.x', 1e12),
+        'effort of axis x is 1e.12 N at .* far beyond the force_limit',
+    ),
     ('no motion', still, 'motion is missing'),
     ('too short', lambda s: cut(s, 3.0), 'too short'),
     ('tracker at another time', lambda s: shifted(s, topics.TRACKER_POINT, 900.0), 'overlap'),

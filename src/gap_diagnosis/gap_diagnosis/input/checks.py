@@ -131,11 +131,8 @@ def check_excitation(record: Record) -> None:
         wanted = float(np.ptp(record.reference[:, i]))
         # What hardly moves by itself may be pushed by another axis.
         if wanted > MINIMUM_TRAVEL and float(np.ptp(record.encoder[:, i])) > OTHER_UNIT * wanted:
-            raise StageError(
-                f'{record.name}: the encoder of axis {axis} moves '
-                f'{float(np.ptp(record.encoder[:, i])) / wanted:.3g} times as far as its '
-                'reference: one of them is not in metres, mend its unit'
-            )
+            wrong = other_unit(record.encoder[:, [i]], record.reference[:, [i]], 'its reference')
+            raise StageError(f'{record.name}: the encoder of axis {axis} {wrong}')
 
 
 def reverses(record: Record, i: int) -> bool:
@@ -181,10 +178,17 @@ def check_controller(record: Record, twin: TwinFile) -> None:
         if not record.moving[i]:
             continue
         force = record.force[1:, i]
+        worst = int(np.argmax(np.abs(force)))
         beyond = float(np.mean(np.abs(force) > 1.01 * axis.force_limit))
         if beyond > 0.01:
             raise StageError(
                 f'{record.name}: {100 * beyond:.0f} % of the recorded forces of axis {name} '
                 f"exceed the twin's force_limit of {axis.force_limit:g} N: the twin belongs to "
                 'another machine (limit or units)'
+            )
+        if abs(force[worst]) > OTHER_UNIT * axis.force_limit:
+            raise StageError(
+                f'{record.name}: the effort of axis {name} is {force[worst]:.3g} N at '
+                f'{record.time[worst + 1]:.3f} s, far beyond the force_limit of '
+                f'{axis.force_limit:g} N: cut that part out, or record it again'
             )
