@@ -113,6 +113,8 @@ def test_scheme_names_select_their_terms() -> None:
     gains = parameters.make_gains(values(**full))
     assert gains.cmac is not None and gains.friction is not None
     assert gains.friction[0].static == 25.0 and gains.friction[1].static == 8.0
+    with pytest.raises(StageError, match='x.coulomb and y.coulomb above zero'):
+        parameters.make_gains(values(**{**full, 'y.coulomb': 0.0}))
     learning = parameters.make_learning(values(**full))
     assert learning is not None and learning.reinforced
     fixed = parameters.make_learning(values(scheme='ccc+ilc'))

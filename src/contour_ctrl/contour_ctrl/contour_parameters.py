@@ -213,7 +213,13 @@ def _limits(value: Values) -> AxisLimits:
 
 
 def make_gains(value: Values) -> Gains:
-    """Gains of the scheme."""
+    """Gains of the scheme.
+
+    Raises
+    ------
+    StageError
+        If the friction of one axis alone is to be compensated, or is none of the model.
+    """
     base = value('scheme').split('+')[0]
     settings = None
     if base == 'cccmac':
@@ -225,7 +231,13 @@ def make_gains(value: Values) -> Gains:
             mode=value('cmac_update'),
         )
     friction = None
-    if min(_pair(value, 'coulomb')) > 0.0:
+    forces = _pair(value, 'coulomb')
+    if min(forces) <= 0.0 < max(forces):
+        raise StageError(
+            'friction is compensated on both axes: set x.coulomb and y.coulomb above zero, or '
+            'both to zero'
+        )
+    if min(forces) > 0.0:
         models = [
             LuGre(
                 value(f'{axis}.coulomb'),
