@@ -171,7 +171,8 @@ def follows_the_calibration_model(
     client.wait_for(
         lambda: latched.get_subscription_count() > 0, PATIENCE, 'a reader of the model'
     )
-    latched.publish(String(data=json.dumps({'active': True, 'file': str(file)})))
+    announced = {'version': 1, 'metrics': {}, 'max_correction': 1e-3}
+    latched.publish(String(data=json.dumps({'active': True, 'file': str(file), **announced})))
     client.wait_for(lambda: any(file.name in text for text in seen), PATIENCE, 'the model')
     plant.streamed.clear()
     plant.moves.clear()

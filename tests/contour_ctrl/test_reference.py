@@ -253,7 +253,7 @@ def test_a_thermal_model_is_inverted_at_the_temperatures_heard_else_at_their_mea
     # No temperature is asked of a model without sensors.
     plain = StoredModel(make_model('affine').fit(command, 1.01 * command))
     np.testing.assert_allclose(1.01 * inverse(plain, {}, {}, 1e-3)(goals), goals, atol=1e-9)
-    with pytest.raises(StageError, match='max_correction of the calibrator is 100'):
+    with pytest.raises(StageError, match=r'beyond max_correction 100\.0 µm of the calibrator'):
         inverse(plain, {}, {}, 1e-4)(goals)
 
 
@@ -264,7 +264,13 @@ def test_a_file_that_changed_since_the_calibrator_took_it_corrects_no_contour(
     model = make_model('affine').fit(command, 1.001 * command)
     taken = StoredModel(model, version=3, metrics={'after': {'rms': 1e-6}})
     file = tmp_path / 'model.json'
-    announced = {'active': True, 'file': str(file), 'version': 3, 'metrics': taken.metrics}
+    announced = {
+        'active': True,
+        'file': str(file),
+        'version': 3,
+        'metrics': taken.metrics,
+        'max_correction': 1e-3,
+    }
     save(taken, file)
     assert announced_model(announced).version == 3
     for other in (
@@ -275,8 +281,10 @@ def test_a_file_that_changed_since_the_calibrator_took_it_corrects_no_contour(
         with pytest.raises(StageError, match='no longer the model that the calibrator corrects'):
             announced_model(announced)
     with pytest.raises(StageError, match='must not correct: worse than none'):
-        announced_model({'active': True, 'file': str(file)})
-    with pytest.raises(StageError, match='names no file'):
+        announced_model({**announced, 'metrics': other.metrics})
+    with pytest.raises(StageError, match='without file: retrain'):
+        announced_model({**announced, 'file': ''})
+    with pytest.raises(StageError, match='without file and version and metrics and max_corr'):
         announced_model({'active': True})
 
 

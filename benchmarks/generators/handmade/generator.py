@@ -49,7 +49,9 @@ def simulate(machine: Machine, reference: Reference, planted: list[Planted], see
         (axes[0], axes[1]), ticks, noise, reference.position, reference.velocity, period
     )
     warm = measure.warmth(streams[3], planted, n * period)
-    points_at, points = measure.tracker(streams[2], machine, planted, ticks, log, warm)
+    # A machine that flies away is refused for its motor; the tracker's splines need numbers.
+    seen = np.nan_to_num(log, posinf=0.0, neginf=0.0)
+    points_at, points = measure.tracker(streams[2], machine, planted, ticks, seen, warm)
     warm_at, temperatures = measure.temperatures(streams[3], machine, n * period, warm)
     return Record(
         stamps=grid if jitter else ticks,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -100,9 +101,27 @@ class StoredModel:
         target: ArrayLike,
         direction: ArrayLike | None = None,
         temperatures: ArrayLike | None = None,
+        largest: float = math.inf,
     ) -> Array:
-        """Commands that reach table points, (n, axes) [m]; see `CalibrationModel.invert`."""
-        return self.model.invert(target, direction, temperatures)
+        """Commands that reach table points, (n, axes) [m]; see `CalibrationModel.invert`.
+
+        Raises
+        ------
+        StageError
+            If a point cannot be inverted, or a correction exceeds `largest` [m]: the stage must
+            not go there.
+        """
+        wanted = np.asarray(target)
+        commands = self.model.invert(wanted, direction, temperatures)
+        most = np.max(np.abs(commands - wanted), axis=1)
+        if (most > largest).any():
+            worst = int(np.argmax(most))
+            raise StageError(
+                f'the correction at {wanted[worst].tolist()} m is {1e6 * most[worst]:.1f} µm, '
+                f'beyond max_correction {1e6 * largest:.1f} µm of the calibrator: retrain, or '
+                'raise max_correction'
+            )
+        return commands
 
     def domain_line(self) -> str:
         """Where the model was trained, for a person, with how wide its intervals are there."""

@@ -14,6 +14,9 @@ from stage_core.errors import StageError
 
 FloatArray = NDArray[np.float64]
 
+#: What has to stand in the announcement of an active model.
+ANNOUNCED = ('file', 'version', 'metrics', 'max_correction')
+
 
 def announced_model(announced: Mapping[str, Any]) -> StoredModel:
     """The model that the calibrator announced as active.
@@ -21,15 +24,17 @@ def announced_model(announced: Mapping[str, Any]) -> StoredModel:
     Raises
     ------
     StageError
-        If it names no file, or one that cannot be read, holds another model by now, or one that
-        must not correct.
+        If it lacks a key, or names no file or one that cannot be read, holds another model by
+        now, or one that must not correct.
     """
-    path = announced.get('file')
-    if not isinstance(path, str) or not path:
-        raise StageError(f'{topics.MODEL} is active but names no file: retrain the calibrator')
+    lacking = [name for name in ANNOUNCED if announced.get(name) in (None, '')]
+    if lacking:
+        raise StageError(
+            f'{topics.MODEL} is active without {" and ".join(lacking)}: retrain the calibrator'
+        )
+    path = announced['file']
     stored = load(path)
-    found = {'version': stored.version, 'metrics': stored.metrics}
-    if any(announced.get(name, value) != value for name, value in found.items()):
+    if announced['version'] != stored.version or announced['metrics'] != stored.metrics:
         raise StageError(
             f'{path} is no longer the model that the calibrator corrects with: call '
             '/calibrator/load to take it, or /calibrator/retrain'
@@ -54,14 +59,7 @@ def inverse(
 
     def commands(points: FloatArray) -> FloatArray:
         heat = None if row is None else np.tile(row, (len(points), 1))
-        found = stored.invert(points, None, heat)
-        most = float(np.max(np.abs(found - points), initial=0.0))
-        if most > largest:
-            raise StageError(
-                f'the model corrects this contour by {1e6 * most:.1f} µm, the max_correction of '
-                f'the calibrator is {1e6 * largest:.1f} µm: retrain, or raise max_correction'
-            )
-        return found
+        return stored.invert(points, None, heat, largest)
 
     return commands
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
@@ -137,8 +136,8 @@ class ContourCtrl(StreamingNode):
                 self.get_logger().info(line)
             else:
                 self.get_logger().warning(line)
-        largest = float(self._model.get('max_correction', math.inf))
-        return inverse(stored, readings, self._temperatures.rates(readings), largest)
+        rates, largest = self._temperatures.rates(readings), self._model['max_correction']
+        return inverse(stored, readings, rates, largest)
 
     def _on_temperature(self, message: Temperature) -> None:
         self._temperatures.hear(

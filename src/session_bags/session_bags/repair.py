@@ -70,11 +70,10 @@ def repair(path: str | Path) -> list[Repaired]:
 
 
 def _repair_file(path: Path) -> Repaired:
-    index = read_index(path)
     with open(path, 'rb') as held:
         if not hold(held):
             raise StageError(f'{path} is still recorded, or repaired by another: wait for its end')
-        return _rewrite(path, index)
+        return _rewrite(path, read_index(path))
 
 
 def _rewrite(path: Path, index: FileIndex) -> Repaired:
