@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.closed_loop.dither import STEPLESS
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.calibrated import SPREAD
@@ -42,9 +43,6 @@ MOVED = 0.03  # in `_Loop.scale`, of a parameter by which the gap is differentia
 #: value where the other one is true, and 0.67 where the force balance is right.
 MUCH_BETTER = 0.4
 BLOCK = 2.0  # s, left out at a time
-#: Step [m] of the encoder in the twin that is refined. A rounded position makes the gap a rough
-#: function of the parameters: a loop that rounds elsewhere goes another way.
-STEPLESS = 1e-12
 
 
 def one_axis(record: Record, axis: str) -> Record:
@@ -61,9 +59,11 @@ def one_axis(record: Record, axis: str) -> Record:
         )
     }
     warm = None if record.temperature is None else record.temperature[:, [i]]
+    noise = record.noise and replace(record.noise, axes=(record.noise.axes[i],))
     return replace(
         record,
         axes=(axis,),
+        noise=noise,
         moving=(record.moving[i],),
         temperature=warm,
         tracker=None,
@@ -73,7 +73,11 @@ def one_axis(record: Record, axis: str) -> Record:
 
 
 def stepless(twin: TwinFile, axis: str) -> TwinFile:
-    """The twin whose encoder of an axis does not round."""
+    """The twin whose encoder of an axis does not round.
+
+    A rounded position makes the gap a rough function of the parameters: a loop that rounds
+    elsewhere goes another way.
+    """
     smooth = replace(twin.servo(axis), encoder_resolution=STEPLESS)
     return replace(twin, axes={**twin.axes, axis: smooth})
 

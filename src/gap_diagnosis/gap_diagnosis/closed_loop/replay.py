@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.closed_loop import dither
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.nominal import merged
@@ -42,7 +43,8 @@ def declared_commands(record: Record, twin: TwinFile) -> Array:
 def replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array]:
     """Gap (n,) of each encoder channel [m] and of the force of each axis [N].
 
-    A servo twin follows the recorded reference with its own controller (closed loop). A
+    A servo twin follows the recorded reference with its own controller (closed loop), with the
+    noise of the encoders where it has a friction (`dither`). A
     measured-force twin runs in windows of 100 ms from the recorded state. A stepper twin has no
     encoder that could show a gap. Beside a simulator's run the gap is (real - simulated) less what
     the effects add to the twin. An axis whose force nothing tells has no gap: no gains run it.
@@ -77,18 +79,21 @@ def _replay(record: Record, twin: TwinFile, effects: Effects) -> dict[str, Array
         # The needed force follows from a smoothed motion: the recorded one is smoothed alike.
         force = smooth_motion(result.force, record.period).position
         return by_channel(record.axes, record.encoder - result.encoder, force - result.required)
+    commands, encoder, force = declared_commands(record, twin), record.encoder, record.force
+    if dither.sticks(machine.effects):
+        commands = commands + dither.shaking(record, twin)
+        moved, pushed = dither.answer(record, twin)
+        encoder, force = encoder + moved, force + pushed
     simulated = simulate(
         machine,
         record.reference,
         np.nan_to_num(record.reference_velocity, nan=0.0),
-        compensation=declared_commands(record, twin),
+        compensation=commands,
         temperatures=record.temperature,
         tracker_times=np.zeros(0),
         noise=False,
     )
-    return by_channel(
-        record.axes, record.encoder - simulated.encoder, record.force - simulated.force
-    )
+    return by_channel(record.axes, encoder - simulated.encoder, force - simulated.force)
 
 
 def by_channel(axes: tuple[str, ...], encoder: Array, force: Array) -> dict[str, Array]:

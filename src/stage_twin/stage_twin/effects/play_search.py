@@ -86,14 +86,14 @@ class Crossing:
 
     def __init__(self, rows: ForceRows) -> None:
         self.rows = rows
+        self._runs = list(zip(rows.applied(), rows.position(), rows.periods, strict=True))
         self._kept: dict[Theta, Array] = {}
 
     def columns(self, theta: Theta) -> Array:
         """Force [N] that the drive's mass needs beside the carriage's motion, (n, 1)."""
         moment, share, contact, frequency = theta
         own, signals = share * self.rows.mass, []
-        runs = zip(self.rows.applied(), self.rows.position(), self.rows.periods, strict=True)
-        for force, path, period in runs:
+        for force, path, period in self._runs:
             place = crossed(force, path, period, own, moment / share, contact, frequency)
             needed = np.zeros_like(place)
             needed[1:-1] = own * np.diff(place, 2) / period**2

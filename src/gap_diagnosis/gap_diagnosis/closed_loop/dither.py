@@ -1,0 +1,96 @@
+"""What the noise of an encoder does to a loop that sticks.
+
+The controller answers the noise of each reading with a force, and an axis that is shaken creeps
+where one without noise stands still (dither: Armstrong-Hélouvry, Dupont and Canudas de Wit, "A
+survey of models, analysis tools and compensation methods for the control of machines with
+friction", Automatica 30, 1994). So a twin with a friction is run with a draw of the noise that was
+measured. What the loop without effects answers to the same draw is no gap, and is taken out again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.evidence.describe import model_of
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.parameters import Effects
+from stage_core.twin_file import ServoAxis, TwinFile
+from stage_twin.effects.shared import filtered
+from stage_twin.simulate import simulate
+
+Array = NDArray[np.float64]
+Axes = tuple[tuple[str, ServoAxis], ...]
+
+#: Step [m] of an encoder that does not round.
+STEPLESS = 1e-12
+#: Draws and answers that are kept: of both axes together and of each alone, in two twins.
+KEPT = 6
+
+
+def sticks(effects: Effects) -> bool:
+    """Whether one of the effects is a friction that holds an axis at rest."""
+    return any(model_of(name) == 'friction' for name in effects)
+
+
+def shaking(record: Record, twin: TwinFile) -> Array:
+    """Velocity commands (n, a) [m/s] that do to the loop what the noise of its readings does.
+
+    The controller takes a reading for its position error, and by its filtered difference for the
+    velocity (interfaces.md, "Servo controller").
+    """
+    return _shaking(*_loop(record, twin))
+
+
+def answer(record: Record, twin: TwinFile) -> tuple[Array, Array]:
+    """Positions [m] and forces [N], each (n, a), of the loop without effects to `shaking`."""
+    return _answer(*_loop(record, twin))
+
+
+def _loop(record: Record, twin: TwinFile) -> tuple[Axes, tuple[float, ...], int, float]:
+    """All that a draw hangs on: axes, noise of each [m], number of ticks and their period [s]."""
+    axes = {a: replace(twin.servo(a), encoder_resolution=STEPLESS) for a in record.axes}
+    return tuple(axes.items()), _noise(record), len(record.time), record.period
+
+
+def _noise(record: Record) -> tuple[float, ...]:
+    """Standard deviation [m] of each encoder's noise beyond that of its steps."""
+    if record.noise is None:
+        return (0.0,) * len(record.axes)
+    return tuple(
+        math.sqrt(max(own.position**2 - own.quantum**2 / 12.0, 0.0)) if own.beyond_steps else 0.0
+        for own in record.noise.axes
+    )
+
+
+@lru_cache(maxsize=KEPT)
+def _shaking(axes: Axes, noise: tuple[float, ...], count: int, period: float) -> Array:
+    out = np.zeros((count, len(axes)))
+    for column, (name, axis), std in zip(out.T, axes, noise, strict=True):
+        # An axis has the same draw alone and beside another one.
+        reading = std * np.random.default_rng(ord(name)).standard_normal(count)
+        reading[0] = 0.0
+        keep = math.exp(-period * axis.velocity_filter)
+        speed = filtered([1.0 - keep], [1.0, -keep], np.diff(reading, prepend=0.0) / period)
+        column[:] = -axis.position_gain * reading - speed
+    return out
+
+
+@lru_cache(maxsize=KEPT)
+def _answer(
+    axes: Axes, noise: tuple[float, ...], count: int, period: float
+) -> tuple[Array, Array]:
+    still = np.zeros((count, len(axes)))
+    result = simulate(
+        TwinFile('servo', dict(axes), control_period=period),
+        still,
+        still,
+        compensation=_shaking(axes, noise, count, period),
+        tracker_times=np.zeros(0),
+        noise=False,
+    )
+    return result.encoder, result.force
