@@ -14,6 +14,7 @@ from gap_diagnosis.closed_loop.channels import (
     Channel,
     axis_shares,
     gap_channels,
+    noise_notes,
     position_rms,
     session_rms,
 )
@@ -261,6 +262,23 @@ def _windows(scored: list[Record]) -> list[tuple[float, float]]:
     return [(r.session_time(a), r.session_time(b)) for r in scored for a, b in held_out_windows(r)]
 
 
+def _notes(
+    records: list[Record],
+    prepared: Prepared,
+    parts: list[Part],
+    channels: dict[str, Channel],
+    effects: dict[str, dict[str, float]],
+) -> list[str]:
+    """What a reader has to know beside the verdict."""
+    told = {n: v for n, v in effects.items() if n not in swings(parts)}
+    return [
+        *(warning for record in records for warning in record.warnings),
+        *prepared.notes,
+        *swing_notes(swings(parts)),
+        *noise_notes(records, prepared.twin, told, channels),
+    ]
+
+
 def _conclude(
     records: list[Record],
     prepared: Prepared,
@@ -316,7 +334,6 @@ def _conclude(
         link=link_of(accepted[0]) if accepted else worst,
         unexplained=float(np.clip(max(after**2 - floor**2, 0.0) / max(before**2, 1e-30), 0, 1)),
         structured=structured,
-        warnings=[w for r in records for w in r.warnings]
-        + [*prepared.notes, *swing_notes(swings(parts))],
+        warnings=_notes(records, prepared, parts, channels, effects),
         drives=prepared.laws,
     )

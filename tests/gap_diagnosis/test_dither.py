@@ -1,0 +1,116 @@
+"""A twin that sticks is run with the noise of its encoders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gap_diagnosis.closed_loop import dither
+from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.input.data import Record, load_record
+from stage_core import topics
+from stage_core.session import Series, Session
+from stage_core.twin_file import TwinFile
+
+from .conftest import nominal, reference
+
+Array = NDArray[np.float64]
+Maker = Callable[..., Session]
+
+COULOMB, PRESLIDING, NOISE, SUBSTEPS = 15.0, 4e-6, 0.8e-6, 10
+
+
+def rough() -> TwinFile:
+    """A nominal twin that states a friction, with a fine encoder."""
+    twin = nominal()
+    fine = replace(twin.servo('x'), encoder_resolution=1e-8)
+    known = {'coulomb': COULOMB, 'presliding': PRESLIDING}
+    return replace(twin, axes={'x': fine}).with_effects({'coulomb_friction.x': known})
+
+
+def run(twin: TwinFile, wanted: Array, rate: Array, noise: Array) -> tuple[Array, Array, Array]:
+    """Readings, velocity commands and forces (n,) of the loop of interfaces.md, step by step."""
+    axis, period = twin.servo('x'), twin.control_period
+    keep, short = np.exp(-period * axis.velocity_filter), period / SUBSTEPS
+    position, speed, bristle = float(wanted[0]), 0.0, 0.0
+    last, filtered, integral = position, 0.0, 0.0
+    out = np.zeros((3, len(wanted)))
+    for k in range(len(wanted)):
+        reading = position + noise[k]
+        filtered = keep * filtered + (1.0 - keep) * (reading - last) / period
+        last = reading
+        command = axis.position_gain * (wanted[k] - reading) + axis.velocity_feedforward * rate[k]
+        force = axis.velocity_gain * (command - filtered) + integral
+        integral += axis.integral_gain * period * (command - filtered)
+        out[:, k] = reading, command, force
+        for _ in range(SUBSTEPS):
+            still = np.exp(-short * abs(speed) / PRESLIDING)
+            bristle = still * bristle + (1.0 - still) * np.copysign(PRESLIDING, speed)
+            friction = COULOMB * bristle / PRESLIDING
+            speed += short * (force - axis.viscous * speed - friction) / axis.mass
+            position += short * speed
+    return out[0], out[1], out[2]
+
+
+@pytest.fixture(scope='module')
+def noisy(planted: Maker) -> Session:
+    """A session of that machine whose controller reads noise, made without the simulation."""
+    twin = rough()
+    path = reference(12.0, twin.control_period, 1)[:, 0]
+    rate = np.gradient(path, twin.control_period)
+    noise = NOISE * np.random.default_rng(5).standard_normal(len(path))
+    noise[0] = 0.0
+    readings, commands, forces = run(twin, path, rate, noise)
+    session = planted({})
+    del session.series[topics.TRACKER_POINT]
+    state, command = session.series[topics.JOINT_STATES], session.series[topics.COMMAND]
+    assert len(state.stamps) == len(path)
+    keys = {'position.x': readings}
+    changed = Series(state.topic, state.stamps, {**state.values, **keys})
+    told = {'velocity.x': commands, 'effort.x': forces}
+    asked = Series(command.topic, command.stamps, {**command.values, **told})
+    series = {topics.JOINT_STATES: changed, topics.COMMAND: asked}
+    return replace(session, series={**session.series, **series})
+
+
+def left(record: Record, shaken: bool) -> float:
+    """RMS of the gap of the encoder [m]."""
+    return float(np.sqrt(np.mean(replay(record, rough(), {}, shaken)['encoder.x'] ** 2)))
+
+
+def test_a_machine_that_its_noise_shakes_is_followed_by_a_twin_with_noise(noisy: Session) -> None:
+    record = load_record(noisy, rough())
+    assert record.noise is not None
+    assert record.noise.axes[0].position == pytest.approx(NOISE, rel=0.05)
+    assert left(record, shaken=True) < 3.0 * NOISE
+    assert left(record, shaken=False) > 3.0 * left(record, shaken=True)
+
+
+def test_the_stated_friction_of_such_a_machine_is_no_gap(noisy: Session) -> None:
+    found = diagnose([noisy], [], rough())
+    assert found.verdict == []
+    assert any('shakes it out of its friction' in note for note in found.warnings)
+
+
+def test_no_loop_without_friction_is_shaken(noisy: Session) -> None:
+    record = load_record(noisy, rough())
+    plain = replace(rough(), effects={})
+    both = [replay(record, plain, {}, shaken)['encoder.x'] for shaken in (True, False)]
+    np.testing.assert_array_equal(*both)
+
+
+def test_what_shakes_a_loop_is_what_its_reading_does(noisy: Session) -> None:
+    """The loop without friction answers to the commands as to the noise of its readings."""
+    record = load_record(noisy, rough())
+    plain = replace(rough(), effects={})
+    axis = replace(plain.servo('x'), encoder_resolution=dither.STEPLESS)
+    moved, pushed = dither.answer(record, plain)
+    assert 0.05 * NOISE < np.std(moved) < NOISE
+    # The command differs from the force by what the integral holds alone.
+    shaken = axis.velocity_gain * dither.shaking(record, plain)
+    assert np.std(pushed - shaken) < 0.5 * np.std(pushed)
