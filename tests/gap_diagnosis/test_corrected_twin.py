@@ -10,7 +10,11 @@ import pytest
 
 from benchmarks.experiment.machine import session
 from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.input.data import load_record
 from gap_diagnosis.report import document as report
+from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.selection.forward import Selector
+from gap_diagnosis.selection.parts import SERVO_RULES
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 
@@ -82,3 +86,14 @@ def test_a_stated_friction_is_as_inexact_as_one_that_is_found() -> None:
     made = session(machine, whole, path, np.full(len(path), 20.0), 0)
     found = diagnose([made], [], whole.with_effects({'coulomb_friction.x': stated}))
     assert found.verdict == ['stribeck_friction.x']
+
+
+def test_what_the_twin_states_is_right_up_to_the_error_of_its_model(planted: Maker) -> None:
+    twin = nominal().with_effects({'coulomb_friction.x': MACHINE['coulomb_friction.x']})
+    rows = Servo([load_record(planted({}), twin)], twin, 'x')
+    selector = Selector(rows.problem(), SERVO_RULES, 0)
+    error = SERVO_RULES.of_gap * MACHINE['coulomb_friction.x']['coulomb'] ** 2
+    selector.gap = 0.0  # all of it explained
+    for name in ('coulomb_friction.x', 'asymmetric_friction.x', 'stribeck_friction.x'):
+        assert selector.least(name, gain=1.0, rest=1.0) > 0.8 * error
+    assert selector.least('viscous_friction.x', gain=1.0, rest=1.0) < 0.8 * error

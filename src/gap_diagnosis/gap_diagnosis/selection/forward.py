@@ -300,9 +300,11 @@ class Selector:
         rules = self.rules
         signal = rules.of_signal * self.problem.terms[name].follows * self.problem.signal
         least = max(rules.of_gap * self.gap, rules.of_noise * self.noise, signal, 1e-300)
-        own = self.problem.terms[name].propose is None
-        lacking = own and gain > LACKING * rest > LACKING * self.noise
-        return min(least, self.noise) if lacking else least
+        term = self.problem.terms[name]
+        lacking = term.propose is None and gain > LACKING * rest > LACKING * self.noise
+        least = min(least, self.noise) if lacking else least
+        # What the twin states of an effect is right up to the error of its model.
+        return least if term.base is None else max(least, rules.of_gap * self.problem.stated)
 
     def _simplify(self, accepted: list[str], base: Fit) -> tuple[list[str], Fit]:
         """Drop plain effects that a later, richer one holds as special cases."""
