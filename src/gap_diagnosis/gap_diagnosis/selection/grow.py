@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
+from gap_diagnosis.selection.possible import refined
 
 if TYPE_CHECKING:
     from gap_diagnosis.selection.forward import Selector
@@ -29,7 +30,7 @@ def grow(selector: Selector, fit: Fit, names: list[str]) -> Fit:
             if lost or richer.own or len(richer.lower) > len(theta):
                 others = {n: t for n, t in fit.thetas.items() if n != name}
                 theta = selector.regression.warm_start(selector.regression.linear(others), name)
-            trial = selector.regression.refine({**fit.thetas, name: theta}, [name], rounds=8)
+            trial = refined(selector, {**fit.thetas, name: theta}, [name], rounds=8)
             theta, lost = trial.thetas[name], not selector.admissible(trial, name)
             if not lost and _worth_it(selector, fit, trial):
                 fit, plain = trial, terms[name]
