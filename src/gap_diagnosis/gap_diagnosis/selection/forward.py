@@ -236,13 +236,14 @@ class Selector:
         return linear + len(term.lower)
 
     def with_effect(self, base: Fit, name: str, without: tuple[str, ...] = ()) -> Fit:
-        """The set with one more effect, its own nonlinear parameters refined."""
+        """The set with one more effect: its θ refined, and that of what was taken out before."""
         if without:
             base = self.regression.linear(
                 {n: t for n, t in base.thetas.items() if n not in without}
             )
         theta = self.regression.warm_start(base, name)
-        return refined(self, {**base.thetas, name: theta}, [name], rounds=8)
+        free = [n for n in self.rules.kept if n in base.thetas and n != name]
+        return refined(self, {**base.thetas, name: theta}, [name, *free], rounds=8)
 
     def barred(self, name: str, accepted: list[str]) -> bool:
         """Whether an accepted effect holds this one as a special case or excludes it."""
