@@ -15,6 +15,7 @@ from gap_diagnosis.input.noise import axis_noise
 from gap_diagnosis.input.reading_wave import _positive, reading_wave, without_wave
 from gap_diagnosis.parameters import plain_values
 from stage_core import topics
+from stage_twin.effects import EFFECTS
 from stage_twin.effects.encoder_interpolation import misreading
 from tests.gap_diagnosis.conftest import nominal
 
@@ -128,3 +129,10 @@ def test_a_wave_of_the_table_that_the_encoder_reads_already_is_the_encoders(plan
     channels = gap_channels([record], twin, plain_values(named), [])
     floors = dict.fromkeys(channels, 1e-7)
     assert (misread([record], twin, named, channels, floors) is not None) is same
+
+
+def test_an_encoder_may_misread_any_wave_that_a_table_may_have():
+    table, encoder = EFFECTS['cyclic_pitch_error'], EFFECTS['encoder_interpolation']
+    for known in table.parameters:
+        if known.name.startswith('amplitude'):
+            assert encoder.parameter(known.name).maximum >= known.maximum

@@ -36,7 +36,7 @@ EFFECT = Effect(
     name='encoder_interpolation',
     link='sensor',
     parameters=(
-        Parameter('amplitude', 'm', 0.0, 50e-6, 0.5e-6, 'amplitude'),
+        Parameter('amplitude', 'm', 0.0, 200e-6, 0.5e-6, 'amplitude'),
         Parameter(
             'period',
             'm',
@@ -48,7 +48,7 @@ EFFECT = Effect(
             scanned=True,
         ),
         PHASE,
-        *periodic.harmonic_parameters('m', 50e-6),
+        *periodic.harmonic_parameters('m', 200e-6),
     ),
     model='The encoder reads p + amplitude * sin(2 pi p / period + phase), and harmonics: offset, '
     'amplitude and phase errors of its two signals. Heydemann, "Determination and correction of '
