@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gap_diagnosis.__main__ import main
-from gap_diagnosis.input.checks import check_duration
+from gap_diagnosis.input.checks import check_duration, check_units
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
@@ -138,3 +138,19 @@ def test_short_records_count_together() -> None:
         check_duration(lasting(3.0, 3.0))
     with pytest.raises(StageError, match='0.5 s is too short.*leave it out'):
         check_duration(lasting(10.0, 0.5))
+
+
+@pytest.mark.parametrize(('wrong', 'refused'), [([1e9], True), ([1.0] * 2000, False), ([], False)])
+def test_a_wrong_reading_of_an_axis_at_rest_is_told_from_a_push(
+    wrong: list[float], refused: bool
+) -> None:
+    encoder = 1e-6 * np.random.default_rng(0).standard_normal((10_000, 1))
+    encoder[100 : 100 + len(wrong), 0] = wrong
+    record: Any = SimpleNamespace(
+        name='bag', axes=('y',), encoder=encoder, reference=np.zeros_like(encoder)
+    )
+    if not refused:
+        check_units(record)
+        return
+    with pytest.raises(StageError, match='the encoder of axis y has single values far from all'):
+        check_units(record)

@@ -23,6 +23,8 @@ Squareness and scale come to 0.001; a tracker that is 40 ms late, on a circle of
 
 OUTER = 0.005
 """Share of values at either end that a wrong reading now and then may be among."""
+SINGLE = 'has single values far from all others: cut that part out, or record it again'
+"""What to say where a reading is wrong now and then."""
 
 
 def other_unit(points: Array, positions: Array, than: str) -> str:
@@ -30,15 +32,15 @@ def other_unit(points: Array, positions: Array, than: str) -> str:
 
     `than` names what the positions are of.
     """
-    ratio = _extent(points, 0.0) / max(_extent(positions, 0.0), 1e-300)
+    ratio = extent(points, 0.0) / max(extent(positions, 0.0), 1e-300)
     if 1.0 / OTHER_UNIT < ratio < OTHER_UNIT:
         return ''
-    if _extent(points, OUTER) < OTHER_UNIT * _extent(positions, OUTER) and ratio > OTHER_UNIT:
-        return 'has single values far from all others: cut that part out, or record it again'
+    if extent(points, OUTER) < OTHER_UNIT * extent(positions, OUTER) and ratio > OTHER_UNIT:
+        return SINGLE
     return f'moves {ratio:.4g} times as far as {than}: one of them is not in metres, mend its unit'
 
 
-def _extent(values: Array, outer: float) -> float:
+def extent(values: Array, outer: float) -> float:
     """Length [m] of the box of values (n, k) without a share of them at either end."""
     low, high = np.quantile(values, [outer, 1.0 - outer], axis=0)
     return float(np.linalg.norm(high - low))

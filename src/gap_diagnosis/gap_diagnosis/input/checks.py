@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Series
-from stage_core.tracker_frame import OTHER_UNIT, other_unit
+from stage_core.tracker_frame import OTHER_UNIT, OUTER, SINGLE, extent, other_unit
 from stage_core.twin_file import TwinFile
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def check_forces(record: Record) -> None:
 
 
 def check_excitation(record: Record) -> None:
-    """Refuse a session without motion, or whose encoder is in another unit."""
+    """Refuse a session without motion."""
     if not any(record.moving):
         wanted = np.ptp(record.reference, axis=0)
         cause = (
@@ -125,13 +125,22 @@ def check_excitation(record: Record) -> None:
             else 'no axis moves: motion is missing'
         )
         raise StageError(f'{record.name} has no excitation: {cause}; {EXCITATION_HINT}')
+
+
+def check_units(record: Record) -> None:
+    """Refuse a session whose encoder is in another unit than its reference, or errs once.
+
+    An axis that was not asked to move may be pushed by another one.
+    """
     for i, axis in enumerate(record.axes):
-        if not record.moving[i]:
+        encoder, reference = record.encoder[:, [i]], record.reference[:, [i]]
+        wanted, least = float(np.ptp(reference)), OTHER_UNIT * MINIMUM_TRAVEL
+        if float(np.ptp(encoder)) <= max(OTHER_UNIT * wanted, least):
             continue
-        wanted = float(np.ptp(record.reference[:, i]))
-        # What hardly moves by itself may be pushed by another axis.
-        if wanted > MINIMUM_TRAVEL and float(np.ptp(record.encoder[:, i])) > OTHER_UNIT * wanted:
-            wrong = other_unit(record.encoder[:, [i]], record.reference[:, [i]], 'its reference')
+        wrong = other_unit(encoder, reference, 'its reference')
+        if wanted <= MINIMUM_TRAVEL:
+            wrong = SINGLE if extent(encoder, OUTER) < least else ''
+        if wrong:
             raise StageError(f'{record.name}: the encoder of axis {axis} {wrong}')
 
 

@@ -16,6 +16,7 @@ from gap_diagnosis.input.checks import (
     check_excitation,
     check_forces,
     check_tracker_moves,
+    check_units,
     finite,
     least_travel,
 )
@@ -218,6 +219,7 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         gaps=grid.gaps,
         setpoint_velocity=_declared(session, axes, grid),
     )
+    check_units(record)
     record = replace(record, waves=_waves(record, resolution))
     record = _moved(replace(record, noise=_noise(record, resolution, grid.offset)))
     check_excitation(record)

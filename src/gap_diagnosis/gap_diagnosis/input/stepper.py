@@ -17,6 +17,7 @@ from gap_diagnosis.input.checks import (
     MINIMUM_TRAVEL,
     check_excitation,
     check_tracker_moves,
+    check_units,
     finite,
 )
 from gap_diagnosis.input.data import (
@@ -130,6 +131,7 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
         )
     if encoded:
         record = replace(record, warnings=(*record.warnings, ENCODED))
+    check_units(record)
     check_excitation(record)
     check_tracker_moves(record)
     return record
