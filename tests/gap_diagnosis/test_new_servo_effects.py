@@ -87,6 +87,14 @@ def test_a_torque_sags_down_to_a_fifth_and_no_further(planted: Maker) -> None:
     assert sag * 0.25 * force.max() == pytest.approx(0.8)
 
 
+def test_a_torque_that_sags_in_several_ways_down_to_a_fifth_is_named(planted: Maker) -> None:
+    truth = {'sag_square': 2e-4, 'sag_speed': 1.5, 'sag_heat': 4e-3, 'heat_time': 8.0}
+    found = diagnose([planted({'torque_sag.x': truth}, duration=14.0, seed=1)], [], nominal())
+    assert found.verdict == ['torque_sag.x']
+    for name, value in truth.items():
+        assert found.effects['torque_sag.x'][name] == pytest.approx(value, rel=0.05)
+
+
 def test_friction_that_goes_with_the_position_is_named_with_its_curve(planted: Maker) -> None:
     name = 'position_dependent_friction.x'
     ends = {'start': -0.03, 'stop': 0.03}

@@ -121,6 +121,15 @@ DEEP_WAYS = tuple(
 )
 WARM_WAYS = tuple((float(way), log, WHOLE) for way in (COLD, COLD + 1) for log in _LOGS)
 SEVERAL = tuple((float(k), log, WHOLE) for k in range(ALONE + 1, HIGHEST + 1) for log in _LOGS)
+#: Starts of sags that reach the least share: ways alone, two of them and all, with what they lose
+#: together; those that warm with each time.
+MOST_LOST = 20.0
+TO_THE_LEAST: tuple[Theta, ...] = tuple(
+    (*(most / len(ways) * float(way in ways) for way in range(4)), log)
+    for ways in (*((k,) for k in range(4)), *combinations(range(4), 2), tuple(range(4)))
+    for log in (_LOGS if COLD in ways else _LOGS[1:2])
+    for most in (0.7, 1.5, 3.0)
+)
 
 
 def term(rows: ForceRows) -> Term | None:
@@ -181,7 +190,54 @@ def term(rows: ForceRows) -> Term | None:
         acting=acting,
     )
     highest = (float(HIGHEST), math.log(MOST_TIME), WHOLE)
-    return replace(plain, richer=lambda: replace(plain, grid=SEVERAL, upper=highest, own=True))
+    several = replace(plain, grid=SEVERAL, upper=highest, own=True)
+    deep = _to_the_least(rows, shares, heating, scale)
+    return replace(plain, richer=lambda: replace(several, richer=lambda: deep))
+
+
+def _to_the_least(
+    rows: ForceRows, shares: list[list[Array]], heating: list[Array], scale: Array
+) -> Term:
+    """The force times what several ways lose, down to the least share that is left.
+
+    θ is what each way loses of the strongest force, the heat of a mean one, and the log time of
+    the warming.
+    """
+    mean = max(float(np.mean(np.concatenate(heating))), 1e-12)
+    warming = [own / mean for own in heating]
+
+    def lost(theta: Theta) -> list[Array]:
+        ways = [*shares, _warmths(warming, rows, theta[-1])]
+        sessions = zip(*ways, strict=True)
+        return [sum(w * own for w, own in zip(theta, s, strict=False)) for s in sessions]
+
+    def columns(theta: Theta) -> Array:
+        forces = zip(rows.applied(), lost(theta), strict=True)
+        return rows.columns([force * np.minimum(own, 1.0 - LEAST) for force, own in forces])
+
+    def parameters(theta: Theta, c: Array) -> dict[str, float]:
+        whole = scale * np.array([1.0, 1.0, 1.0, mean, 1.0])
+        values = (np.array([*theta[:-1], 0.0]) / whole).tolist()
+        return {**dict(zip(NAMES, values, strict=True)), 'heat_time': math.exp(theta[-1])}
+
+    def admissible(theta: Theta, c: Array) -> bool:
+        return max(float(own.max()) for own in lost(theta)) > 1.0 - LEAST
+
+    def acting(theta: Theta, c: Array) -> float:
+        force = rows.columns(rows.applied())[:, 0]
+        return 1.0 - float(force @ columns(theta)[:, 0]) / float(force @ force)
+
+    return Term(
+        columns,
+        parameters,
+        grid=TO_THE_LEAST[:1],
+        propose=lambda residual: TO_THE_LEAST,
+        lower=(*(0.0,) * 4, math.log(LEAST_TIME)),
+        upper=(*(MOST_LOST,) * 4, math.log(MOST_TIME)),
+        fixed=True,
+        admissible=admissible,
+        acting=acting,
+    )
 
 
 def _warmths(heating: list[Array], rows: ForceRows, log_time: float) -> list[Array]:
