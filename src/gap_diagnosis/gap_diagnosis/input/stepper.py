@@ -131,9 +131,8 @@ def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False
         )
     if encoded:
         record = replace(record, warnings=(*record.warnings, ENCODED))
-    check_units(record)
-    check_excitation(record)
-    check_tracker_moves(record)
+    for check in (check_units, check_excitation, check_tracker_moves):
+        check(record)
     return record
 
 

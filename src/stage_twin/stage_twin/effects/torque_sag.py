@@ -189,8 +189,7 @@ def term(rows: ForceRows) -> Term | None:
         admissible=admissible,
         acting=acting,
     )
-    highest = (float(HIGHEST), math.log(MOST_TIME), WHOLE)
-    several = replace(plain, grid=SEVERAL, upper=highest, own=True)
+    several = replace(plain, grid=SEVERAL, upper=(float(HIGHEST), *plain.upper[1:]), own=True)
     deep = _to_the_least(rows, shares, heating, scale)
     return replace(plain, richer=lambda: replace(several, richer=lambda: deep))
 
