@@ -74,12 +74,13 @@ def test_what_was_never_seen_false_is_not_certain() -> None:
     assert stated(weights_of([], []), certain)[0] == pytest.approx(0.5)
 
 
-def test_no_name_is_surer_than_names_were_on_machines_first_seen(
+def test_no_statement_is_surer_than_its_kind_was_on_machines_first_seen(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(evidence, 'WEIGHTS', {k: {'1': 6.0} for k in ('named', 'unknown')})
-    assert evidence.probability('named', {}) == evidence.FIRST_SEEN < 0.95
-    assert evidence.probability('unknown', {}) > 0.99
+    monkeypatch.setattr(evidence, 'WEIGHTS', {k: {'1': 6.0} for k in ('named', 'unknown', 'none')})
+    assert evidence.probability('named', {}) == evidence.FIRST_SEEN['named'] < 0.95
+    assert evidence.probability('unknown', {}) == evidence.FIRST_SEEN['unknown'] <= 0.5
+    assert evidence.probability('none', {}) > 0.99
 
 
 def test_one_statement_leaves_its_rest_to_the_others() -> None:
