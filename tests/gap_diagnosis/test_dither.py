@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop import dither
+from gap_diagnosis.closed_loop.channels import chance_rms
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import Record, load_record
@@ -78,17 +79,17 @@ def noisy(planted: Maker) -> Session:
     return replace(session, series={**session.series, **series})
 
 
-def left(record: Record, shaken: bool) -> float:
+def left(record: Record, draw: int | None) -> float:
     """RMS of the gap of the encoder [m]."""
-    return float(np.sqrt(np.mean(replay(record, rough(), {}, shaken)['encoder.x'] ** 2)))
+    return float(np.sqrt(np.mean(replay(record, rough(), {}, draw)['encoder.x'] ** 2)))
 
 
 def test_a_machine_that_its_noise_shakes_is_followed_by_a_twin_with_noise(noisy: Session) -> None:
     record = load_record(noisy, rough())
     assert record.noise is not None
     assert record.noise.axes[0].position == pytest.approx(NOISE, rel=0.05)
-    assert left(record, shaken=True) < 3.0 * NOISE
-    assert left(record, shaken=False) > 3.0 * left(record, shaken=True)
+    assert left(record, 0) < 3.0 * NOISE
+    assert left(record, None) > 3.0 * left(record, 0)
 
 
 def test_the_stated_friction_of_such_a_machine_is_no_gap(noisy: Session) -> None:
@@ -100,7 +101,7 @@ def test_the_stated_friction_of_such_a_machine_is_no_gap(noisy: Session) -> None
 def test_no_loop_without_friction_is_shaken(noisy: Session) -> None:
     record = load_record(noisy, rough())
     plain = replace(rough(), effects={})
-    both = [replay(record, plain, {}, shaken)['encoder.x'] for shaken in (True, False)]
+    both = [replay(record, plain, {}, draw)['encoder.x'] for draw in (0, None)]
     np.testing.assert_array_equal(*both)
 
 
@@ -114,3 +115,11 @@ def test_what_shakes_a_loop_is_what_its_reading_does(noisy: Session) -> None:
     # The command differs from the force by what the integral holds alone.
     shaken = axis.velocity_gain * dither.shaking(record, plain)
     assert np.std(pushed - shaken) < 0.5 * np.std(pushed)
+
+
+def test_two_runs_of_a_loop_that_sticks_differ_by_chance(noisy: Session) -> None:
+    record = load_record(noisy, rough())
+    apart = chance_rms([record], rough(), {}, ['x'])
+    # As the machine differs from its own twin, up to the noise of its readings.
+    assert 0.2 * NOISE < apart < 1.5 * left(record, 0)
+    assert chance_rms([record], replace(rough(), effects={}), {}, ['x']) == 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 
@@ -13,6 +14,7 @@ from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.channels import (
     Channel,
     axis_shares,
+    chance_rms,
     gap_channels,
     noise_notes,
     position_rms,
@@ -250,8 +252,12 @@ def _far(
     before, after = position_rms(calm, 'before'), position_rms(calm, 'after')
     floor = judge.noise_floor(prepared.seen, calm, effects, speeds)
     encoders = {n: c for n, c in calm.items() if n.startswith('encoder')}
-    whole = session_rms(records, prepared.twin, effects, [n[-1] for n in encoders])
+    axes = [name[-1] for name in encoders]
+    whole = session_rms(records, prepared.twin, effects, axes)
     step = judge.noise_floor(prepared.seen, encoders, effects, speeds) if encoders else floor
+    chance = chance_rms(records, prepared.twin, effects, axes)
+    floor = math.hypot(floor, chance * math.sqrt(len(encoders) / len(calm)))
+    step = math.hypot(step, chance)
     return any(
         far_from_explained(*gap, bool(effects)) for gap in ((before, after, floor), (*whole, step))
     )

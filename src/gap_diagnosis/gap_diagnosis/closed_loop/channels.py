@@ -112,7 +112,7 @@ def noise_notes(
     notes: list[str] = []
     for channel in [c for c in channels.values() if c.name.startswith('encoder')]:
         gaps = [
-            replay(r, twin, effects, shaken=False)[channel.name][scored_ticks(r)]
+            replay(r, twin, effects, draw=None)[channel.name][scored_ticks(r)]
             for r in judging(records)
         ]
         alone, after = float(np.sqrt(np.mean(np.concatenate(gaps) ** 2))), channel.rms('after')
@@ -151,6 +151,25 @@ def session_rms(
             which += [float(np.mean(gap[rows] ** 2)) for gap in own]
     before, after = (float(np.sqrt(np.mean(which or [0.0]))) for which in squares)
     return before, after
+
+
+def chance_rms(
+    records: list[Record],
+    twin: TwinFile,
+    effects: dict[str, dict[str, float]],
+    axes: Sequence[str],
+) -> float:
+    """RMS [m] by which the encoders of two runs of a twin differ whose noise differs.
+
+    Zero without a friction. A machine that sticks differs from its own right twin by as much.
+    """
+    squares = [0.0]
+    for record in records:
+        rows = (record.time > STARTED) & record.whole(record.time)
+        one, other = (replay(record, twin, effects, draw) for draw in (0, 1))
+        names = [f'encoder.{axis}' for axis in axes if f'encoder.{axis}' in one]
+        squares += [float(np.mean((one[n] - other[n])[rows] ** 2)) for n in names]
+    return float(np.sqrt(np.sum(squares) / max(len(squares) - 1, 1)))
 
 
 def without_cause(

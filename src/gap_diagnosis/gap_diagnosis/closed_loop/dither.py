@@ -28,7 +28,7 @@ Axes = tuple[tuple[str, ServoAxis], ...]
 
 #: Step [m] of an encoder that does not round.
 STEPLESS = 1e-12
-#: Draws and answers that are kept: of both axes together and of each alone, in two twins.
+#: Draws and answers that are kept: of both axes together and of each alone.
 KEPT = 6
 
 
@@ -37,18 +37,18 @@ def sticks(effects: Effects) -> bool:
     return any(model_of(name) == 'friction' for name in effects)
 
 
-def shaking(record: Record, twin: TwinFile) -> Array:
+def shaking(record: Record, twin: TwinFile, draw: int = 0) -> Array:
     """Velocity commands (n, a) [m/s] that do to the loop what the noise of its readings does.
 
     The controller takes a reading for its position error, and by its filtered difference for the
     velocity (interfaces.md, "Servo controller").
     """
-    return _shaking(*_loop(record, twin))
+    return _shaking(*_loop(record, twin), draw)
 
 
-def answer(record: Record, twin: TwinFile) -> tuple[Array, Array]:
+def answer(record: Record, twin: TwinFile, draw: int = 0) -> tuple[Array, Array]:
     """Positions [m] and forces [N], each (n, a), of the loop without effects to `shaking`."""
-    return _answer(*_loop(record, twin))
+    return _answer(*_loop(record, twin), draw)
 
 
 def _loop(record: Record, twin: TwinFile) -> tuple[Axes, tuple[float, ...], int, float]:
@@ -68,11 +68,11 @@ def _noise(record: Record) -> tuple[float, ...]:
 
 
 @lru_cache(maxsize=KEPT)
-def _shaking(axes: Axes, noise: tuple[float, ...], count: int, period: float) -> Array:
+def _shaking(axes: Axes, noise: tuple[float, ...], count: int, period: float, draw: int) -> Array:
     out = np.zeros((count, len(axes)))
     for column, (name, axis), std in zip(out.T, axes, noise, strict=True):
         # An axis has the same draw alone and beside another one.
-        reading = std * np.random.default_rng(ord(name)).standard_normal(count)
+        reading = std * np.random.default_rng(256 * draw + ord(name)).standard_normal(count)
         reading[0] = 0.0
         keep = math.exp(-period * axis.velocity_filter)
         speed = filtered([1.0 - keep], [1.0, -keep], np.diff(reading, prepend=0.0) / period)
@@ -82,14 +82,14 @@ def _shaking(axes: Axes, noise: tuple[float, ...], count: int, period: float) ->
 
 @lru_cache(maxsize=KEPT)
 def _answer(
-    axes: Axes, noise: tuple[float, ...], count: int, period: float
+    axes: Axes, noise: tuple[float, ...], count: int, period: float, draw: int
 ) -> tuple[Array, Array]:
     still = np.zeros((count, len(axes)))
     result = simulate(
         TwinFile('servo', dict(axes), control_period=period),
         still,
         still,
-        compensation=_shaking(axes, noise, count, period),
+        compensation=_shaking(axes, noise, count, period, draw),
         tracker_times=np.zeros(0),
         noise=False,
     )

@@ -41,18 +41,18 @@ def declared_commands(record: Record, twin: TwinFile) -> Array:
 
 
 def replay(
-    record: Record, twin: TwinFile, effects: Effects, shaken: bool = True
+    record: Record, twin: TwinFile, effects: Effects, draw: int | None = 0
 ) -> dict[str, Array]:
     """Gap (n,) of each encoder channel [m] and of the force of each axis [N].
 
     A servo twin follows the recorded reference with its own controller (closed loop). Where it
-    has a friction its encoders have the measured noise, unless it is not to be `shaken`
-    (`dither`). A measured-force twin runs in windows of 100 ms from the recorded state. A stepper
+    has a friction its encoders have a `draw` of the measured noise, none for None (`dither`). A
+    measured-force twin runs in windows of 100 ms from the recorded state. A stepper
     twin has no encoder that could show a gap. Beside a simulator's run the gap is
     (real - simulated) less what the effects add to the twin. An axis whose force nothing tells has
     no gap: no gains run it.
     """
-    gaps = _replay(record, twin, effects, shaken)
+    gaps = _replay(record, twin, effects, draw)
     return {
         name: gap + record.offset.get(name, 0.0)
         for name, gap in gaps.items()
@@ -60,7 +60,9 @@ def replay(
     }
 
 
-def _replay(record: Record, twin: TwinFile, effects: Effects, shaken: bool) -> dict[str, Array]:
+def _replay(
+    record: Record, twin: TwinFile, effects: Effects, draw: int | None
+) -> dict[str, Array]:
     if twin.kind == 'stepper':
         return {}
     mine = {
@@ -83,9 +85,9 @@ def _replay(record: Record, twin: TwinFile, effects: Effects, shaken: bool) -> d
         force = smooth_motion(result.force, record.period).position
         return by_channel(record.axes, record.encoder - result.encoder, force - result.required)
     commands, encoder, force = declared_commands(record, twin), record.encoder, record.force
-    if shaken and dither.sticks(machine.effects):
-        commands = commands + dither.shaking(record, twin)
-        moved, pushed = dither.answer(record, twin)
+    if draw is not None and dither.sticks(machine.effects):
+        commands = commands + dither.shaking(record, twin, draw)
+        moved, pushed = dither.answer(record, twin, draw)
         encoder, force = encoder + moved, force + pushed
     simulated = simulate(
         machine,
