@@ -33,7 +33,8 @@ def test_servo_node_homes_stops_at_once_and_reports_refusals(ros_env):
     plant = SmallPlant(lockstep=False, start=(0.1, 0.05))
     plant.start()
     try:
-        driver = node(DRIVER, ros_env, CONFIG, drive_port=plant.port)
+        # The drive is a thread of this process, which a busy machine may leave waiting.
+        driver = node(DRIVER, ros_env, CONFIG, drive_port=plant.port, link_timeout=PATIENCE)
         with driver, GraphClient('test_client') as client:
             for topic in (topics.REFERENCE, topics.COMMAND, topics.JOINT_STATES):
                 client.watch(JointState, topic)
