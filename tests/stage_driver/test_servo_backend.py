@@ -1,6 +1,7 @@
 """The servo backend against a small independent plant over the drive link."""
 
 import math
+import threading
 import time
 
 import pytest
@@ -282,3 +283,43 @@ def test_friction_compensation_is_part_of_the_published_command():
         feedback = 40.0 * (middle[1][0] - state[1][0])
         # At speed the bristles carry the Coulomb force: 20 N / 3600 N s/m.
         assert middle[3][0] - feedback == pytest.approx(20.0 / 3600.0, rel=1e-3)
+
+
+def test_a_stream_refused_before_homing_does_not_go_on_by_itself_after_it():
+    options = {'home_required': True, 'setpoint_timeout': 0.4}
+    with rig(lockstep=False, **options) as (plant, backend, recorder):
+
+        def send():
+            backend.submit(0, ['x', 'y'], [], [0.02, 0.0])
+            time.sleep(0.005)
+
+        send()
+        recorder.wait(lambda: recorder.said('not homed'))
+        home = backend.home()
+        deadline = time.monotonic() + PATIENCE
+        while not home.done():
+            assert time.monotonic() < deadline, backend.status()
+            send()
+        homed = plant.position[0]
+        for _ in range(40):
+            send()
+        assert plant.position[0] == pytest.approx(homed, abs=1e-4)
+        assert 'the stream was stopped' in backend.status().details['last_refusal']
+        time.sleep(0.5)
+        send()
+        recorder.wait(lambda: plant.velocity[0] > 0.01)
+
+
+def test_what_waits_when_a_stop_is_asked_for_is_refused():
+    with rig(lockstep=False) as (plant, backend, recorder):
+        served = threading.Event()
+        backend._inbox.put(served.wait)
+        backend.submit(0, ['x', 'y'], [0.03, 0.0], [])
+        homing = backend.home()
+        backend.stop()
+        served.set()
+        with pytest.raises(StageError, match='stopped while it waited'):
+            homing.result(PATIENCE)
+        quiet(backend, recorder)
+        assert recorder.said('set-point refused: the stage was stopped while it waited')
+        assert plant.position[0] == pytest.approx(0.0, abs=1e-4)

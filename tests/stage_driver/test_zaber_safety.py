@@ -5,6 +5,7 @@ import pytest
 from stage_core.errors import StageError
 from stage_driver.limits import AxisLimits
 from stage_driver.states import State
+from stage_twin.emulators.zaber_pty import ZaberPty
 
 from ..patience import wait
 from . import zaber_rig
@@ -98,3 +99,18 @@ def test_beyond_a_limit_a_velocity_outwards_moves_nothing(tmp_path, monkeypatch)
         assert position(server) == [0.0, 0.0]
         backend.submit(0, BOTH, [], [0.02, 0.0])
         wait(lambda: position(server)[0] > 0.001)
+
+
+def test_an_axis_that_its_last_driver_left_on_a_move_is_stopped(tmp_path, monkeypatch):
+    # So slow that it is under way for 20 s.
+    monkeypatch.setattr(
+        zaber_rig, 'ZaberPty', lambda chain, link: ZaberPty(_on_a_move(chain), link=link)
+    )
+    with rig(tmp_path) as (server, _, recorder):
+        wait(lambda: not server.chain.axes[0].busy)
+        assert position(server)[0] < 0.02
+
+
+def _on_a_move(chain):
+    chain.axes[0].move(900_000, 50_000)
+    return chain

@@ -48,6 +48,8 @@ class InboxBackend(ABC):
         #: then goes on.
         self._streamed_at, self._stopped, self._needed_pause = 0.0, False, 0.0
         self._ending = threading.Event()
+        #: How often a stop was asked for: what waited meanwhile is not executed any more.
+        self._stops_asked = 0
 
     # -- calls from other threads -------------------------------------------------------------
 
@@ -88,12 +90,18 @@ class InboxBackend(ABC):
                 self._ending.set()
                 self._inbox.put(lambda: self._end_refused_stream(reason))
             return
-        self._inbox.put(lambda: self._receive(setpoint))
+        self._unless_stopped(
+            lambda: self._receive(setpoint),
+            lambda reason: self._refuse(f'set-point refused: {reason}', stamp),
+        )
 
     def home(self) -> Future[str]:
         """Home all axes; the future ends when they are home, or fails with a StageError."""
         done: Future[str] = Future()
-        self._inbox.put(lambda: self._start_homing(done))
+        self._unless_stopped(
+            lambda: self._start_homing(done),
+            lambda reason: done.set_exception(StageError(reason)),
+        )
         return done
 
     def reset_fault(self) -> Future[str]:
@@ -108,6 +116,22 @@ class InboxBackend(ABC):
             return self._switch(on)
 
         return self._request(switch)
+
+    def _ask_stop(self) -> None:
+        self._stops_asked += 1
+        self._inbox.put(lambda: self._stop('stopped by request'))
+
+    def _unless_stopped(self, request: Callable[[], None], refuse: Callable[[str], None]) -> None:
+        """Have a request served, or refused if a stop is asked for while it waits."""
+        asked = self._stops_asked
+
+        def serve() -> None:
+            if asked == self._stops_asked:
+                request()
+            else:
+                refuse('the stage was stopped while it waited')
+
+        self._inbox.put(serve)
 
     def _request(self, action: Callable[[], str]) -> Future[str]:
         """Future of an action in the backend's thread."""
@@ -207,15 +231,24 @@ class InboxBackend(ABC):
         if self._repeats(setpoint):
             return
         refused = self._refusal(setpoint)
-        if setpoint.streams and self._goes_on():
-            wait = f'pause it for {self._needed_pause} s, or send a move'
-            refused = refused or f'the stream was stopped: {wait}'
+        if setpoint.streams:
+            if self._goes_on():
+                wait = f'pause it for {self._needed_pause} s, or send a move'
+                refused = refused or f'the stream was stopped: {wait}'
+            elif refused is not None and not self._streaming:
+                # What ends the reason, such as ~/enable, must not set the stage in motion.
+                self._stopped, self._needed_pause = True, self._stream_timeout
+            refused = refused or self._late(setpoint)
         if refused is not None:
             self._refuse(f'set-point refused: {refused}', setpoint.stamp)
             return
         self._last_setpoint = setpoint
         self._stopped = False
         self._take(setpoint)
+
+    def _late(self, setpoint: Setpoint) -> str | None:
+        """Why a streamed set-point is not for this tick, or None."""
+        return None
 
     def _goes_on(self) -> bool:
         """Whether a stream sends set-points without a pause although the stage was stopped."""

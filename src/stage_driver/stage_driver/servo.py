@@ -73,7 +73,7 @@ class ServoBackend(InboxBackend):
 
     def stop(self) -> str:
         """See `InboxBackend.stop`."""
-        self._inbox.put(lambda: self._stop('stopped by request'))
+        self._ask_stop()
         return 'stopping' if self._states.state is State.MOVING else 'at rest'
 
     def status(self) -> Status:
@@ -217,11 +217,8 @@ class ServoBackend(InboxBackend):
 
     # -- requests, in the thread --------------------------------------------------------------
 
-    def _refusal(self, setpoint: Setpoint) -> str | None:
-        refused = super()._refusal(setpoint)
-        if refused is None and setpoint.streams:
-            refused = self._clock.refusal(setpoint)
-        return refused
+    def _late(self, setpoint: Setpoint) -> str | None:
+        return self._clock.refusal(setpoint)
 
     def _take(self, setpoint: Setpoint) -> None:
         if setpoint.streams:

@@ -79,8 +79,8 @@ class ZaberBackend(InboxBackend):
         StageError where there is no contact: nobody may have heard it.
         """
         moving = self._states.state is State.MOVING
+        self._ask_stop()
         heard = self._halt_devices()
-        self._inbox.put(lambda: self._stop('stopped by request'))
         if not heard:
             raise StageError(self._contact.unheard)
         return 'stopping' if moving else 'at rest'

@@ -32,7 +32,7 @@ class ZaberContact:
         self.link: ZaberLink | None = None
 
     def first(self) -> ZaberStage | None:
-        """The stage; None where its port may still come.
+        """The stage, stopped; None where its port may still come.
 
         Raises
         ------
@@ -40,7 +40,7 @@ class ZaberContact:
             If it cannot be opened, or nobody answers.
         """
         try:
-            return ZaberStage(self._config, self._clock, self._keep)
+            return ZaberStage(self._config, self._clock, self._keep_and_stop)
         except PortAbsent as error:
             self.absence = str(error)
             return None
@@ -74,10 +74,7 @@ class ZaberContact:
         first, self.met, self.absence = not self.met, True, ''
         return first
 
-    def _keep(self, link: ZaberLink) -> None:
-        self.link = link
-
     def _keep_and_stop(self, link: ZaberLink) -> None:
-        """Stop whatever hears it: one silent device must not let the others run on."""
-        self._keep(link)
+        """Stop whatever hears it: an axis may run on, since its last driver or beside a mute one."""
+        self.link = link
         link.stop()
