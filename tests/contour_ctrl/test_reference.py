@@ -284,6 +284,8 @@ def test_a_file_that_changed_since_the_calibrator_took_it_corrects_no_contour(
         announced_model({**announced, 'metrics': other.metrics})
     with pytest.raises(StageError, match='without file: retrain'):
         announced_model({**announced, 'file': ''})
+    with pytest.raises(StageError, match='without max_correction: retrain'):
+        announced_model({**announced, 'max_correction': '0.001'})
     with pytest.raises(StageError, match='without file and version and metrics and max_corr'):
         announced_model({'active': True})
 

@@ -14,8 +14,13 @@ from stage_core.errors import StageError
 
 FloatArray = NDArray[np.float64]
 
-#: What has to stand in the announcement of an active model.
-ANNOUNCED = ('file', 'version', 'metrics', 'max_correction')
+#: What has to stand in the announcement of an active model, and as what.
+ANNOUNCED: dict[str, type | tuple[type, ...]] = {
+    'file': str,
+    'version': int,
+    'metrics': Mapping,
+    'max_correction': (int, float),
+}
 
 
 def announced_model(announced: Mapping[str, Any]) -> StoredModel:
@@ -24,10 +29,14 @@ def announced_model(announced: Mapping[str, Any]) -> StoredModel:
     Raises
     ------
     StageError
-        If it lacks a key, or names no file or one that cannot be read, holds another model by
-        now, or one that must not correct.
+        If it lacks a key or holds another type there, names no file or one that cannot be read,
+        or one that holds another model by now or one that must not correct.
     """
-    lacking = [name for name in ANNOUNCED if announced.get(name) in (None, '')]
+    lacking = [
+        name
+        for name, kind in ANNOUNCED.items()
+        if not isinstance(announced.get(name), kind) or announced[name] == ''
+    ]
     if lacking:
         raise StageError(
             f'{topics.MODEL} is active without {" and ".join(lacking)}: retrain the calibrator'

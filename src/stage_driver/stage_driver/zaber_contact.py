@@ -75,6 +75,6 @@ class ZaberContact:
         return first
 
     def _keep_and_stop(self, link: ZaberLink) -> None:
-        """Stop whatever hears it: an axis may run on, since its last driver or beside a mute one."""
+        """Stop whatever hears it: an axis may run on from before, or beside a silent one."""
         self.link = link
         link.stop()
