@@ -195,3 +195,13 @@ def test_command_line_prints_one_line(capsys: pytest.CaptureFixture[str]) -> Non
 
     assert main() == 2
     assert capsys.readouterr().err == 'error: no such bag\n'
+
+
+def test_a_command_line_whose_disk_is_full_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    @command_line
+    def main() -> None:
+        with Path('/dev/full').open('w') as file:
+            file.write('result')
+
+    assert main() == 2
+    assert 'No space left on device: make room and run it again' in capsys.readouterr().err
