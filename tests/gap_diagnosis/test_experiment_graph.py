@@ -34,14 +34,15 @@ NODES = ('stage_twin', 'stage_driver', 'session_recorder', 'contour_ctrl')
 SERVICE = '/gap_diagnosis/experiment'
 
 
-def open_report(folder: Path, duration: float) -> None:
+def open_report(folder: Path, duration: float, bag: Path, twin: Path) -> None:
     """What a diagnosis leaves that asks for an experiment of so many seconds."""
     folder.mkdir()
     limits = Limits(np.full(2, -0.01), np.full(2, 0.01), np.full(2, 600.0))
     motion = sample(Motion('strokes', 0.9, 0.7, (0.5, 0.5), 0), limits, duration, 0.001)
     (folder / FILE).write_text(table(motion, 0.001, ('x', 'y')), encoding='utf-8')
     asked = {'separates': ['coulomb_friction.x', 'force_offset.x'], 'duration': duration}
-    report = {'verdict': ['force_offset.x'], 'experiment': asked}
+    of = {'session': str(bag), 'twin': str(twin)}
+    report = {**of, 'verdict': ['force_offset.x'], 'experiment': asked}
     (folder / 'report.json').write_text(json.dumps(report), encoding='utf-8')
 
 
@@ -54,7 +55,8 @@ def test_the_experiment_is_refused_then_run_and_stopped(
     first = planted(FRICTION, axes=('x', 'y'), duration=8.5)
     del first.series[topics.TRACKER_POINT]
     out = tmp_path / 'report'
-    open_report(out, 5.0)
+    bag = write_session(tmp_path / 'first', first)
+    open_report(out, 5.0, bag, nominal)
     asker = NodeCommand(
         'gap_diagnosis',
         'gap_diagnosis.node',
@@ -62,7 +64,7 @@ def test_the_experiment_is_refused_then_run_and_stopped(
             'use_sim_time': True,
             'live': False,
             'twin': nominal,
-            'bag': write_session(tmp_path / 'first', first),
+            'bag': bag,
             'out': out,
         },
     )
@@ -87,6 +89,14 @@ def test_the_experiment_is_refused_then_run_and_stopped(
             with pytest.raises(StageError, match='not homed'):
                 client.trigger(SERVICE, PATIENCE)
             client.trigger('/stage_driver/home', PATIENCE)
+            for name, other, told in (
+                ('travel', 'x:-0.001:0.001', 'beyond the travel'),
+                ('twin', str(reality), 'of another bag or twin'),
+            ):
+                client.set_parameters('gap_diagnosis', **{name: other})
+                with pytest.raises(StageError, match=told):
+                    client.trigger(SERVICE, PATIENCE)
+            client.set_parameters('gap_diagnosis', travel='', twin=str(nominal))
 
             message = client.trigger(SERVICE, PATIENCE)
             assert 'before: force_offset.x' in message
@@ -102,7 +112,8 @@ def test_the_experiment_is_refused_then_run_and_stopped(
             with pytest.raises(StageError, match='nothing open'):
                 client.trigger(SERVICE, PATIENCE)
             out.rename(tmp_path / 'answered')
-            open_report(out, 120.0)  # no machine is done with it before the stop comes
+            # No machine is done with it before the stop comes.
+            open_report(out, 120.0, bag, nominal)
             client.watch(JointState, topics.SETPOINT, SETPOINT_QOS, streamed)
 
             def ask() -> None:
@@ -113,6 +124,9 @@ def test_the_experiment_is_refused_then_run_and_stopped(
             asking = threading.Thread(target=ask)
             asking.start()
             assert streaming.wait(PATIENCE)
+            # It would move the stage later, when nobody waits for it any more.
+            with pytest.raises(StageError, match='under way'):
+                client.trigger(SERVICE, PATIENCE)
             client.trigger('/stage_driver/stop', PATIENCE)
             asking.join(PATIENCE)
             assert failures and '/contour_ctrl/run failed' in failures[0]

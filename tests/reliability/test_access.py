@@ -229,7 +229,7 @@ def profile_of(node: str) -> ElementTree.Element:
     return next(p for p in tree.iter('profile') if p.get('node') == node)
 
 
-@pytest.mark.parametrize('node', [*NODES, '_gap_diagnosis_worker'])
+@pytest.mark.parametrize('node', NODES)
 def test_policies_allow_what_the_running_graph_does(
     emulators: tuple[Nodes, Watch], node: str
 ) -> None:

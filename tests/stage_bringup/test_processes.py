@@ -7,7 +7,11 @@ import sys
 from pathlib import Path
 from socket import SOCK_DGRAM, SOCK_STREAM
 
+import pytest
+import yaml
+
 from stage_bringup.graph import free_port
+from stage_bringup.processes import NodeCommand
 
 #: Sends itself Ctrl-C in the middle of the fork of a node, which sleeps; a second thread, like
 #: those of DDS, would take the signal from a first one that blocks it.
@@ -45,3 +49,10 @@ def test_a_free_port_is_none_of_those_that_dds_gives_to_nodes() -> None:
     theirs = {*first, *(port + 1 for port in first)}
     drawn = {free_port(kind) for kind in (SOCK_DGRAM, SOCK_STREAM) for _ in range(300)}
     assert len(drawn) > 300 and not drawn & theirs
+
+
+@pytest.mark.parametrize('value', ['run #2', 'My Projects/ä "b"', '5', 'true', '', 0.25, True, 3])
+def test_a_parameter_arrives_as_it_was_given(value: object) -> None:
+    *_, given = NodeCommand('node', 'module', {'out': value}).arguments()
+    arrived = yaml.safe_load(given.removeprefix('out:='))
+    assert arrived == value and type(arrived) is type(value)

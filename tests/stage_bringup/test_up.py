@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 import subprocess
@@ -51,7 +52,13 @@ def test_real_hardware_takes_the_place_of_the_emulated_one(tmp_path: Path) -> No
     found = {node.name: node.parameters for node in nodes}
     assert 'stage_twin' in found
     assert found['tracker_bridge']['port'] == 7000
-    for wrong in (['--tracker', 'host:port'], ['--port', 'p', '--clock', 'lockstep']):
+    _, nodes = parse([*out, '--port', '/dev/ttyUSB7'])
+    assert not {'stage_twin', 'tracker_bridge'} & {node.name for node in nodes}
+    for wrong in (
+        ['--tracker', 'host:port'],
+        ['--tracker', ':700'],
+        ['--port', 'p', '--clock', 'lockstep'],
+    ):
         with pytest.raises(StageError):
             parse([*out, *wrong])
 
@@ -67,7 +74,7 @@ def test_a_model_of_mujoco_is_the_machine(tmp_path: Path) -> None:
     assert 'engine' not in next(n for n in nodes if n.name == 'stage_twin').parameters
 
 
-def test_ctrl_c_ends_all(tmp_path: Path, ros_env: dict[str, str]) -> None:
+def test_the_end_of_the_terminal_ends_all(tmp_path: Path, ros_env: dict[str, str]) -> None:
     with socket.socket() as free:
         free.bind(('127.0.0.1', 0))
         port = free.getsockname()[1]
@@ -78,6 +85,7 @@ def test_ctrl_c_ends_all(tmp_path: Path, ros_env: dict[str, str]) -> None:
         stderr=subprocess.STDOUT,
         text=True,
         env=ros_env,
+        start_new_session=True,
     )
     try:
         while True:
@@ -89,7 +97,7 @@ def test_ctrl_c_ends_all(tmp_path: Path, ros_env: dict[str, str]) -> None:
                 time.sleep(0.2)
         nodes = children(process.pid)
         assert len(nodes) >= 8
-        process.send_signal(signal.SIGINT)
+        os.killpg(process.pid, signal.SIGHUP)  # as a terminal does, to all of its processes
         output, _ = process.communicate()
     finally:
         process.kill()

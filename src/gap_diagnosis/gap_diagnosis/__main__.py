@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from gap_diagnosis.archive import diagnose_archive
+from gap_diagnosis.experiment.travel import travel_of
 from gap_diagnosis.service import run
 from session_bags.archive import add_arguments, is_bag, where_from
 from stage_core.errors import StageError, command_line
@@ -24,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(words)
     if options.seed < 0:
         raise StageError(f'--seed {options.seed}: give a whole number from 0 on')
-    travel = _travel(options.travel)
+    travel = travel_of(options.travel)
     folders = [path for path in options.bag if Path(path).is_dir() and not is_bag(path)]
     if folders:
         if len(options.bag) > 1 or options.holdout or options.controller or options.sim_bag:
@@ -109,19 +109,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_arguments(parser)
     return parser
-
-
-def _travel(given: Sequence[str]) -> dict[str, tuple[float, float]]:
-    out = {}
-    for text in given:
-        try:
-            axis, low, high = text.split(':')
-            out[axis] = float(low), float(high)
-        except ValueError:
-            raise StageError(f'--travel {text}: give AXIS:LOW:HIGH, as x:-0.05:0.05') from None
-        if not -math.inf < out[axis][0] < out[axis][1] < math.inf:
-            raise StageError(f'--travel {text}: LOW must be below HIGH, both finite')
-    return out
 
 
 if __name__ == '__main__':

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
+from gap_diagnosis.experiment.travel import travel_of
 from gap_diagnosis.report.experiment import FILE
 from stage_core import topics
 from stage_core.errors import StageError
@@ -26,24 +29,54 @@ CONTROLLER, RECORDER, DRIVER = '/contour_ctrl', '/session_recorder', 'stage_driv
 ANSWER, HEARD, SLOWNESS, PATIENCE = 30.0, 10.0, 20.0, 120.0
 #: Silence of the tracker that says that all is recorded in lockstep; without it the same wait [s].
 QUIET = 0.5
+#: Of the positions in the table of a motion [m].
+ROUNDING = 1e-9
 READY = 'ready'
 
 
-def check_report(out: Path) -> dict[str, Any]:
-    """The experiment of the last report.
+def check_report(out: Path, bag: str, twin: str) -> dict[str, Any]:
+    """The last report, which has an experiment.
 
     Raises
     ------
     StageError
-        If there is none.
+        If there is none, or it is of another bag or twin.
     """
     path = out / 'report.json'
     if not path.is_file():
         raise StageError(f'there is no report in {out}: call ~/diagnose first')
     report: dict[str, Any] = json.loads(path.read_text(encoding='utf-8'))
+    sessions = report.get('session', '')
+    if report.get('twin') != twin or not (sessions == bag or sessions.startswith(f'{bag}, ')):
+        raise StageError(f'the report in {out} is of another bag or twin: call ~/diagnose first')
     if 'experiment' not in report or not (out / FILE).is_file():
         raise StageError('the last report leaves nothing open that a motion would decide')
     return report
+
+
+def check_motion(path: Path, travel: Mapping[str, tuple[float, float]]) -> None:
+    """Refuse a motion that the contour controller cannot run, or that leaves the travel [m].
+
+    Raises
+    ------
+    StageError
+        If it is of one axis alone, or leaves what the parameter `travel` allows.
+    """
+    with path.open(encoding='utf-8') as file:
+        _, *axes = file.readline().strip().split(',')
+        rows = np.loadtxt(file, delimiter=',', ndmin=2)
+    if axes != ['x', 'y']:
+        raise StageError(
+            f'{path} moves {", ".join(axes)} alone, and the contour controller both axes: run it '
+            'with a controller of your own'
+        )
+    for axis, column in zip(axes, rows.T[1:], strict=True):
+        low, high = travel.get(axis, (-math.inf, math.inf))
+        if column.min() < low - ROUNDING or column.max() > high + ROUNDING:
+            raise StageError(
+                f'the motion takes {axis} from {column.min():g} to {column.max():g} m, beyond '
+                f'the travel: call ~/diagnose, which plans within {low:g} to {high:g} m'
+            )
 
 
 def refusal(state: dict[str, str] | None) -> str | None:
@@ -84,7 +117,11 @@ def record_experiment(out: Path, twin: str, report: dict[str, Any], lockstep: bo
         # The table names no path of a machine: the absolute one is for the other process.
         motion = (out / FILE).resolve()
         length = float(report['experiment']['duration'])
-        with _set_for_a_run(client, _settings(motion, twin)), _recording(client, lockstep) as bag:
+        with (
+            _set_for_a_run(client, CONTROLLER, _settings(motion, twin)),
+            _set_for_a_run(client, RECORDER, {'name': 'experiment'}),
+            _recording(client, lockstep) as bag,
+        ):
             client.trigger(f'{CONTROLLER}/run', SLOWNESS * length + PATIENCE)
     return bag[0]
 
@@ -109,16 +146,16 @@ def _settings(motion: Path, twin: str) -> dict[str, Any]:
 
 
 @contextmanager
-def _set_for_a_run(client: GraphClient, wanted: dict[str, Any]) -> Iterator[None]:
-    """Parameters of the contour controller as wanted, and as they were afterwards."""
+def _set_for_a_run(client: GraphClient, node: str, wanted: dict[str, Any]) -> Iterator[None]:
+    """Parameters of a node as wanted, and as they were afterwards."""
     request = GetParameters.Request(names=list(wanted))
-    answer = client.call(GetParameters, f'{CONTROLLER}/get_parameters', request, ANSWER)
+    answer = client.call(GetParameters, f'{node}/get_parameters', request, ANSWER)
     before = [parameter_value_to_python(value) for value in answer.values]
-    client.set_parameters(CONTROLLER, **_named(wanted))
     try:
+        client.set_parameters(node, **_named(wanted))
         yield
     finally:
-        client.set_parameters(CONTROLLER, **_named(dict(zip(wanted, before, strict=True))))
+        client.set_parameters(node, **_named(dict(zip(wanted, before, strict=True))))
 
 
 def _named(values: dict[str, Any]) -> dict[str, Any]:
@@ -127,9 +164,8 @@ def _named(values: dict[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def _recording(client: GraphClient, lockstep: bool) -> Iterator[list[Path]]:
-    """A new bag `experiment` while the stage moves."""
-    client.set_parameters(RECORDER, name='experiment')
-    bag = [Path(client.trigger(f'{RECORDER}/start', ANSWER).split()[-1])]
+    """A new bag while the stage moves."""
+    bag = [Path(client.trigger(f'{RECORDER}/start', ANSWER))]
     try:
         yield bag
         if lockstep:
@@ -159,7 +195,8 @@ def run_experiment(
     if not values('bag') or not values('twin'):
         raise StageError('set the parameters bag and twin first')
     out = Path(values('out'))
-    report = check_report(out)
+    report = check_report(out, values('bag'), values('twin'))
+    check_motion(out / FILE, travel_of(values('travel').split()))
     asked = ', '.join(report['experiment']['separates'])
     before = ', '.join(report['verdict']) or 'nothing'
     bag = record_experiment(out, values('twin'), report, lockstep)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Any
 
-import rclpy
 from geometry_msgs.msg import PointStamped, TransformStamped
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from gap_diagnosis.experiment_node import run_experiment
 from gap_diagnosis.live import LiveMonitor
@@ -31,7 +31,7 @@ from stage_core.ros.node import (
     run,
     stamp_of,
 )
-from stage_core.ros.services_node import create_trigger_service
+from stage_core.ros.services_node import create_deferred_service
 from stage_core.twin_file import TwinFile
 
 PARAMETERS = (
@@ -61,24 +61,34 @@ class GapDiagnosisNode(StageNode):
         self.monitor = self._live_monitor()
         self._process: subprocess.Popen[str] | None = None
         self._lock = threading.Lock()
-        # A diagnosis takes seconds to minutes: its service waits in a thread of its own, and
-        # the computation in a process of its own, so that live mode misses nothing.
-        self._worker = Node('_gap_diagnosis_worker', use_global_arguments=False)
-        create_trigger_service(self._worker, '/gap_diagnosis/diagnose', self._on_diagnose)
-        create_trigger_service(self._worker, '/gap_diagnosis/experiment', self._on_experiment)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._worker)
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._thread.start()
+        self._job: Future[str] | None = None
+        create_deferred_service(
+            self, Trigger, '~/diagnose', lambda _: self._begin(self._on_diagnose)
+        )
+        create_deferred_service(
+            self, Trigger, '~/experiment', lambda _: self._begin(self._on_experiment)
+        )
         self.diagnostics.task('diagnosis', lambda: (OK, self.verdict, {}))
         if self.monitor is not None:
             self._start_live()
 
-    def _serve(self) -> None:
-        try:
-            self._executor.spin()
-        except (rclpy.executors.ExternalShutdownException, rclpy.executors.ShutdownException):
-            return
+    def _begin(self, action: Callable[[], str]) -> Future[str]:
+        """Start what takes seconds to minutes; what waited for its end would move later.
+
+        It waits in a thread, and computes in a process, of its own: live mode misses nothing.
+        """
+        if self._job is not None and not self._job.done():
+            raise StageError('a diagnosis or an experiment is under way: wait for its end')
+        job = self._job = Future()
+
+        def work() -> None:
+            try:
+                job.set_result(action())
+            except Exception as error:
+                job.set_exception(error)
+
+        threading.Thread(target=work, daemon=True).start()
+        return job
 
     def _live_monitor(self) -> LiveMonitor | None:
         """The monitor of live mode; None where it is off or has no loop to follow."""
@@ -213,13 +223,10 @@ class GapDiagnosisNode(StageNode):
         return self.verdict
 
     def shutdown(self) -> None:
-        """End a running diagnosis and the service's thread."""
+        """End a running diagnosis."""
         with self._lock:
             if self._process is not None and self._process.poll() is None:
                 self._process.terminate()
-        self._executor.shutdown(timeout_sec=2.0)
-        self._thread.join(timeout=2.0)
-        self._worker.destroy_node()
 
 
 def main() -> int:

@@ -1,12 +1,14 @@
-"""Ctrl-C and SIGTERM: heard once, and then remembered."""
+"""Ctrl-C, SIGTERM and the end of the terminal: heard once, and then remembered."""
 
 from __future__ import annotations
 
 import signal
 
+from stage_core.signals import ending
+
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM.
+    """Ctrl-C, SIGTERM or SIGHUP.
 
     `python -m` ends by SIGINT, whatever the exit status, if a plain KeyboardInterrupt once came up
     inside an `exec`, as that of each dataclass is while modules are imported.
@@ -14,7 +16,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Interrupts:
-    """Takes Ctrl-C and SIGTERM: the graph is ended before this process is.
+    """Takes what ends a process: the graph is ended before this process is.
 
     What a signal raises can get lost: a finalizer drops it, and so does compiled code that clears
     or replaces an error, as Cython's modules do while they are imported. So it is remembered too.
@@ -24,7 +26,7 @@ class Interrupts:
         self.came = False
         #: From now on signals are only remembered: nothing may stop the end of the nodes.
         self.ending = False
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in ending():
             signal.signal(number, self._take)
 
     def _take(self, *_: object) -> None:

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stage_core.errors import EXIT_BAD_INPUT
+from stage_core.signals import ending
 
 #: The kernel keeps the latency that is written here, in us, while the file is open.
 LATENCY_FILE = Path('/dev/cpu_dma_latency')
@@ -103,13 +104,13 @@ class KeepAwake:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Keep the processors awake until SIGINT or SIGTERM."""
+    """Keep the processors awake until a signal ends it."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if any(argument in ('-h', '--help') for argument in given):
         print(__doc__)
         return 0
     ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending():
         signal.signal(number, lambda *_: ended.set())
     with KeepAwake() as awake:
         if not awake.how:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import os
 import signal
 import subprocess
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stage_core.errors import StageError
+from stage_core.signals import ending
 
 _SETUP = """
 import sys
@@ -32,13 +34,13 @@ def die_with_parent() -> None:
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Ctrl-C and SIGTERM wait: Python drops what is raised while a process forks."""
+    """What ends a process waits: Python drops what is raised while a process forks."""
     # Blocking them would not do: another thread takes the signal, the handler runs in this one.
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     heard: list[int] = []
-    before = {int(n): signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    before = {int(n): signal.getsignal(n) for n in ending()}
     handlers = {number: handler for number, handler in before.items() if callable(handler)}
     for number in handlers:
         signal.signal(number, lambda number, _: heard.append(number))
@@ -66,8 +68,8 @@ class NodeCommand:
         for path in self.parameter_files:
             line += ['--params-file', str(path)]
         for name, value in self.parameters.items():
-            text = str(value).lower() if isinstance(value, bool) else str(value)
-            line += ['-p', f'{name}:={text}']
+            # ROS reads the value as YAML, of which JSON is a part: a text may hold anything.
+            line += ['-p', f'{name}:={json.dumps(value, ensure_ascii=False, default=str)}']
         return line
 
 

@@ -106,7 +106,7 @@ class Session:
     def record(self, name: str) -> Path:
         """Start recording; the folder of the bag."""
         self.client.set_parameters('/session_recorder', name=name)
-        path = Path(self.client.trigger('/session_recorder/start', 30.0).split()[-1])
+        path = Path(self.client.trigger('/session_recorder/start', 30.0))
         self.result.bags[name] = path
         return path
 

@@ -1,7 +1,7 @@
 """Every node in one terminal, ended together: ``ros2 run stage_bringup up``.
 
 Without options the emulated machine runs in real time. ``--port`` names a real Zaber stage,
-``--tracker`` a real tracker. Ctrl-C ends all.
+which has no tracker unless ``--tracker`` names a real one. Ctrl-C ends all.
 """
 
 from __future__ import annotations
@@ -48,8 +48,9 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
     if given.port:
         options = replace(options, backend='zaber')
     nodes = [_changed(node, given.port, given.tracker) for node in commands(options)]
-    if given.port and given.tracker:
-        nodes = [node for node in nodes if node.name != 'stage_twin']
+    if given.port:  # no emulated tracker beside a real stage
+        absent = ('stage_twin',) if given.tracker else ('stage_twin', 'tracker_bridge')
+        nodes = [node for node in nodes if node.name not in absent]
     # The Foxglove socket is one port beside the page, as by default.
     live = {
         'page_port': given.page_port,
@@ -67,8 +68,8 @@ def _changed(node: NodeCommand, port: str | None, tracker: str | None) -> NodeCo
         parameters['port'] = port
     if node.name == 'tracker_bridge' and tracker:
         host, _, number = tracker.partition(':')
-        if number and not number.isdigit():
-            raise StageError(f'{tracker} names no port: give --tracker HOST or HOST:PORT')
+        if not host or (number and not number.isdigit()):
+            raise StageError(f'{tracker} names no host and port: give --tracker HOST or HOST:PORT')
         parameters |= {'host': host, 'port': int(number or TPI_PORT)}
     return replace(node, parameters=parameters)
 

@@ -36,6 +36,7 @@ from stage_core.ros.descriptor_node import descriptor
 from stage_core.ros.diagnostics_node import Diagnostics
 from stage_core.ros.joint_state_wire import JointSample, JointStateLayout
 from stage_core.ros.peers import PEERS, PeerWatch, speaker
+from stage_core.signals import ending
 
 #: Measurements are recorded for science: reliable, with a second of depth (interfaces.md).
 STATE_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -285,7 +286,7 @@ def run(
     factory: Callable[[], StageNode | Sequence[StageNode]],
     arguments: Sequence[str] | None = None,
 ) -> int:
-    """Run a node, or several in one process, until SIGINT or SIGTERM; the process' exit status.
+    """Run a node, or several in one process, until a signal ends it; the process' exit status.
 
     A :class:`StageError` while the nodes start is one line on stderr and exit status 2; so is what
     ROS itself refuses, as a node without its keys where SROS 2 is enforced. Several nodes are shut
@@ -298,7 +299,7 @@ def run(
         rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     except (StageError, rclpy_implementation.RCLError) as error:
         return _refused(error)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending():
         signal.signal(number, lambda *_: ended.set())
     nodes: Sequence[StageNode] = ()
     executor: Executor | None = None

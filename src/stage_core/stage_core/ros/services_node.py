@@ -17,13 +17,16 @@ from stage_core.errors import StageError
 
 
 def create_trigger_service(node: Any, name: str, action: Callable[[], str]) -> None:
-    """Create a Trigger service that answers with what `action` returns, or its StageError."""
+    """Create a Trigger service that answers with what `action` returns, or its error."""
 
     def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:
             response.message, response.success = action(), True
         except StageError as error:
             response.message = str(error)
+        except Exception as error:
+            # A mistake in here is the caller's to hear, not the end of the node.
+            response.message = f'internal error: {error!r}'
         return response
 
     node.create_service(Trigger, name, answer)
