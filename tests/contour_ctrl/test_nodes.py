@@ -19,7 +19,6 @@ from std_msgs.msg import String
 
 from calibrator import model_file
 from calibrator.models import make_model
-from contour_ctrl import storage
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ros.client_node import GraphClient
@@ -123,7 +122,8 @@ def learns_and_repeats_itself(client: GraphClient, plant: LockstepDriver, saved:
     assert len(first) % 2 == 0 and len(first) > 900
     radius = np.hypot(*np.array(first)[:, :2].T)
     assert radius == pytest.approx(RADIUS, rel=1e-9)
-    assert saved.is_file()
+    (kept,) = saved.iterdir()
+    taught = kept.read_bytes()
 
     plant.streamed.clear()
     again = client.trigger('/contour_ctrl/run', PATIENCE)
@@ -132,9 +132,13 @@ def learns_and_repeats_itself(client: GraphClient, plant: LockstepDriver, saved:
     assert plant.streamed == first
 
     client.set_parameters('/contour_ctrl', reuse_learned=True, feed=0.029)
-    with pytest.raises(StageError, match='another contour'):
+    with pytest.raises(StageError, match='nothing is learned yet of this contour'):
         client.trigger('/contour_ctrl/run', PATIENCE)
-    client.set_parameters('/contour_ctrl', reuse_learned=False, feed=0.03)
+    # A run that learns nothing, of the same contour, leaves what was learned.
+    client.set_parameters('/contour_ctrl', reuse_learned=False, feed=0.03, scheme='p_ff')
+    client.trigger('/contour_ctrl/run', PATIENCE)
+    client.set_parameters('/contour_ctrl', scheme='cccmac+rilc')
+    assert [path.read_bytes() for path in saved.iterdir()] == [taught]
 
 
 def aborts_smoothly(client: GraphClient, plant: LockstepDriver) -> None:
@@ -231,7 +235,7 @@ def test_contour_node_learns_repeats_itself_aborts_and_faults(
     client.watch(DiagnosticArray, topics.DIAGNOSTICS, callback=lambda m: seen.append(str(m)))
     try:
         refuses_what_it_cannot_run(client)
-        learns_and_repeats_itself(client, plant, tmp_path / 'session' / storage.FILE_NAME)
+        learns_and_repeats_itself(client, plant, tmp_path / 'session')
         aborts_smoothly(client, plant)
         stops_where_the_encoder_breaks(client, plant)
         follows_the_calibration_model(client, plant, tmp_path / 'model.json', seen)

@@ -226,22 +226,32 @@ def test_same_course_at_fifty_hertz() -> None:
 
 
 def test_learned_signals_belong_to_a_contour_and_a_machine(tmp_path: Path) -> None:
-    path = tmp_path / 'session' / storage.FILE_NAME
+    of = REFERENCE.digest(), 'stage-1'
+    path = storage.file_of(tmp_path / 'session', *of, 'cccmac+rilc')
     signal = np.random.default_rng(0).normal(size=(50, 2))
-    kept = storage.Learned(REFERENCE.digest(), 'stage-1', signal, np.ones((8, 5, 5)))
+    kept = storage.Learned(*of, signal, np.ones((8, 5, 5)))
     storage.save(path, kept, {'scheme': 'cccmac+rilc'})
-    back = storage.load(path, REFERENCE.digest(), 'stage-1')
+    back = storage.load(path, *of)
     assert np.array_equal(back.signal, signal) and back.weights.shape == (8, 5, 5)
     other = reference.plan(curves.circle(0.005, (0.01, 0.0)), 0.031)
     with pytest.raises(StageError, match='another contour'):
         storage.load(path, other.digest(), 'stage-1')
-    with pytest.raises(StageError, match='learned on the machine'):
+    assert storage.file_of(path.parent, other.digest(), 'stage-1', 'cccmac+rilc') != path
+    assert storage.file_of(path.parent, *of, 'ccc') != path
+    with pytest.raises(StageError, match='another contour or machine'):
         storage.load(path, REFERENCE.digest(), 'stage-2')
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(StageError, match='holds no learned signal'):
         storage.load(path, REFERENCE.digest(), 'stage-1')
-    with pytest.raises(StageError, match='holds no learned signal'):
-        storage.load(tmp_path / 'absent.npz', REFERENCE.digest(), 'stage-1')
+    with pytest.raises(StageError, match='nothing is learned yet'):
+        storage.load(tmp_path / 'absent.npz', *of)
+
+
+def test_what_is_learned_outlives_a_correction_of_the_contour() -> None:
+    moved = REFERENCE.corrected(lambda points: 1.0001 * points)
+    assert np.abs(moved.position - REFERENCE.position).max() > 1e-7
+    assert moved.digest() == moved.corrected(lambda points: points + 1e-6).digest()
+    assert moved.digest() == REFERENCE.digest()
 
 
 def test_excitation_is_consistent_and_stays_within_its_limits() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -75,15 +74,14 @@ class ContourCtrl(StreamingNode):
         signal, weights = np.zeros_like(course.controller.learned), course.best_weights
         if course.learner is not None and course.learner.best is not None:
             signal, weights = course.learner.best.signal, course.learner.best.weights
+        if not (signal.any() or weights.any()):
+            return
+        of = course.controller.reference.digest(), self.value('machine')
+        scheme = self.value('scheme')
         storage.save(
-            Path(folder) / storage.FILE_NAME,
-            storage.Learned(
-                course.controller.reference.digest(),
-                self.value('machine'),
-                signal,
-                weights,
-            ),
-            {'scheme': self.value('scheme'), 'result': course.message},
+            storage.file_of(folder, *of, scheme),
+            storage.Learned(*of, signal, weights),
+            {'scheme': scheme, 'result': course.message},
         )
 
     def _run(self) -> Future[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,8 +68,9 @@ def prepare(
 def _reload(value: parameters.Values, controller: Controller, learner: Learner | None) -> None:
     if not value('session_folder'):
         raise StageError('reuse_learned needs the parameter session_folder')
-    path = Path(value('session_folder')) / storage.FILE_NAME
-    known = storage.load(path, controller.reference.digest(), value('machine'))
+    of = controller.reference.digest(), value('machine')
+    path = storage.file_of(value('session_folder'), *of, value('scheme'))
+    known = storage.load(path, *of)
     if known.signal.shape != controller.learned.shape:
         raise StageError(f'{path} has another number of ticks: delete it')
     if learner is not None:

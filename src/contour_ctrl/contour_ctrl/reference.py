@@ -41,6 +41,8 @@ class Reference:
     fluctuation
         Largest deviation of the distance between neighbouring set-points per tick from the
         planned feed while cruising, as a share of the feed.
+    wanted
+        `digest` of what a corrected reference was made of; empty where nothing was corrected.
     """
 
     period: float
@@ -52,16 +54,20 @@ class Reference:
     path: PathTable | None
     feed: float
     fluctuation: float
+    wanted: str = ''
 
     def __len__(self) -> int:
         """Return the number of ticks."""
         return len(self.position)
 
     def digest(self) -> str:
-        """Hash of everything that a learned signal depends on: the ticks and the period.
+        """Hash of the wanted ticks and the period: what is learned is learned for these.
 
+        A correction moves them by micrometres, which changes little of what a loop has to learn.
         Positions are rounded to 1 nm, so that the hash survives another processor's rounding.
         """
+        if self.wanted:
+            return self.wanted
         ticks = np.round(self.position * 1e9).astype(np.int64)
         return hashlib.sha256(ticks.tobytes() + repr(self.period).encode()).hexdigest()
 
@@ -103,6 +109,7 @@ class Reference:
             acceleration=acceleration,
             angle=np.unwrap(np.arctan2(tangent[:, 1], tangent[:, 0])),
             path=path,
+            wanted=self.digest(),
         )
 
     def braked(

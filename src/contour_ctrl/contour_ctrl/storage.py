@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import zipfile
 from dataclasses import dataclass
@@ -17,7 +18,6 @@ from stage_core.whole_file import replacing
 FloatArray = NDArray[np.float64]
 
 FORMAT = 'contour-learning/1'
-FILE_NAME = 'learned.npz'
 #: What a file that is no archive of arrays raises.
 _UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
@@ -30,6 +30,12 @@ class Learned:
     machine: str
     signal: FloatArray
     weights: FloatArray
+
+
+def file_of(folder: str | Path, contour: str, machine: str, scheme: str) -> Path:
+    """Where a contour's learning on a machine is kept: no other one takes its place."""
+    key = hashlib.sha256(f'{contour} {machine}'.encode()).hexdigest()[:12]
+    return Path(folder) / f'learned_{scheme.replace("+", "_")}_{key}.npz'
 
 
 def save(path: str | Path, learned: Learned, notes: dict[str, str] | None = None) -> None:
@@ -62,8 +68,13 @@ def load(path: str | Path, contour: str, machine: str) -> Learned:
     Raises
     ------
     StageError
-        An unreadable file, or one of another contour or machine.
+        No file, an unreadable one, or one of another contour or machine.
     """
+    if not Path(path).exists():
+        raise StageError(
+            f'nothing is learned yet of this contour, feed, rate, scheme and machine in '
+            f'{Path(path).parent}: set reuse_learned to false for a first run'
+        )
     try:
         with np.load(path, allow_pickle=False) as content:
             header = json_object(str(content['header']), 'its header', 'delete the file')
@@ -77,16 +88,8 @@ def load(path: str | Path, contour: str, machine: str) -> Learned:
         ) from None
     if known[0] != FORMAT:
         raise StageError(f'{path} has the format {known[0]}, wanted is {FORMAT}: delete it')
-    if known[1] != contour:
-        raise StageError(
-            f'{path} was learned on another contour, feed or rate: '
-            'set reuse_learned to false or name another session_folder'
-        )
-    if known[2] != machine:
-        raise StageError(
-            f'{path} was learned on the machine {known[2]!r}, this is {machine!r}: '
-            'set reuse_learned to false or name another session_folder'
-        )
+    if known[1:] != (contour, machine):
+        raise StageError(f'{path} was learned on another contour or machine: delete it')
     if not (np.all(np.isfinite(signal)) and np.all(np.isfinite(weights))):
         raise StageError(f'{path} holds values that are not finite: delete it')
     return Learned(contour, machine, signal, weights)
