@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -215,6 +216,35 @@ def test_a_record_without_an_array_is_one_line(
         assert module.main(['--out', str(tmp_path / 'out'), '--data', str(tmp_path)]) == 2
         told = capsys.readouterr().err
         assert told == f'error: {file} lacks {", ".join(missing)}: it needs {needed}\n'
-    file.write_bytes(b'PK\x03\x04 cut off')
-    assert module.main(['--out', str(tmp_path / 'out'), '--data', str(tmp_path)]) == 2
-    assert capsys.readouterr().err.startswith(f'error: cannot read {file}')
+    for content in (b'PK\x03\x04 cut off', b'', b'no archive'):
+        file.write_bytes(content)
+        assert module.main(['--out', str(tmp_path / 'out'), '--data', str(tmp_path)]) == 2
+        assert capsys.readouterr().err.startswith(f'error: cannot read {file}')
+
+
+@pytest.mark.parametrize(
+    ('name', 'wrong', 'told'),
+    [
+        ('t', lambda t: t[::-1], 't must hold 41 or more times that increase'),
+        ('t', lambda t: t[:40], 't must hold 41 or more times that increase'),
+        ('encoder', lambda q: q[:-1], 'encoder has 99 rows, its times t have 100'),
+        ('command', lambda u: np.where(u > 0.5, np.nan, u), 'command is empty or holds'),
+        ('reference', lambda r: r[:, :0], 'reference is empty or holds'),
+        ('encoder', lambda q: q[:, :1], 'holds other arrays than those'),
+    ],
+)
+def test_a_record_that_is_none_is_one_line(
+    name: str,
+    wrong: Callable[[np.ndarray], np.ndarray],
+    told: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    rng = np.random.default_rng(0)
+    arrays = {n: rng.uniform(size=(100, 2)) for n in ('reference', 'encoder', 'command')}
+    arrays |= {'t': np.arange(100.0), 'contact_force': rng.uniform(size=(100, 2))}
+    arrays[name] = wrong(arrays[name])
+    (tmp_path / 'xy_circle').mkdir()
+    np.savez(tmp_path / 'xy_circle' / 'mine.npz', **arrays, note=np.array('a text beside'))
+    assert convert_xy_circle.main(['--out', str(tmp_path / 'out'), '--data', str(tmp_path)]) == 2
+    assert told in capsys.readouterr().err

@@ -49,7 +49,7 @@ def sessions(folder: Path) -> dict[str, Session]:
     """
     found = {}
     for number, (name, file) in enumerate(FILES.items()):
-        record = load(folder / 'emps' / file, NEEDED)
+        record = load(folder / 'emps' / file, NEEDED, {'t': ('qg', 'qm', 'vir')})
         seconds, start = record['t'][:, 0], EPOCH + number * DAY
         reference, encoder = record['qg'], record['qm']
         velocity = record['kp'].item() * (reference - encoder)

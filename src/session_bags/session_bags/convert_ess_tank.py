@@ -81,7 +81,11 @@ def stops(record: Mapping[str, Array]) -> Session:
 
 def sessions(folder: Path) -> dict[str, Session]:
     """The long stroke, and the stops of the repeatability test."""
-    record = load(folder / 'ess_tank' / 'stroke.npz', STROKE)
+    record = load(
+        folder / 'ess_tank' / 'stroke.npz',
+        STROKE,
+        {'motor_t': ('motor',), 'encoder_t': ('encoder',)},
+    )
     name = 'ess_tank_stroke'
     parts = (record[key] for key in STROKE)
     stroke = session_of(name, EPOCH, *parts)

@@ -66,7 +66,12 @@ def sessions(folder: Path) -> dict[str, Session]:
     The axis turns, so that its metres are radians, and its effort is the current [A]. The
     reference is the constant speed that was asked for.
     """
-    records = {name: load(folder / 'odrive_cogging' / f'{name}.npz', NEEDED) for name in RECORDS}
+    records = {
+        name: load(
+            folder / 'odrive_cogging' / f'{name}.npz', NEEDED, {'t': ('position', 'current')}
+        )
+        for name in RECORDS
+    }
     twin = fit_twin(records[_RETURN]).to_dict()
     found = {}
     for number, (name, record) in enumerate(records.items()):

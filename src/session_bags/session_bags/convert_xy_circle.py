@@ -49,7 +49,7 @@ def sessions(folder: Path) -> dict[str, Session]:
     files = sorted((folder / 'xy_circle').glob('*.npz'))
     if not files:
         raise StageError(f'{folder / "xy_circle"} holds no record: name the folder of the data')
-    records = {file.stem: load(file, NEEDED) for file in files}
+    records = {file.stem: load(file, NEEDED, {'t': NEEDED[1:]}) for file in files}
     fit = records.get(_FIT) or records[files[0].stem]
     twin = fit_twin(fit['t'], fit['encoder'], fit['command']).to_dict()
     found = {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -24,6 +23,8 @@ Array = NDArray[np.float64]
 EPOCH = 1_000_000_000
 DAY = 86_400 * 1_000_000_000
 MINUTE = 60 * 1_000_000_000
+#: Rows of which a second derivative is made.
+FEWEST = 41
 
 
 def data_folder() -> Path:
@@ -53,7 +54,7 @@ def derivative(values: Array, seconds: Array, window: int = 21) -> Array:
     return savgol_filter(values, window, 3, deriv=1, delta=step, axis=0)
 
 
-def second_derivative(values: Array, seconds: Array, window: int = 41) -> Array:
+def second_derivative(values: Array, seconds: Array, window: int = FEWEST) -> Array:
     """Second derivative, as :func:`derivative`."""
     step = float(np.median(np.diff(seconds)))
     return savgol_filter(values, window, 3, deriv=2, delta=step, axis=0)
@@ -103,7 +104,15 @@ def converter(title: str, sessions: Callable[[Path], Mapping[str, Session]]) -> 
         parser.add_argument('--out', type=Path, required=True, help='folder for the bags')
         parser.add_argument('--data', type=Path, help='folder of the measurements')
         parsed = parser.parse_args(arguments)
-        for name, session in sessions(parsed.data or data_folder()).items():
+        folder = parsed.data or data_folder()
+        try:
+            found = sessions(folder)
+        except (ValueError, IndexError, ZeroDivisionError, np.linalg.LinAlgError) as error:
+            raise StageError(
+                f'{folder} holds other arrays than those that this converter is for ({error}): '
+                'see docs/concepts/bags.md'
+            ) from error
+        for name, session in found.items():
             path = write_session(parsed.out / name, session)
             print(f'{path}: {sum(len(s) for s in session.series.values())} messages')
             for warning in session.warnings:
@@ -113,25 +122,49 @@ def converter(title: str, sessions: Callable[[Path], Mapping[str, Session]]) -> 
     return main
 
 
-def load(path: Path, needed: Sequence[str]) -> dict[str, Array]:
+def load(
+    path: Path, needed: Sequence[str], timed: Mapping[str, Sequence[str]] | None = None
+) -> dict[str, Array]:
     """Arrays of an ``.npz`` or ``.mat`` file, those of the names `needed` among them.
+
+    `timed` names arrays of one row per time, by the array of these times [s].
 
     Raises
     ------
     StageError
-        If the file is absent or unreadable, or lacks an array.
+        If the file is absent or unreadable, lacks an array, or if one is empty or not finite, has
+        another number of rows than its times, or times that do not increase.
     """
     try:
-        if path.suffix == '.mat':
-            from scipy.io import loadmat
-
-            content = loadmat(path)
-        else:
-            content = dict(np.load(path))
-        arrays = {k: np.asarray(v, float) for k, v in content.items() if not k.startswith('__')}
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        numbers = {k: v for k, v in _content(path).items() if v.dtype.kind in 'fiub'}
+        arrays = {k: np.asarray(v, float) for k, v in numbers.items()}
+    except Exception as error:  # whatever a parser raises on what it was not written for
         raise StageError(f'cannot read {path} ({error}): name the folder of the data') from error
     missing = [name for name in needed if name not in arrays]
     if missing:
         raise StageError(f'{path} lacks {", ".join(missing)}: it needs {", ".join(needed)}')
+    for name in needed:
+        if not arrays[name].size or not np.all(np.isfinite(arrays[name])):
+            raise StageError(f'{path}: {name} is empty or holds what is no finite number')
+    for time, names in (timed or {}).items():
+        seconds = arrays[time].ravel()
+        if len(seconds) < FEWEST or not np.all(np.diff(seconds) > 0.0):
+            raise StageError(f'{path}: {time} must hold {FEWEST} or more times that increase')
+        for name in names:
+            if len(arrays[name]) != len(seconds):
+                raise StageError(
+                    f'{path}: {name} has {len(arrays[name])} rows, its times {time} '
+                    f'have {len(seconds)}'
+                )
     return arrays
+
+
+def _content(path: Path) -> Mapping[str, Array]:
+    if path.suffix == '.mat':
+        from scipy.io import loadmat
+
+        return {k: v for k, v in loadmat(path).items() if not k.startswith('__')}
+    found = np.load(path)
+    if not isinstance(found, np.lib.npyio.NpzFile):
+        raise ValueError('no archive of arrays')
+    return dict(found)
