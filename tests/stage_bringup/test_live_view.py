@@ -56,13 +56,18 @@ def test_channel_carries_the_message_definition() -> None:
     assert values['schema']['data'].decode() == definition('sensor_msgs/msg/JointState')[0]
 
 
+def node(said: list[str] | None = None) -> SimpleNamespace:
+    log = SimpleNamespace(warning=(said if said is not None else []).append)
+    return SimpleNamespace(create_client=lambda *_: None, get_logger=lambda: log)
+
+
 def test_while_a_contour_is_followed_the_error_is_the_controllers() -> None:
     from geometry_msgs.msg import Vector3, Vector3Stamped
     from rclpy.serialization import serialize_message
 
     from stage_core.ros.node import joint_state
 
-    state = LiveState(SimpleNamespace(create_client=lambda *_: None))
+    state = LiveState(node())
     # In real time the driver follows the reference of the tick before.
     state.keep_reference(serialize_message(joint_state(1, 'xy', position=[30e-6, 0.0])))
     encoder = joint_state(1, 'xy', position=[0.0, 0.0])
@@ -75,6 +80,29 @@ def test_while_a_contour_is_followed_the_error_is_the_controllers() -> None:
 
 
 LIVE_VIEW = 'stage_bringup.live_view_node'
+
+
+def test_what_is_no_number_and_an_alignment_without_a_rotation_end_nothing() -> None:
+    from geometry_msgs.msg import PointStamped, TransformStamped, Vector3Stamped
+    from rclpy.serialization import serialize_message
+
+    said: list[str] = []
+    state = LiveState(node(said))
+    point, contour, nowhere = PointStamped(), Vector3Stamped(), TransformStamped()
+    nowhere.transform.rotation.w = 0.0
+    point.point.x = contour.vector.z = float('nan')
+    for topic, message in (
+        (topics.ALIGNMENT, nowhere),
+        (topics.TRACKER_POINT, point),
+        (topics.CONTOUR_ERROR, contour),
+    ):
+        state.take(topic, serialize_message(message))
+    assert len(said) == 1 and 'alignment' in said[0]
+    shown = json.loads(json.dumps(state.now(), allow_nan=False))
+    assert shown['tracker'] is None and shown['contour'] is None
+    point.point.x = 0.5
+    state.take(topics.TRACKER_POINT, serialize_message(point))
+    assert state.now()['tracker'] == [0.5, 0.0, 0.0]
 
 
 def test_node_without_the_sdk_serves_its_page(ros_env: dict[str, str], tmp_path: Path) -> None:

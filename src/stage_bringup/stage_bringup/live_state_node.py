@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -13,6 +14,7 @@ from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from stage_core import topics
+from stage_core.errors import StageError
 from stage_core.frames import RigidTransform, alignment_in
 from stage_core.quantities import AXES
 from stage_core.ros.joint_state_wire import JointSample
@@ -40,6 +42,7 @@ class LiveState:
         self._contour: tuple[Vector3, float] | None = None
         self._alignment = RigidTransform.identity()
         self._states: dict[str, tuple[int, str, float]] = {}
+        self._log = node.get_logger()
         self._stop = node.create_client(Trigger, '/stage_driver/stop')
 
     def take(self, topic: str, data: bytes) -> None:
@@ -55,7 +58,10 @@ class LiveState:
         elif topic == topics.CONTOUR_ERROR:
             self._contour = (deserialize_message(data, Vector3Stamped).vector, time.monotonic())
         elif topic == topics.ALIGNMENT:
-            self._alignment = alignment_in(deserialize_message(data, TransformStamped))
+            try:
+                self._alignment = alignment_in(deserialize_message(data, TransformStamped))
+            except StageError as error:
+                self._log.warning(str(error))
         elif topic == topics.DIAGNOSTICS:
             now = time.monotonic()
             with self._lock:
@@ -107,11 +113,11 @@ class LiveState:
         driver = next((r['text'] for r in rows if r['name'] == 'stage_driver: state'), '')
         return {
             'axes': AXES,
-            'position': position,
+            'position': _finite(position),
             # The controller's own: in real time the driver's reference is a tick late in a stream.
-            'error': [contour.x, contour.y] if contour else self._error(),
-            'tracker': self._tracker,
-            'contour': contour.z if contour else None,
+            'error': _finite([contour.x, contour.y] if contour else self._error()),
+            'tracker': _finite(self._tracker),
+            'contour': contour.z if contour and math.isfinite(contour.z) else None,
             'driver': driver,
             'states': rows,
         }
@@ -128,3 +134,8 @@ class LiveState:
             )
         answer = future.result()
         return f'The driver answers: {answer.message}' if answer else 'The stop failed.'
+
+
+def _finite(values: list[float] | None) -> list[float] | None:
+    """The values, or None where one is no number: JSON has no word for that."""
+    return values if values is not None and all(map(math.isfinite, values)) else None

@@ -64,8 +64,8 @@ def parse(arguments: Sequence[str] | None) -> Options:
     options = options_of(parser.parse_args(arguments))
     if options.grid < 3 or options.heldout < 3 or options.iterations < 1:
         raise StageError('a session needs --grid >= 3, --heldout >= 3 and --iterations >= 1')
-    if options.out.exists() and any(options.out.iterdir()):
-        raise StageError(f'{options.out} is not empty: name another folder with --out')
+    if options.out.exists() and (not options.out.is_dir() or any(options.out.iterdir())):
+        raise StageError(f'{options.out} is not an empty folder: name another folder with --out')
     return options
 
 
@@ -123,7 +123,10 @@ def _run(
 
     names = [*CONTROL, *(node.name for node in nodes)]
     refuse_second_graph(names)
-    options.out.mkdir(parents=True, exist_ok=True)
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise StageError(f'{options.out} is no folder: name another with --out') from error
     processes = Processes(options.out / 'log', interrupts.check)
     status = 0
     try:
