@@ -34,7 +34,9 @@ def nominal() -> TwinFile:
     return TwinFile('stepper', axes, 0.01, tracker=TrackerSpec(100.0, 1e-6))
 
 
-def stepper_session(effects: dict[str, dict[str, float]], moves: int = 40) -> Session:
+def stepper_session(
+    effects: dict[str, dict[str, float]], moves: int = 40, noise: float = 1e-6
+) -> Session:
     """Moves of 0.4 s with rests of 0.6 s in between, counted 50 times a second."""
     generator = np.random.default_rng(5)
     twin = nominal()
@@ -44,7 +46,7 @@ def stepper_session(effects: dict[str, dict[str, float]], moves: int = 40) -> Se
     s = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     starts = np.vstack([np.zeros((1, 2)), stops[:-1]])
     motor = np.concatenate([a + (b - a) * s for a, b in zip(starts, stops, strict=True)])
-    real = twin.with_effects(effects)
+    real = replace(twin.with_effects(effects), tracker=TrackerSpec(100.0, noise))
     seen_at, seen = measure(real, pack(real), carry(real, motor), None, 1, True)
     # Where a move ends scatters; each stop has a deviation of its own.
     scatter = np.repeat(SCATTER * generator.standard_normal((moves, 2)), 100, axis=0)
@@ -90,6 +92,15 @@ def test_planted_effects_are_named_from_counted_steps(tmp_path: Path) -> None:
     assert main([*words, '--out', str(tmp_path / 'out')]) == 0
     assert TwinFile.load(tmp_path / 'out' / 'corrected_twin.yaml').kind == 'stepper'
     assert (tmp_path / 'out' / 'report.html').exists()
+
+
+def test_a_tracker_noisier_than_its_twin_says_is_measured() -> None:
+    play = {'backlash.y': EFFECTS['backlash.y']}
+    found = diagnose([stepper_session(play, noise=9e-6)], [], nominal())
+    assert found.verdict == ['backlash.y']
+    # The means of 24 to 60 points, and the table scatters beside.
+    assert 9e-6 / 60**0.5 < found.noise_floor < np.hypot(9e-6 / 24**0.5, SCATTER)
+    assert found.after < 1.3 * found.noise_floor
 
 
 def test_a_nominal_stepper_has_no_gap() -> None:
@@ -182,9 +193,9 @@ def test_repeatability_is_that_of_repeated_rests() -> None:
     where = np.tile(stops, (30, 1))
     point = where + 2e-6 * generator.standard_normal(where.shape)
     side = np.sign(np.diff(where, axis=0, prepend=where[:1]))
-    rests = _Rests(np.arange(120.0), point, np.ones(120), where, side)
+    rests = _Rests(np.arange(120.0), point, np.ones(120), where, side, 1e-6)
     assert _repeats(rests, np.full(2, 5e-8)) == pytest.approx(2e-6, rel=0.15)
-    few = _Rests(*(field[:4] for field in (rests.time, point, rests.count, where, side)))
+    few = _Rests(*(field[:4] for field in (rests.time, point, rests.count, where, side)), 1e-6)
     assert _repeats(few, np.full(2, 5e-8)) is None
 
 

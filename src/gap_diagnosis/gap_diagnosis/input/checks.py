@@ -80,7 +80,7 @@ def check_tracker_moves(record: Record) -> None:
             )
     if wrong := other_unit(record.tracker, record.encoder, 'the encoder'):
         raise StageError(f'{record.name}: {topics.TRACKER_POINT} {wrong}')
-    if record.points_per_row == 1.0:
+    if record.row_noise is None:
         _check_tracker_goes_on(record)
 
 

@@ -85,7 +85,7 @@ def find(records: list[Record]) -> Coarse:
     record = next(r for r in records if not r.held_out_session)
     assert record.tracker_time is not None and record.tracker is not None
     axes = len(record.axes)
-    rests = record.points_per_row > 1.0
+    rests = record.row_noise is not None
     rows = np.flatnonzero(~inside(record.tracker_time, held_out_windows(record)))
     rows = rows[:: max(1, len(rows) // MOST_POINTS)]
     time = record.point_time()[rows]

@@ -73,7 +73,7 @@ class Record:
     windows_at: float = LAST_THIRD  # of a block of time, where its held-out window begins
     moving: tuple[bool, ...] = ()
     warnings: tuple[str, ...] = field(default=())
-    points_per_row: float = 1.0  # tracker points whose mean is a row: more than 1 for rests
+    row_noise: float | None = None  # of the mean of a rest's points [m]; None for single points
     rest_scatter: float | None = None  # standard deviation of repeated rests [m]
     clock: Clock | None = None  # from stamps to `time`; None where they are the same
     tracker_stamp: Array | None = None  # of the points, where `clock` makes another time of it

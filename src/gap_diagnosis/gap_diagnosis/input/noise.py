@@ -31,6 +31,9 @@ SURE = 5.0  # standard deviations of a jitter above zero
 QUIET = 0.3  # share of a session's slowest points that tell a tracker's noise
 WILD = 5.0  # times the expected power, from which on a block is a knock and no noise
 TRACKER_BLOCK = 10  # points
+#: Measured noise of a tracker over the stated one, from which on it is taken.
+CLEARLY_NOISIER = 1.15
+GAUSS = 1.4826  # standard deviation over the median deviation, of normal numbers
 #: Shares of a control period: least jitter about the stamps that is named, and one beyond which
 #: ticks would change places. Clocks of good loops are within 0.02; those of a foreign simulator
 #: without a fault have 0.001.

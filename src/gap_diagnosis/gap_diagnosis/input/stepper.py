@@ -8,6 +8,7 @@ one row.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +29,7 @@ from gap_diagnosis.input.data import (
     with_tracker_noise,
 )
 from gap_diagnosis.input.grid import SAME
-from gap_diagnosis.input.noise import Noise, axis_noise
+from gap_diagnosis.input.noise import CLEARLY_NOISIER, GAUSS, Noise, axis_noise
 from stage_core import topics
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
@@ -64,7 +65,8 @@ HINT = 'record one with at least 18 rests of 0.5 s (`ros2 run stage_bringup sess
 class _Rests:
     """Rests: middle (m,) [s], mean tracker point (m, a) [m], number of points, counted place.
 
-    `side` (m, a) is the sign of each axis' last motion before the rest, 0 before its first.
+    `side` (m, a) is the sign of each axis' last motion before the rest, 0 before its first;
+    `noise` is that of a point [m].
     """
 
     time: Array
@@ -72,6 +74,7 @@ class _Rests:
     count: Array
     where: Array
     side: Array
+    noise: float
 
 
 def load_stepper_record(session: Session, twin: TwinFile, held_out: bool = False) -> Record:
@@ -190,7 +193,7 @@ def _at_rests(record: Record, rests: _Rests, step: Array) -> Record:
             f'{len(rests.time)} rests are judged, each by the mean of its tracker points; motion '
             'between them is not, nor are the servo link and the tracker clock',
         ),
-        points_per_row=float(np.median(rests.count)),
+        row_noise=rests.noise / math.sqrt(float(np.median(rests.count))),
         rest_scatter=_repeats(rests, step),
     )
 
@@ -283,21 +286,21 @@ def _rests(
             f'{session.path}: the stamps of {topics.TRACKER_POINT} and of the stage topics do not '
             'overlap: check the clock of the tracker bridge'
         )
-    noise = twin.tracker.noise if twin.tracker is not None else 1.0e-6
+    seen = []
+    for start, stop in find_rests(counted, motion, LEAST_REST, STILL):
+        low, high = np.searchsorted(seconds, (counted[start] + EDGE, counted[stop - 1] - EDGE))
+        if high - low >= LEAST_POINTS:
+            seen.append((start, stop, points[low:high]))
+    noise = _point_noise([own for _, _, own in seen], twin)
     sides = _sides(motion)
     time, mean, count, where, side = [], [], [], [], []
-    for start, stop in find_rests(counted, motion, LEAST_REST, STILL):
-        first, last = counted[start], counted[stop - 1]
-        low, high = np.searchsorted(seconds, (first + EDGE, last - EDGE))
-        own = points[low:high]
-        if len(own) < LEAST_POINTS:
-            continue
+    for start, stop, own in seen:
         # A command at rest is no table at rest: what is far from the rest's end still moves.
         end = np.median(own[len(own) // 2 :], axis=0)
         use = np.all(np.abs(own - end) < 6.0 * noise, axis=1)
         if np.count_nonzero(use) < max(LEAST_POINTS, 0.4 * len(own)):
             continue
-        time.append(0.5 * (first + last))
+        time.append(0.5 * (counted[start] + counted[stop - 1]))
         mean.append(own[use].mean(axis=0))
         count.append(float(np.count_nonzero(use)))
         where.append(motion[stop - 1])
@@ -309,4 +312,18 @@ def _rests(
         np.array(count),
         np.array(where).reshape(shape),
         np.array(side).reshape(shape),
+        noise,
     )
+
+
+def _point_noise(rests: list[Array], twin: TwinFile) -> float:
+    """Noise [m] of a tracker point: the twin's, unless the points of rests are clearly noisier.
+
+    Neighbours differ by √2 of it, however the table settles.
+    """
+    stated = twin.tracker.noise if twin.tracker is not None else 1.0e-6
+    steps = [np.median(np.abs(np.diff(own, axis=0)), axis=0) for own in rests]
+    if not steps:
+        return stated
+    measured = float(np.max(np.median(steps, axis=0))) * GAUSS / math.sqrt(2.0)
+    return measured if measured > CLEARLY_NOISIER * stated else stated

@@ -30,7 +30,7 @@ def held_out_windows(record: Record) -> list[tuple[float, float]]:
     """
     if record.held_out_session:
         return [(float(record.time[0] + PREFIX * record.duration), float(record.time[-1]))]
-    if record.points_per_row > 1.0 and record.tracker_time is not None:
+    if record.row_noise is not None and record.tracker_time is not None:
         # Rests are few: every third one is held out, whatever the rhythm of the moves.
         middle = 0.5 * (record.tracker_time[1:] + record.tracker_time[:-1])
         bounds = np.concatenate([record.time[:1], middle, record.time[-1:]])

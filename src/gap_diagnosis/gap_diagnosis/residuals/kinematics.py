@@ -55,7 +55,7 @@ class Kinematics:
         self.axis = ''  # of the effect in question; empty for the machine as a whole
         first = self.records[0]
         self.frames = tuple(f for f in (first.coarse, first.frame) if f is not None)
-        self.rests = any(r.points_per_row > 1.0 for r in self.records)
+        self.rests = any(r.row_noise is not None for r in self.records)
         self.both_move = len(self.axes) == 2 and any(all(r.moving) for r in self.records)
         self._points = [r.encoder_at(_required(r.tracker_time)) for r in self.records]
         # Without noise: what a spline lets through depends on the place between two ticks, and

@@ -8,11 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.noise import CLEARLY_NOISIER
 from gap_diagnosis.parameters import Parameters
 from stage_core.twin_file import TwinFile
-
-#: Measured noise of a tracker over the stated one, from which on it is taken.
-CLEARLY_NOISIER = 1.15
 
 
 def with_steps(twin: TwinFile, quantisation: Parameters) -> TwinFile:
@@ -56,10 +54,10 @@ def with_mean_points(twin: TwinFile, records: list[Record]) -> TwinFile:
     A twin that states its `repeatability` [m] has the scatter of the rests in it (R = 4 s,
     ISO 230-2).
     """
-    points = min(r.points_per_row for r in records)
-    if points <= 1.0 or twin.tracker is None:
+    means = [r.row_noise for r in records if r.row_noise is not None]
+    if len(means) < len(records) or twin.tracker is None:
         return twin
-    noise = twin.tracker.noise / math.sqrt(points)
+    noise = max(means)
     scatter = rest_scatter(twin, records)
     if scatter is not None:
         noise = math.hypot(noise, scatter)
