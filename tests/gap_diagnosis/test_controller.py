@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.experiment.machine import START, as_session
 from benchmarks.experiment.machine import session as run_of
+from gap_diagnosis.__main__ import main
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.input.noise import AxisNoise, Noise
@@ -20,9 +24,11 @@ from gap_diagnosis.residuals.controller import (
 )
 from gap_diagnosis.residuals.recording import _path, in_another_unit, in_newtons
 from gap_diagnosis.result import Diagnosis
+from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.session import Series, Session
 from stage_core.twin_file import ServoAxis, TrackerSpec, TwinFile
+from stage_twin.simulate import simulate
 
 from .conftest import nominal, reference
 
@@ -129,27 +135,42 @@ def test_a_limit_of_the_controller_is_a_gap(planted: Maker) -> None:
     assert result.after < 0.2 * result.before
 
 
-def test_velocities_of_setpoints_are_inputs_and_others_are_findings(planted: Maker) -> None:
+def declared(session: Session) -> Session:
+    """The session with a set-point of a position and the commanded velocity in each tick."""
+    reference, command = session.series[topics.REFERENCE], session.series[topics.COMMAND]
+    values = {
+        'position.x': reference.values['position.x'],
+        'velocity.x': command.values['velocity.x'],
+    }
+    setpoint = Series(topics.SETPOINT, reference.stamps, values)
+    return replace(session, series={**session.series, topics.SETPOINT: setpoint})
+
+
+def test_the_terms_of_a_contour_controller_are_inputs(tmp_path: Path) -> None:
+    twin = nominal()
+    path = reference(10.0, twin.control_period, 1)
+    rate = np.gradient(path, twin.control_period, axis=0)
+    terms = 5e-4 * np.sin(2.0 * np.pi * 3.0 * np.arange(len(path)) * twin.control_period)
+    made = simulate(twin, path, rate, compensation=terms[:, None], seed=1)
+    run_once = as_session(made, twin, path, START, 'contour')
+    twin.save(tmp_path / 'twin.yaml')
+    verdicts = []
+    for name, session in (('silent', run_once), ('declared', declared(run_once))):
+        bag = write_session(tmp_path / name, session)
+        words = ['--bag', str(bag), '--twin', str(tmp_path / 'twin.yaml'), '--no-page', '--quiet']
+        assert main([*words, '--out', str(tmp_path / f'{name}_out')]) == 0
+        report = json.loads((tmp_path / f'{name}_out' / 'report.json').read_text())
+        verdicts.append(report['verdict'])
+        # The wave that the terms make, and nothing.
+        before = report['gap']['channels']['encoder.x']['before']
+        assert (before > 5e-6) is (name == 'silent')
+    assert verdicts[0] != [] and verdicts[1] == []
+
+
+def test_other_gains_are_a_finding_whoever_sends_them(planted: Maker) -> None:
     plain = planted({}, duration=10.0)
-    # The same commands with the law of other gains: declared by set-points, or not.
-    reference = plain.series[topics.REFERENCE]
-    command = plain.series[topics.COMMAND]
-    setpoint = Series(
-        topics.SETPOINT,
-        reference.stamps,
-        {
-            'position.x': reference.values['position.x'],
-            'velocity.x': command.values['velocity.x'],
-        },
-    )
-    declared = replace(plain, series={**plain.series, topics.SETPOINT: setpoint})
-    change = {'position_gain': 25.0}
-    assert found(declared, change).verdict == []
-    silent = replace(
-        setpoint, values={**setpoint.values, 'velocity.x': np.full(len(setpoint), np.nan)}
-    )
-    undeclared = replace(plain, series={**plain.series, topics.SETPOINT: silent})
-    assert found(undeclared, change).verdict == ['controller_mismatch.x']
+    for session in (plain, declared(plain)):
+        assert found(session, {'position_gain': 25.0}).verdict == ['controller_mismatch.x']
 
 
 @pytest.mark.parametrize(

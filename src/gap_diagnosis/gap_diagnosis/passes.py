@@ -19,7 +19,7 @@ from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_step
 from gap_diagnosis.input.windows import moves_while_judged
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Parameters, plain_values
-from gap_diagnosis.residuals.commands import controller_findings
+from gap_diagnosis.residuals.commands import controller_findings, declared_terms
 from gap_diagnosis.residuals.controller import with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.kinematics import Kinematics
@@ -168,6 +168,7 @@ def prepare(
     records = _load(sessions, twin) + _load(holdout, twin, held_out=True)
     if twin.kind == 'servo' and twin.gains_stated and not simulated:
         records = [with_windows(r, twin) for r in records]
+    records = declared_terms(records, twin)
     check_duration(records)
     if twin.kind != 'stepper' and not any(
         moves_while_judged(records, i) for i in range(len(records[0].axes))

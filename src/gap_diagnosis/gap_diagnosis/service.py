@@ -25,6 +25,7 @@ from stage_twin.models import is_model, read_model
 from stage_twin.models.plant import as_twin
 
 TOPICS = (
+    topics.SETPOINT,
     topics.REFERENCE,
     topics.COMMAND,
     topics.JOINT_STATES,

@@ -12,6 +12,7 @@ from gap_diagnosis.parameters import Estimates, Parameters
 from gap_diagnosis.residuals.controller import (
     follows,
     force_increments,
+    is_plain,
     mismatch,
     quiet,
     velocity_law,
@@ -28,6 +29,20 @@ AVERAGED, BELOW = 9, 2.0
 #: Mean square of what the law leaves of the increments of an effort, over that of the increments:
 #: at a limit at least, and elsewhere at most. At limits it was 4 to 900, at other peaks 0.003.
 HELD, FOLLOWED = 1.5, 0.5
+
+
+def declared_terms(records: list[Record], twin: TwinFile) -> list[Record]:
+    """The records, in which set-points declare what goes beyond a position loop of any gains.
+
+    A controller that streams such a loop is a controller: its gains are findings. The terms of a
+    contour controller, cross-coupled or learned, are inputs, and its gains with them.
+    """
+    moving = [i for i in range(len(records[0].axes)) if any(r.moving[i] for r in records)]
+    if twin.kind != 'servo' or not any(r.declared.any() for r in records):
+        return records
+    if all(is_plain(records, i, twin.servo(records[0].axes[i])) for i in moving):
+        return [replace(r, setpoint_velocity=None) for r in records]
+    return records
 
 
 def controller_findings(

@@ -120,8 +120,9 @@ def follows(records: list[Record], i: int, axis: ServoAxis, found: Estimates) ->
     Only slow increments are asked: those of an effort with noise are mostly its noise.
     """
     fitted = [r for r in _as_read(records, i, axis) if not r.held_out_session]
-    mine, its = (_slow(fitted, i, law) for law in (axis, with_found(axis, MISMATCH, found)))
-    return its < PARTLY * mine
+    other = with_found(axis, MISMATCH, found)
+    mine, its = (_slow(fitted, i, law) for law in (axis, other))
+    return its < math.hypot(PARTLY * mine, BEYOND_NOISE * _slow_noise(fitted, i, other))
 
 
 def with_found(axis: ServoAxis, effect: Effect, found: Estimates) -> ServoAxis:
@@ -135,6 +136,15 @@ def _slow(records: list[Record], i: int, axis: ServoAxis) -> float:
     """RMS of the slow force increments that a law leaves [N]."""
     rows = [slow(r, np.where(_free(r, i, axis), _wrong(r, i, axis), 0.0)) for r in records]
     return math.sqrt(float(np.mean(np.concatenate(rows) ** 2)))
+
+
+def _slow_noise(records: list[Record], i: int, axis: ServoAxis) -> float:
+    """RMS of the slow force increments [N] if all that a law leaves were white noise."""
+    squares = [_wrong(r, i, axis)[_free(r, i, axis)] ** 2 for r in records]
+    effort = math.sqrt(0.5 * float(np.mean(np.concatenate(squares))))
+    pulse = np.zeros(len(records[0].time))
+    pulse[len(pulse) // 2] = effort
+    return float(np.linalg.norm(slow(records[0], np.diff(pulse))))
 
 
 def _wrong(record: Record, i: int, axis: ServoAxis) -> Array:
@@ -290,6 +300,21 @@ def position_loop(
     return replace(axis, position_gain=gain, velocity_feedforward=feedforward), dict(
         zip(names, deviation, strict=True)
     )
+
+
+def is_plain(records: list[Record], i: int, axis: ServoAxis) -> bool:
+    """Whether the velocity commands that set-points declare are those of a plain position loop."""
+    records = [replace(r, setpoint_velocity=None) for r in records]
+    gains, _ = position_loop(records, i, axis)
+    rest, noise = [], 0.0
+    for record in records:
+        recorded = record.velocity_command[:, i]
+        free = np.concatenate([[False], _free(record, i, axis)]) & np.isfinite(recorded)
+        rest.append((recorded - velocity_law(record, i, gains))[free])
+        noise = max(noise, record.noise.axes[i].position if record.noise else 0.0)
+    left = np.concatenate(rest)
+    least = BEYOND_NOISE * gains.position_gain * noise
+    return bool(left.size) and float(np.sqrt(np.mean(left**2))) < least
 
 
 def _velocity_loop(
