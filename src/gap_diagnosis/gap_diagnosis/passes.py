@@ -165,10 +165,9 @@ def prepare(
     counted_twin = with_counted_steps(twin)
     if twin.kind == 'stepper' and any(by_encoder(s) for s in (*sessions, *holdout)):
         without = (*without, *UNSEEN_BY_ENCODER)
-    records = _load(sessions, twin) + _load(holdout, twin, held_out=True)
+    records = declared_terms(_load(sessions, twin) + _load(holdout, twin, held_out=True), twin)
     if twin.kind == 'servo' and twin.gains_stated and not simulated:
         records = [with_windows(r, twin) for r in records]
-    records = declared_terms(records, twin)
     check_duration(records)
     if twin.kind != 'stepper' and not any(
         moves_while_judged(records, i) for i in range(len(records[0].axes))
