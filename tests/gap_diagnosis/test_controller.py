@@ -252,7 +252,7 @@ def test_a_filter_and_a_mass_that_are_wrong_alike_are_no_other_unit(planted: Mak
     assert sorted(verdict) == sorted(truth)
 
 
-@pytest.mark.parametrize(('limit', 'named'), [(6.0, True), (250.0, False)])
+@pytest.mark.parametrize(('limit', 'named'), [(3.0, True), (6.0, True), (250.0, False)])
 def test_a_limit_shows_although_the_effort_is_noisy(limit: float, named: bool) -> None:
     twin = nominal()
     machine = replace(twin, axes={'x': replace(twin.servo('x'), force_limit=limit)})

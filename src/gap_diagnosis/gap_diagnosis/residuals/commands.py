@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.parameters import Estimates, Parameters
 from gap_diagnosis.residuals.controller import (
+    EDGE,
     follows,
     force_increments,
     is_plain,
@@ -27,7 +29,8 @@ PLATEAU = 5
 #: average from which on an effort may stand at a limit.
 AVERAGED, BELOW = 9, 2.0
 #: Mean square of what the law leaves of the increments of an effort, over that of the increments:
-#: at a limit at least, and elsewhere at most. At limits it was 4 to 900, at other peaks 0.003.
+#: at a limit at least, and away from it at most. At limits it was 4 to 900, at other peaks 0.003,
+#: away from limits 0.0005.
 HELD, FOLLOWED = 1.5, 0.5
 
 
@@ -122,8 +125,11 @@ def _noisy_plateau(records: list[Record], i: int, axis: ServoAxis, noise: float)
     def left(rows: Mask) -> float:
         return float(np.sum((own - law)[rows] ** 2) / max(np.sum(own[rows] ** 2), 1e-300))
 
+    # `quiet` spreads what follows no law.
+    reach = 2 * round(EDGE / records[0].period) + 1
+    apart = ~maximum_filter1d(high.astype(np.uint8), reach).astype(bool)
     held = np.count_nonzero(high) >= PLATEAU * AVERAGED and left(high) > HELD
-    if not (held and left(~high) < FOLLOWED):
+    if not (held and apart.any() and left(apart) < FOLLOWED):
         return None
     force = np.concatenate([np.abs(r.force[1:, i]) for r in records])
     return float(np.median(force[high]))
