@@ -78,6 +78,18 @@ def test_late_stamps_and_a_slow_clock_are_neither_gaps_nor_waits() -> None:
     assert time[-1] - time[0] == pytest.approx((count - 1) * PERIOD * 1.0002, abs=1e-4)
 
 
+@pytest.mark.parametrize('seed', range(4))
+def test_stamps_that_jitter_widely_are_all_ticks(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    count = 60000
+    jitter = np.clip(0.22e-3 * generator.standard_normal(count), -0.45e-3, 0.45e-3)
+    seconds = np.arange(count) * PERIOD + jitter
+    # At rest no encoder tells a late stamp from a lost tick.
+    numbers = tick_numbers(seconds, PERIOD, np.zeros((count, 1)), STEP)
+    np.testing.assert_array_equal(numbers, np.arange(count))
+    assert machine_clock(seconds, numbers, PERIOD)[1] is None
+
+
 def in_real_time(session: Session, latency: float = 0.0) -> Session:
     """The session of a machine whose time stands still for late forces, as on a busy computer."""
     stamps = session.series[topics.REFERENCE].stamps

@@ -60,13 +60,20 @@ def tick_numbers(seconds: Array, period: float, position: Array, resolution: Arr
     gaps = np.diff(seconds) / period
     steps = np.ones(len(gaps), dtype=np.int64)
     jumps, passed = _jumps(gaps)
-    if len(jumps):
+    if len(jumps) and not _complete(gaps):
         told, went = _told(position, resolution, jumps, passed)
         # Where the encoder does not tell, the machine did what it mostly did where it does.
         mostly = 2.0 * float(np.sum(went[told] - 1.0)) > float(np.sum(passed[told] - 1.0))
         others = passed if mostly or not told.any() else np.ones_like(passed)
         steps[jumps] = np.where(told, went, others).astype(np.int64)
     return np.concatenate([[0], np.cumsum(steps)])
+
+
+def _complete(gaps: Array) -> bool:
+    """Whether stamps that jitter, some of them widely, last as long as their ticks."""
+    beyond = np.cumsum(gaps - 1.0)
+    excess = np.median(beyond[-2 * NEIGHBOURS :]) - np.median(beyond[: 2 * NEIGHBOURS])
+    return float(gaps.min()) < 0.999 and abs(float(excess)) < JUMP - 1.0
 
 
 def _jumps(gaps: Array) -> tuple[Ints, Array]:
