@@ -26,7 +26,7 @@ EXCITATION: dict[str, object] = {
     'use_sim_time': True,
     'half_range_x': 0.003,
     'half_range_y': 0.003,
-    'speeds': '[0.02, 0.06]',
+    'speeds': [0.02, 0.06],
     'micro_time': 4.0,
     'multisine_time': 1.5,
     'lockstep_timeout': 60.0,
