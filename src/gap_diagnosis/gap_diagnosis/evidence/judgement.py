@@ -31,9 +31,6 @@ NONE = 'none'
 #: friction and play are approximations of the real mechanisms.
 SERVO_STRUCTURE = 0.04
 TRACKER_STRUCTURE = 0.006
-#: The same of what stays below the tracker's noise: right shapes of guides left 0.010 at most on
-#: 140 sessions of four simulators, mechanisms that no name fits 0.079 and more.
-WITHIN_NOISE = 0.02
 
 
 @dataclass(frozen=True)
@@ -113,8 +110,7 @@ def structure(
         chance = 3.0 * float(np.mean(residual**2)) / math.sqrt(3.0 * len(residual))
         least = max((0.30 * problem.floor) ** 2, chance)
         share = min(max(remaining, 0.0) / gap, 1.0)
-        shown = TRACKER_STRUCTURE if remaining > problem.floor**2 else WITHIN_NOISE
-        return Structure(remaining, share, remaining > least and share > shown)
+        return Structure(remaining, share, remaining > least and share > TRACKER_STRUCTURE)
     remaining = float(np.mean(residual**2)) - problem.floor**2
     share = min(max(remaining, 0.0) / (gap + problem.stated), 1.0)
     return Structure(
