@@ -107,7 +107,7 @@ def test_nothing_overwrites_a_bag(graph: Callable[..., Any], tmp_path: Path) -> 
     with graph(
         'session_recorder',
         clock='realtime',
-        session_recorder={'directory': tmp_path, 'name': 'same', 'topics': '["/stage/reference"]'},
+        session_recorder={'directory': tmp_path, 'name': 'same', 'topics': ['/stage/reference']},
     ) as (nodes, watch):
         client = watch.client
         publisher = client.node.create_publisher(JointState, topics.REFERENCE, STATE_QOS)

@@ -65,7 +65,7 @@ def parse(arguments: Sequence[str] | None) -> Options:
     if options.grid < 3 or options.heldout < 3 or options.iterations < 1:
         raise StageError('a session needs --grid >= 3, --heldout >= 3 and --iterations >= 1')
     if options.out.exists() and (not options.out.is_dir() or any(options.out.iterdir())):
-        raise StageError(f'{options.out} is not an empty folder: name another folder with --out')
+        raise StageError(f'{options.out} is not empty, or no folder: name another one with --out')
     return options
 
 
