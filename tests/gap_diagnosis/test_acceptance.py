@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from gap_diagnosis.evidence import judgement
-from gap_diagnosis.evidence.acceptance import Shrink, Sides, refuted, shows, shrink_of
+from gap_diagnosis.evidence.acceptance import (
+    Shrink,
+    Sides,
+    refuted,
+    shows,
+    shrink_of,
+    untold,
+)
 from gap_diagnosis.evidence.causes import _refuted
 
 from .conftest import nominal
@@ -186,3 +193,11 @@ def test_what_wanders_before_the_tracker_hides_no_resonance_from_the_encoder(
         'tracker.y': Sides((wander + swing) ** 2, (wander + left) ** 2, 'm', 2e-6, 2.5e-9),
     }
     assert shrink_of('structural_resonance.y', sides, seed=0).matters is stands
+
+
+@pytest.mark.parametrize(('arm', 'none'), [((0.08, 0.014), False), ((-0.98, 1.7), True)])
+def test_a_yaw_whose_arm_may_be_of_any_length_is_none(
+    arm: tuple[float, float], none: bool
+) -> None:
+    values = {'linear': (4e-5, 1e-6), 'quadratic': (0.0, 1e-6), 'arm': arm}
+    assert untold('angular_error.x', values) is none

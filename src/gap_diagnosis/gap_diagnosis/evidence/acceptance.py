@@ -248,12 +248,22 @@ def refuted(
 
 
 def untold(name: str, values: Values, nominal: Mapping[str, float] | None = None) -> bool:
-    """Whether no parameter of an effect is for certain another than without it."""
+    """Whether no parameter of an effect is for certain another than without it.
+
+    So it is with a shape that may as well be beyond what the effect has (`inside`).
+    """
     stated = nominal or {}
     pairs = [p for p in effect_of(name).differ if set(p) <= set(values)]
     # What a model gets wrong it gets wrong in both: it parts none of them.
     shared = SPREAD[model_of(name)][0]
     if pairs and not any(apart(values[one], values[other], shared) for one, other in pairs):
+        return True
+    shapes = [p for p in effect_of(name).parameters if p.inside and p.name in values]
+    if any(
+        not p.minimum < values[p.name][0] - SIGMAS * values[p.name][1]
+        or not values[p.name][0] + SIGMAS * values[p.name][1] < p.maximum
+        for p in shapes
+    ):
         return True
     told = [p for p in effect_of(name).parameters if p.name in defining(name) & set(values)]
     # What the session does not show (no deviation) says nothing of the effect.

@@ -39,6 +39,8 @@ EFFECT = Effect(
             0.05,
             'Abbe arm from the guide to the point measured',
             neutral=None,
+            # A yaw with an arm as long as one likes is an error along the axis by its own place.
+            inside=True,
         ),
         CENTRE,
         HALF_RANGE,

@@ -46,6 +46,8 @@ class Parameter:
     tried : tuple of float
         Values that the closed loop is run with beside that of the force balance, which cannot
         tell it well.
+    inside : bool
+        True for a shape whose interval has to lie within the range: beyond it is another effect.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Parameter:
     doubt: float = 0.0
     scanned: bool = False
     tried: tuple[float, ...] = ()
+    inside: bool = False
 
     def said(self, value: float) -> str:
         """A value with its unit, as a report says it: `12 µm`."""
