@@ -259,11 +259,7 @@ def untold(name: str, values: Values, nominal: Mapping[str, float] | None = None
     if pairs and not any(apart(values[one], values[other], shared) for one, other in pairs):
         return True
     shapes = [p for p in effect_of(name).parameters if p.inside and p.name in values]
-    if any(
-        not p.minimum < values[p.name][0] - SIGMAS * values[p.name][1]
-        or not values[p.name][0] + SIGMAS * values[p.name][1] < p.maximum
-        for p in shapes
-    ):
+    if not all(away(values[p.name], None, p.minimum, p.maximum) for p in shapes):
         return True
     told = [p for p in effect_of(name).parameters if p.name in defining(name) & set(values)]
     # What the session does not show (no deviation) says nothing of the effect.
