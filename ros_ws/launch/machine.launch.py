@@ -1,6 +1,7 @@
 """The graph on a real Zaber stage and tracker.
 
 ``ros2 launch ros_ws/launch/machine.launch.py port:=/dev/ttyUSB0 tracker:=192.168.0.1``
+``nominal:=TWIN.yaml`` names the twin file of your machine.
 ``composed:=true`` runs driver and contour controller in one process.
 """
 
@@ -32,12 +33,15 @@ def generate_launch_description() -> LaunchDescription:
             condition=UnlessCondition(composed) if executable in CONTROL else None,
         )
 
-    nominal = str(CONFIG / 'twin_stepper_nominal.yaml')
+    nominal = LaunchConfiguration('nominal')
     return LaunchDescription(
         [
             DeclareLaunchArgument('port', default_value='/dev/ttyUSB0'),
             DeclareLaunchArgument('composed', default_value='false'),
             DeclareLaunchArgument('tracker', default_value='192.168.0.1'),
+            DeclareLaunchArgument(
+                'nominal', default_value=str(CONFIG / 'twin_stepper_nominal.yaml')
+            ),
             node(
                 'stage_driver',
                 'stage_driver',

@@ -15,6 +15,7 @@ import pytest
 
 from stage_bringup import kernels
 from stage_bringup.up import parse
+from stage_core.drive_link import DEFAULT_PORT
 from stage_core.errors import StageError
 
 
@@ -54,9 +55,21 @@ def test_real_hardware_takes_the_place_of_the_emulated_one(tmp_path: Path) -> No
     assert found['tracker_bridge']['port'] == 7000
     _, nodes = parse([*out, '--port', '/dev/ttyUSB7'])
     assert not {'stage_twin', 'tracker_bridge'} & {node.name for node in nodes}
+    _, nodes = parse([*out, '--drive', '10.0.0.7:4000', '--tracker', '10.0.0.5'])
+    found = {node.name: node.parameters for node in nodes}
+    assert 'stage_twin' not in found and found['stage_driver']['backend'] == 'servo'
+    address = found['stage_driver']['drive_host'], found['stage_driver']['drive_port']
+    assert address == ('10.0.0.7', 4000)
+    _, nodes = parse([*out, '--drive', '10.0.0.7'])
+    found = {node.name: node.parameters for node in nodes}
+    assert found['stage_driver']['drive_port'] == DEFAULT_PORT
+    assert not {'stage_twin', 'tracker_bridge'} & set(found)
+    with pytest.raises(SystemExit):
+        parse([*out, '--drive', '10.0.0.7', '--port', '/dev/ttyUSB7'])
     for wrong in (
         ['--tracker', 'host:port'],
         ['--tracker', ':700'],
+        ['--drive', ':20770'],
         ['--port', 'p', '--clock', 'lockstep'],
     ):
         with pytest.raises(StageError):
@@ -86,6 +99,8 @@ def test_the_end_of_the_terminal_ends_all(tmp_path: Path, ros_env: dict[str, str
         text=True,
         env=ros_env,
         start_new_session=True,
+        # Where the tests run under `nohup`, it would be ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
     )
     try:
         while True:

@@ -1,7 +1,8 @@
 """Every node in one terminal, ended together: ``ros2 run stage_bringup up``.
 
 Without options the emulated machine runs in real time. ``--port`` names a real Zaber stage,
-which has no tracker unless ``--tracker`` names a real one. Ctrl-C ends all.
+``--drive`` the drive of a real servo stage; neither has a tracker unless ``--tracker`` names one.
+Ctrl-C ends all.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 from stage_bringup.graph import Options, commands, machine_parser, options_of
 from stage_bringup.processes import NodeCommand, Processes
 from stage_bringup.session import INTERRUPTED, run_graph
+from stage_core.drive_link import DEFAULT_PORT as DRIVE_PORT
 from stage_core.errors import StageError, command_line
 
 #: A tracker without a port in its address listens here (emScon TPI).
@@ -30,7 +32,7 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
     Raises
     ------
     StageError
-        For an address that names no port.
+        For an address that names no host or port, and for two machines.
     """
     parser = machine_parser(
         'up',
@@ -38,17 +40,20 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument('--port', help='port of a real Zaber stage, as /dev/ttyUSB0')
+    stage = parser.add_mutually_exclusive_group()
+    stage.add_argument('--port', help='port of a real Zaber stage, as /dev/ttyUSB0')
+    stage.add_argument('--drive', help='drive of a real servo stage, HOST or HOST:PORT')
     parser.add_argument('--tracker', help='address of a real tracker, HOST or HOST:PORT')
     parser.add_argument('--page-port', type=int, default=8766, help='port of the live page')
     given = parser.parse_args(arguments)
-    if (given.port or given.tracker) and given.clock == 'lockstep':
+    real = bool(given.port or given.drive)
+    if (real or given.tracker) and given.clock == 'lockstep':
         raise StageError('a real machine runs in real time: leave out --clock lockstep')
     options = options_of(given)
-    if given.port:
-        options = replace(options, backend='zaber')
-    nodes = [_changed(node, given.port, given.tracker) for node in commands(options)]
-    if given.port:  # no emulated tracker beside a real stage
+    if real:
+        options = replace(options, backend='zaber' if given.port else 'servo')
+    nodes = [_changed(node, given) for node in commands(options)]
+    if real:  # no emulated tracker beside a real stage
         absent = ('stage_twin',) if given.tracker else ('stage_twin', 'tracker_bridge')
         nodes = [node for node in nodes if node.name not in absent]
     # The Foxglove socket is one port beside the page, as by default.
@@ -61,17 +66,25 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
     return options, nodes
 
 
-def _changed(node: NodeCommand, port: str | None, tracker: str | None) -> NodeCommand:
+def _changed(node: NodeCommand, given: argparse.Namespace) -> NodeCommand:
     """The node with the addresses of real hardware in place of the emulated one's."""
-    parameters: dict[str, Any] = dict(node.parameters)
-    if node.name == 'stage_driver' and port:
-        parameters['port'] = port
-    if node.name == 'tracker_bridge' and tracker:
-        host, _, number = tracker.partition(':')
-        if not host or (number and not number.isdigit()):
-            raise StageError(f'{tracker} names no host and port: give --tracker HOST or HOST:PORT')
-        parameters |= {'host': host, 'port': int(number or TPI_PORT)}
-    return replace(node, parameters=parameters)
+    real: dict[str, Any] = {}
+    if node.name == 'stage_driver' and given.port:
+        real = {'port': given.port}
+    if node.name == 'stage_driver' and given.drive:
+        host, port = _address('--drive', given.drive, DRIVE_PORT)
+        real = {'drive_host': host, 'drive_port': port}
+    if node.name == 'tracker_bridge' and given.tracker:
+        host, port = _address('--tracker', given.tracker, TPI_PORT)
+        real = {'host': host, 'port': port}
+    return replace(node, parameters={**node.parameters, **real})
+
+
+def _address(option: str, text: str, usual: int) -> tuple[str, int]:
+    host, _, number = text.partition(':')
+    if not host or (number and not number.isdigit()):
+        raise StageError(f'{text} names no host and port: give {option} HOST or HOST:PORT')
+    return host, int(number or usual)
 
 
 @command_line
