@@ -48,6 +48,22 @@ def markdown(rows: Sequence[Row], weights: Weights, spread: Spread, facts: Row) 
     return '\n\n'.join(part.strip('\n') for part in parts) + '\n'
 
 
+def headline(rows: Sequence[Row], weights: Weights, facts: Row) -> str:
+    """The block of the blind results: each generator as one that the fit has not seen."""
+    lines = []
+    for name, stated in unseen(rows, weights).items():
+        own = [row for row in rows if row['generator'] == name]
+        others = [row for row in rows if row['generator'] != name]
+        v, sure = verdicts(own), np.array([s for s in stated if s[0] >= SURE])
+        holds = coverage(widened(own, spread_of(others)))['all']['holds']
+        cells = [f'{len(sure)}', *(f'{m:.3f}' for m in np.mean(sure, 0)), _number(holds)]
+        lines.append([name, f'{v["sessions"]}', f'{v["exact"]:.2f}', f'{v["false"]:.1f}', *cells])
+    head = ['left out', 'sessions', 'exact', 'false in 100', f'stated at {SURE:g} and above']
+    return f'{_stamp(facts)}\n\n' + table([*head, 'mean stated', 'true', 'interval holds'], lines)
+
+
+#: What is stated from here on is meant to be relied on.
+SURE = 0.9
 UNSEEN = """The probabilities of each generator come from a fit to the two others."""
 WEIGHED = """Weights of the features of each kind of statement, and of the constant (`1`). The
 features stand in `evidence/probability.py`. One is taken if it lowers the log-loss on generators

@@ -11,10 +11,11 @@ import pytest
 
 from benchmarks.blind.cases import Case
 from benchmarks.blind.suites import case
+from benchmarks.calibrate.__main__ import BLIND, BLOCK
 from benchmarks.calibrate.collect import FITTED, _below
 from benchmarks.calibrate.figures import coverage, unseen, verdicts, without_doubtful
 from benchmarks.calibrate.fit import CANDIDATES, choose, left_out, stated, statements, weights_of
-from benchmarks.calibrate.page import markdown, write_weights
+from benchmarks.calibrate.page import headline, markdown, write_weights
 from benchmarks.calibrate.sessions import own_truth, samples
 from benchmarks.calibrate.spread import spread_of, widened
 from benchmarks.calibrate.truth import in_report_terms
@@ -147,6 +148,24 @@ def test_the_page_and_the_weights(tmp_path: Path) -> None:
     held = coverage(rows)['backlash.width']
     assert 0.9 < held['holds'] < 0.99 and held['open'] == 0.0
     assert {g: len(p) for g, p in unseen(rows, weights).items()}['own'] == 134 * 10
+
+
+def test_the_headline_has_a_row_for_each_generator_left_out() -> None:
+    rows = sessions()
+    weights = {
+        kind: weights_of(statements(rows, kind), ['strength'] if kind == 'named' else [])
+        for kind in CANDIDATES
+    }
+    facts = {'code': 'abc', 'date': '2026-01-01', 'seeds': '1 to 9', 'sessions': {'own': 134}}
+    text = headline(rows, weights, facts)
+    own = [row for row in rows if row['generator'] == 'own']
+    exact = sum(row['exact'] for row in own) / 134
+    assert f'| own | 134 | {exact:.2f} | {100.0 - 100.0 * exact:.1f} |' in text
+    cells = [line.strip('| ').split(' | ') for line in text.splitlines()[-3:]]
+    for _, _, _, _, count, said, true, holds in cells:
+        assert 20 < int(count) < 134 and abs(float(said) - float(true)) < 0.05
+        assert 0.9 < float(holds) < 0.99
+    assert len(BLOCK.findall(BLIND.read_text('utf-8'))) == 1
 
 
 def test_deviations_are_widened_until_their_intervals_hold() -> None:
