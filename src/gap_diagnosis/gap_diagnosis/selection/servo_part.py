@@ -108,6 +108,11 @@ def _contradicted(accepted: list[str], found: Parameters, loop: AxisLoop) -> lis
     best = min(accepted, key=lambda n: rest[n])
     if math.isinf(everything) or (nothing > 4.0 * step and everything > 0.7 * nothing):
         # One that is no machine beside the others may hide that they are right.
-        return [best] if rest[best] < 0.7 * min(everything, nothing) else list(accepted)
+        if rest[best] < 0.7 * min(everything, nothing):
+            return [best]
+        alone = {n: loop.gap({n: effects[n]}) ** 2 for n in accepted}
+        right = min(accepted, key=lambda n: alone[n])
+        kept = [right] if alone[right] < 0.7 * min(everything, nothing) else []
+        return [n for n in accepted if n not in kept]
     loss = everything - rest[best]
     return [best] if loss > max(0.05 * everything, 0.05 * step) else []
