@@ -12,6 +12,7 @@ from benchmarks.experiment.machine import nominal as plane
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.selection.servo_part import _contradicted
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
 
@@ -62,6 +63,19 @@ def test_the_loop_tells_a_lag_from_a_delay(planted: str, key: str, rival: str, o
     assert left(planted, key) < left(rival, other)
     refined = loop.refined({planted: {key: (2.1e-3, 1e-4)}})[planted][key]
     assert refined[0] == pytest.approx(2e-3, rel=0.01)
+
+
+def test_of_effects_that_are_refuted_together_the_one_that_alone_fits_is_kept() -> None:
+    twin = nominal()
+    loop = AxisLoop([record_of(DELAY, 'delay', twin)], twin, 'x')
+    found = {
+        DELAY: {'delay': (2e-3, 1e-4)},
+        'drive_gain.x': {'error': (-0.8, 1e-3)},
+        'inertia_mismatch.x': {'ratio': (6.0, 1e-3)},
+    }
+    assert _contradicted(list(found), found, loop) == ['drive_gain.x', 'inertia_mismatch.x']
+    wrong = {n: v for n, v in found.items() if n != DELAY}
+    assert _contradicted(list(wrong), wrong, loop) == list(wrong)
 
 
 def test_an_alternative_beside_which_no_machine_has_the_others_is_none() -> None:

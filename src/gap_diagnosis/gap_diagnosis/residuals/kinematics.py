@@ -207,11 +207,6 @@ class Kinematics:
         """Step of an ideal encoder of the axis with its noise [m]."""
         return motion_step(self.twin, self.axis)
 
-    @property
-    def quantum(self) -> float:
-        """Step of the grid on which the axis' encoder reads [m]; 0 where there is none."""
-        return max(map(encoder_step, self._readings[self._column :: len(self.axes)]))
-
     def found(self, effect: str) -> Mapping[str, float]:
         """Parameters that the servo link gave to an effect of the axis; empty without it."""
         return self.servo.get(f'{effect}.{self.axis}', {})

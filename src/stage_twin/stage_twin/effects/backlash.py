@@ -63,18 +63,16 @@ def term(rows: TrackerRows) -> Term:
 
 
 def _term(rows: TrackerRows, paths: Signal) -> Term:
-    """A play behind some paths of the axis.
+    """A play behind some paths of the axis."""
 
-    Within a step of a coarse encoder the table rests on the side from which it came, as in a play.
-    """
     def columns(theta: Theta) -> Array:
         return rows.along(rows.at_points([slack(q, theta[0]) for q in paths]))
 
     return Term(
         columns,
         lambda theta, c: {'width': theta[0]},
-        grid=tuple((w,) for w in np.geomspace(max(0.5e-6, rows.quantum), 300e-6, 22)),
-        lower=(rows.quantum,),
+        grid=tuple((w,) for w in np.geomspace(0.5e-6, 300e-6, 22)),
+        lower=(0.0,),
         upper=(1.0e-3,),
         fixed=True,
     )

@@ -104,10 +104,6 @@ class TrackerRows(Protocol):
     def step(self) -> float:
         """Step of an ideal encoder of the axis with its noise [m]."""
 
-    @property
-    def quantum(self) -> float:
-        """Step of the grid on which the axis' encoder reads [m]; 0 where there is none."""
-
     def found(self, effect: str) -> Mapping[str, float]:
         """Parameters that the servo link gave to an effect of the axis; empty without it."""
 
