@@ -15,6 +15,7 @@ from gap_diagnosis.selection.model import Rules, Selection
 from stage_twin.effects.term import Term
 
 FRICTION, DELAY = 'coulomb_friction.x', 'actuation_delay.x'
+OTHER = 'position_force.x'
 
 
 @pytest.mark.parametrize('better', [True, False])
@@ -29,6 +30,7 @@ def test_a_better_set_counts_without_the_effect_that_led_to_it(
         problem=SimpleNamespace(terms=terms), gap=1.0, select=lambda first: other
     )
     monkeypatch.setattr(other_ways, '_better', lambda *sets: better)
+    monkeypatch.setattr(other_ways, '_untold', lambda *sets: set())
     chosen: Any = other_ways._other_way(selector, best, ['tracker_misalignment'], terms, 1.0)  # type: ignore[arg-type]
     assert chosen is (other if better else best)
 
@@ -53,3 +55,30 @@ def test_a_smaller_set_that_lacks_most_of_what_it_leaves_is_no_better() -> None:
     assert selector.least(DELAY) > 0.5 * 0.03**2
     assert not other_ways._better(selector, alone, both)
     assert other_ways._better(selector, both, alone)
+
+
+def test_a_set_whose_effect_may_be_nothing_is_no_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An imitation of a friction is a little better, and leaves of the friction what is noise."""
+    rows = np.arange(4000)
+    more, noise = np.random.default_rng(2).standard_normal((2, len(rows)))
+    more, noise = 0.1 * more, 0.01 * noise
+    large = np.sign(np.sin(rows * 0.013))
+    every, times = np.ones(len(rows), dtype=bool), np.asarray(rows * 1e-3, dtype=np.float64)
+    imitation = (large + more)[:, None]
+    terms = {
+        FRICTION: Term(lambda theta: large[:, None], lambda theta, c: {'coulomb': float(c[0])}),
+        OTHER: Term(lambda theta: imitation, lambda theta, c: {}),
+    }
+    target = large + more + noise
+    problem = Problem(target, every, every, rows // 100, times, 0 * rows, terms, 1e-2)
+    selector = Selector(problem, Rules(), 0)
+    alone, beside, without = (
+        Selection(names, selector.regression.linear(dict.fromkeys(names, ())), {}, {})
+        for names in ([FRICTION], [OTHER, FRICTION], [OTHER])
+    )
+    assert other_ways._untold(selector, alone) == set()
+    assert other_ways._untold(selector, beside) == {FRICTION}
+    for other, chosen in ((beside, alone), (without, without)):
+        assert other_ways._better(selector, other, alone)
+        monkeypatch.setattr(selector, 'select', lambda first, other=other: other)
+        assert other_ways._other_way(selector, alone, [], dict(terms), 1.0) is chosen

@@ -9,6 +9,8 @@ same in both directions.
 
 from __future__ import annotations
 
+from gap_diagnosis.evidence.acceptance import untold
+from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
 from gap_diagnosis.selection.model import Selection
@@ -50,10 +52,11 @@ def _other_way(
     selector.gap = gap
     other = selector.select(first)
     better = _better(selector, other, best)
-    found = dict(terms) if better else {}
+    found, doubted = dict(terms), _untold(selector, other) if better else set()
     terms.clear()
-    terms.update({n: found.get(n, t) for n, t in shapes.items()})
-    if better:
+    terms.update(shapes)
+    if better and doubted <= _untold(selector, best):
+        terms.update(found)
         return other
     selector.gap = own
     return best
@@ -75,6 +78,12 @@ def _overtaken(selector: Selector, accepted: list[str]) -> list[tuple[str, list[
     ]
     found = sorted(found, key=lambda entry: (-entry[0], entry[1]))[:MOST]
     return [(name, before) for _, name, before in found]
+
+
+def _untold(selector: Selector, selection: Selection) -> set[str]:
+    """Effects of a set that may as well be nothing, as what an imitation leaves of a true one."""
+    found = describe(selection, selector.regression)
+    return {name for name in selection.accepted if untold(name, found[name])}
 
 
 def _better(selector: Selector, other: Selection, best: Selection) -> bool:
