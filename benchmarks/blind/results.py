@@ -35,11 +35,11 @@ def markdown(result: Scores) -> str:
         parts += _main(suites['main'])
     others = {n: s for n, s in suites.items() if n not in ('main', 'leave_one_out')}
     if others:
-        parts += ['## Other sessions', _overview(others)]
+        parts += ['### Other sessions', _overview(others)]
     if 'leave_one_out' in suites:
         rows = [r for r in result['cases'] if r['suite'] == 'leave_one_out']
-        parts += ['## Leave one effect out of the library', _left_out(suites, rows)]
-    parts += ['## Every case that was missed', _missed(result['cases'])]
+        parts += ['### Leave one effect out of the library', _left_out(suites, rows)]
+    parts += ['### Every case that was missed', _missed(result['cases'])]
     return '\n\n'.join(parts) + '\n'
 
 
@@ -70,14 +70,14 @@ def _main(scores: Scores) -> list[str]:
         value(scores['false_naming']),
     ]  # fmt: skip
     return [
-        '## Main suite',
+        '### Main suite',
         table(['', 'result', 'target'], figures),
         table(['kind of case', 'exact set'], kinds),
-        '### Beside baselines',
+        '#### Beside baselines',
         table(['', 'exact set', 'top-1', 'false naming'], [diagnosis, *beside]),
-        '### Calibration',
+        '#### Calibration',
         table(['stated probability', 'mean stated', 'true'], bins),
-        '### Confusion matrix',
+        '#### Confusion matrix',
         'Cases with one cause or none: the truth in rows, what was named (over all axes) in '
         'columns.',
         _confusion(scores['confusion']),
