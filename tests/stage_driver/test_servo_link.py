@@ -125,7 +125,7 @@ def test_absent_drive_is_named_after_the_declared_time():
 def test_homing_waits_for_a_drive_that_comes_later(lockstep, enabled):
     plant = SmallPlant(lockstep, (0.01, 0.005))
     try:
-        with lonely(plant.port) as (backend, recorder):
+        with lonely(plant.port, link_timeout=60.0) as (backend, recorder):
             if enabled:
                 assert backend.enable(True).result() == 'ready'
             homing = backend.home()
