@@ -18,6 +18,8 @@ from gap_diagnosis.evidence.judgement import SERVO_STRUCTURE, TRACKER_STRUCTURE
 Row = dict[str, Any]
 Weights = dict[str, dict[str, float]]
 
+#: What is stated from here on is meant to be relied on.
+SURE = 0.9
 HEAD = """# What the stated probabilities and intervals of the diagnosis are worth
 
 `make calibrate-diagnosis` writes this page and the weights of the probabilities
@@ -62,8 +64,6 @@ def headline(rows: Sequence[Row], weights: Weights, facts: Row) -> str:
     return f'{_stamp(facts)}\n\n' + table([*head, 'mean stated', 'true', 'interval holds'], lines)
 
 
-#: What is stated from here on is meant to be relied on.
-SURE = 0.9
 UNSEEN = """The probabilities of each generator come from a fit to the two others."""
 WEIGHED = """Weights of the features of each kind of statement, and of the constant (`1`). The
 features stand in `evidence/probability.py`. One is taken if it lowers the log-loss on generators

@@ -32,7 +32,7 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
     Raises
     ------
     StageError
-        For an address that names no host or port, and for two machines.
+        For an address that names no host or port.
     """
     parser = machine_parser(
         'up',

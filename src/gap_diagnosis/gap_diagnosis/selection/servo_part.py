@@ -99,7 +99,8 @@ def _contradicted(accepted: list[str], found: Parameters, loop: AxisLoop) -> lis
     """Effects with which the closed loop follows the held-out record worse than without.
 
     Where the encoder's gap is large and all of them together close almost nothing of it, the
-    force balance was imitated and all go. Below the encoder's step nothing is contradicted.
+    force balance was imitated: all go but one that closes it alone. Below the encoder's step
+    nothing is contradicted.
     """
     effects = loop.with_known(found)
     step = 12.0 * loop.floor**2
@@ -108,11 +109,11 @@ def _contradicted(accepted: list[str], found: Parameters, loop: AxisLoop) -> lis
     best = min(accepted, key=lambda n: rest[n])
     if math.isinf(everything) or (nothing > 4.0 * step and everything > 0.7 * nothing):
         # One that is no machine beside the others may hide that they are right.
-        if rest[best] < 0.7 * min(everything, nothing):
+        clear = 0.7 * min(everything, nothing)
+        if rest[best] < clear:
             return [best]
-        alone = {n: loop.gap({n: effects[n]}) ** 2 for n in accepted}
-        right = min(accepted, key=lambda n: alone[n])
-        kept = [right] if alone[right] < 0.7 * min(everything, nothing) else []
-        return [n for n in accepted if n not in kept]
+        kept = min(accepted, key=lambda n: loop.gap({n: effects[n]}))
+        follows = loop.gap({kept: effects[kept]}) ** 2 < clear
+        return [n for n in accepted if not (follows and n == kept)]
     loss = everything - rest[best]
     return [best] if loss > max(0.05 * everything, 0.05 * step) else []
