@@ -22,7 +22,7 @@ Spread = dict[str, tuple[float, float]]
 
 HOLDS = 0.95
 FACTORS = np.geomspace(1.0, 10.0, 60)
-#: Relative deviation that counts as none: gains read from a record are told to all their digits.
+#: Relative difference that counts as none: gains read from a record are told to all their digits.
 ROUNDING = 1e-9
 SHARES = np.concatenate([[0.0], np.geomspace(1e-5, 0.1, 60)])
 
@@ -31,26 +31,33 @@ def spread_of(rows: Sequence[Row]) -> Spread:
     """Per kind of model: factor on a deviation, and share of the value that is added in squares.
 
     Of the pairs with which 95 % of the truths are held, the one with the narrowest intervals
-    (geometric mean of their widths) counts. Few intervals ask for more: of n the share held is
-    0.95 (n + 1) / n, at most all (conformal prediction; Vovk et al., 2005). Sessions whose verdict
-    is not exact are left out: beside a wrong name no interval of a right one can hold.
+    (geometric mean of their widths) counts. A session counts once, however many parameters it
+    tells: what spoils one of them spoils its others. Few sessions ask for more: of n the share
+    held is 0.95 (n + 1) / n, at most all (conformal prediction; Vovk et al., 2005). Sessions whose
+    verdict is not exact are left out: beside a wrong name no interval of a right one can hold.
     """
     return {model: _narrowest(_of_model(rows, model)) for model in ('friction', *LINKS)}
 
 
 def _of_model(rows: Sequence[Row], model: str) -> Array:
-    """Relative error, relative deviation, whether a share of the value counts, doubt: (n, 4)."""
-    found = [
+    """Of each interval: relative error, relative deviation, whether a share counts, doubt, weight.
+
+    Shape (n, 5). The weights of a session's intervals add up to 1.
+    """
+    found = [told for row in rows if row['exact'] for told in _of_session(row, model)]
+    return np.array(found, dtype=float).reshape(-1, 5)
+
+
+def _of_session(row: Row, model: str) -> list[tuple[float, ...]]:
+    told = [
         (
             *(sigmas * width / (2.0 * SIGMAS), width / (2.0 * SIGMAS)),
             *(is_magnitude(name, parameter), _doubt(name, parameter)),
         )
-        for row in rows
-        if row['exact']
         for name, parameter, sigmas, width in row.get('intervals', [])
         if model_of(name) == model and belongs_to_machine(name, parameter) and width < NO_SHARE
     ]
-    return np.array(found, dtype=float).reshape(-1, 4)
+    return [(*one, 1.0 / len(told)) for one in told]
 
 
 def _doubt(name: str, parameter: str) -> float:
@@ -61,15 +68,17 @@ def _doubt(name: str, parameter: str) -> float:
 def _narrowest(found: Array) -> tuple[float, float]:
     if not len(found):
         return 1.0, 0.0
-    error, own, counts, doubt = found.T
-    wanted = min(HOLDS * (len(found) + 1) / len(found), 1.0)
+    error, own, counts, doubt, weight = found.T
+    sessions = weight.sum()
+    wanted = min(HOLDS * (sessions + 1.0) / sessions, 1.0)
     best, least = (float(FACTORS[-1]), float(SHARES[-1])), math.inf
     for share in SHARES:
         for factor in FACTORS:
             model = np.hypot(share * counts, doubt)
             deviation = np.maximum(np.hypot(factor * own, model), ROUNDING)
-            if np.mean(np.abs(error) <= SIGMAS * deviation) >= wanted:
-                width = float(np.mean(np.log(deviation)))
+            held = np.abs(error) <= SIGMAS * deviation
+            if np.average(held, weights=weight) >= wanted - ROUNDING:
+                width = float(np.average(np.log(deviation), weights=weight))
                 if width < least:
                     best, least = (float(factor), float(share)), width
                 break

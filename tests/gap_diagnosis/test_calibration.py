@@ -188,6 +188,15 @@ def test_deviations_are_widened_until_their_intervals_hold() -> None:
     assert held['width'] == pytest.approx(3.92 * np.hypot(0.01, 0.03), rel=0.15)
 
 
+def test_a_session_whose_parameters_are_all_wrong_counts_once() -> None:
+    def session(sigmas: float, parameters: int = 1) -> dict[str, Any]:
+        return {'exact': True, 'intervals': [('backlash.x', 'width', sigmas, 0.04)] * parameters}
+
+    right = [session(1.0)] * 39
+    assert spread_of([*right, session(50.0, 3)])['kinematic'] == (1.0, 0.0)
+    assert spread_of([*right, *[session(4.0)] * 3])['kinematic'] != (1.0, 0.0)
+
+
 def test_the_code_of_a_session_does_not_hold_what_is_fitted() -> None:
     names = [path.name for path in _below('src/gap_diagnosis/gap_diagnosis')]
     assert 'probability.py' in names and FITTED not in names
