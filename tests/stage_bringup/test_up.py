@@ -71,6 +71,8 @@ def test_real_hardware_takes_the_place_of_the_emulated_one(tmp_path: Path) -> No
         ['--tracker', ':700'],
         ['--drive', ':20770'],
         ['--port', 'p', '--clock', 'lockstep'],
+        ['--port', 'p', '--backend', 'servo'],
+        ['--drive', 'host', '--reality', 'machine.yaml'],
     ):
         with pytest.raises(StageError):
             parse([*out, *wrong])

@@ -43,7 +43,11 @@ class Options:
 def machine_parser(prog: str, clock: str, **words: Any) -> argparse.ArgumentParser:
     """Command line with the options that say what machine runs and where its files go."""
     parser = argparse.ArgumentParser(prog=prog, **words)
-    parser.add_argument('--backend', choices=('servo', 'zaber'), default=Options.backend)
+    parser.add_argument(
+        '--backend',
+        choices=('servo', 'zaber'),
+        help=f'drive that is emulated (default {Options.backend})',
+    )
     parser.add_argument(
         '--clock',
         choices=('lockstep', 'realtime'),
@@ -60,7 +64,8 @@ def machine_parser(prog: str, clock: str, **words: Any) -> argparse.ArgumentPars
 def options_of(given: argparse.Namespace) -> Options:
     """The options that a command line of `machine_parser` gives."""
     known = {f.name for f in fields(Options)}
-    options = Options(**{name: v for name, v in vars(given).items() if name in known})
+    told = {name: v for name, v in vars(given).items() if v is not None}
+    options = Options(**{name: v for name, v in told.items() if name in known})
     out = given.out or Path('bags') / time.strftime('%Y%m%d-%H%M%S')
     return replace(options, out=out.resolve(), model=given.model and given.model.resolve())
 

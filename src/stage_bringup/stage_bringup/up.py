@@ -32,7 +32,8 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
     Raises
     ------
     StageError
-        For an address that names no host or port.
+        For an address that names no host or port, or an option of the emulated machine beside a
+        real one.
     """
     parser = machine_parser(
         'up',
@@ -49,6 +50,9 @@ def parse(arguments: Sequence[str] | None) -> tuple[Options, list[NodeCommand]]:
     real = bool(given.port or given.drive)
     if (real or given.tracker) and given.clock == 'lockstep':
         raise StageError('a real machine runs in real time: leave out --clock lockstep')
+    emulated = [f'--{o}' for o in ('backend', 'reality', 'model') if real and getattr(given, o)]
+    if emulated:
+        raise StageError(f'{emulated[0]} is for an emulated stage: leave it out beside a real one')
     options = options_of(given)
     if real:
         options = replace(options, backend='zaber' if given.port else 'servo')
