@@ -12,8 +12,8 @@ from stage_twin.effects import effect_of
 if TYPE_CHECKING:
     from gap_diagnosis.selection.forward import Selector
 
-#: Share of what an effect leaves unexplained that a rival has to explain in its place.
-LEAST_OF_REST = 0.5
+#: Share of what an effect explains that a rival has to explain in its place.
+LEAST_OF_ITS_GAIN = 0.5
 
 
 def find_rivals(selector: Selector, selection: Selection) -> None:
@@ -43,9 +43,10 @@ def _replaces(selector: Selector, less: Fit, fit: Fit, evidence: Evidence, rival
     other = selector.with_effect(less, rival)
     if not selector.admissible(other, rival):
         return False
-    gained = float(block_gains(selector.problem, less, other).mean())
-    rest = max(less.mean_square(selector.problem) - selector.noise, 1e-300)
-    return gained > LEAST_OF_REST * rest and not _told(selector, fit, other, evidence.name)
+    problem = selector.problem
+    gained, its = (float(block_gains(problem, less, with_one).mean()) for with_one in (other, fit))
+    as_good = gained > max(LEAST_OF_ITS_GAIN * its, 0.0)
+    return as_good and not _told(selector, fit, other, evidence.name)
 
 
 def _told(selector: Selector, fit: Fit, other: Fit, name: str) -> bool:
