@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.noise import GAUSS
 from gap_diagnosis.parameters import Estimates, Parameters
 from gap_diagnosis.residuals.controller import (
     EDGE,
@@ -21,6 +23,7 @@ from gap_diagnosis.residuals.controller import (
 )
 from stage_core.twin_file import ServoAxis, TwinFile
 
+Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Ticks at the largest force that make a limit: by chance a peak lasts one or two.
@@ -32,6 +35,11 @@ AVERAGED, BELOW = 9, 2.0
 #: at a limit at least, and away from it at most. At limits it was 4 to 900, at other peaks 0.003,
 #: away from limits 0.0005.
 HELD, FOLLOWED = 1.5, 0.5
+#: Deviations of the effort's own noise that hold a plateau of some hundred ticks.
+ON_TOP = 5.0
+#: The share HELD where the noise of the effort is known without the controller's answer to that of
+#: the encoder: 2200 on a plateau, about 1 on a smooth peak, which holds that noise alone.
+STANDS = 10.0
 
 
 def declared_terms(records: list[Record], twin: TwinFile) -> list[Record]:
@@ -83,7 +91,8 @@ def _told(records: list[Record], i: int, axis: ServoAxis) -> tuple[float | None,
     # What other gains explain stands at no limit.
     if limit is None and not (other and like):
         noise = max(_effort_noise(r, i) for r in records)
-        limit = _noisy_plateau(records, i, axis, noise)
+        limit = _standing(records, i, axis)
+        limit = _noisy_plateau(records, i, axis, noise) if limit is None else limit
         if limit is not None:
             axis = replace(axis, force_limit=limit - 3.0 * noise)
             other, like = _other_gains(records, i, axis)
@@ -107,6 +116,21 @@ def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:
     return peak if runs.max() >= 3.0 else None
 
 
+def _standing(records: list[Record], i: int, axis: ServoAxis) -> float | None:
+    """The same of an effort with noise of its own, by which it leaves the law tick by tick."""
+    law = np.concatenate([force_increments(r, i, axis, velocity_law(r, i, axis)) for r in records])
+    own = np.concatenate([np.diff(r.force[:, i]) for r in records])
+    noise = GAUSS * float(np.median(np.abs(own - law))) / math.sqrt(2.0)
+    force = [np.abs(r.force[:, i]) for r in records]
+    peak = max(float(one.max()) for one in force)
+    least = peak - ON_TOP * noise
+    high = np.concatenate([(one[1:] >= least) & (one[:-1] >= least) for one in force])
+    stands = np.count_nonzero(high) >= PLATEAU and _left(law, own, high) > STANDS
+    if peak >= 0.999 * axis.force_limit or not stands or _left(law, own, ~high) > FOLLOWED:
+        return None
+    return float(np.median(np.concatenate([one[1:] for one in force])[high]))
+
+
 def _noisy_plateau(records: list[Record], i: int, axis: ServoAxis, noise: float) -> float | None:
     """The same of an effort with noise [N]: where it is largest it stands, and the law goes on."""
     kept = np.ones(AVERAGED) / AVERAGED
@@ -121,18 +145,19 @@ def _noisy_plateau(records: list[Record], i: int, axis: ServoAxis, noise: float)
         np.concatenate([quiet(r, i, one) for r, one in zip(records, side, strict=True)])
         for side in (laws, written)
     )
-
-    def left(rows: Mask) -> float:
-        return float(np.sum((own - law)[rows] ** 2) / max(np.sum(own[rows] ** 2), 1e-300))
-
     # `quiet` spreads what follows no law.
     reach = 2 * round(EDGE / records[0].period) + 1
     apart = ~maximum_filter1d(high.astype(np.uint8), reach).astype(bool)
-    held = np.count_nonzero(high) >= PLATEAU * AVERAGED and left(high) > HELD
-    if not (held and apart.any() and left(apart) < FOLLOWED):
+    held = np.count_nonzero(high) >= PLATEAU * AVERAGED and _left(law, own, high) > HELD
+    if not (held and apart.any() and _left(law, own, apart) < FOLLOWED):
         return None
     force = np.concatenate([np.abs(r.force[1:, i]) for r in records])
     return float(np.median(force[high]))
+
+
+def _left(law: Array, own: Array, rows: Mask) -> float:
+    """Share of the increments `own` (n,) of an effort that the law's leave at some rows."""
+    return float(np.sum((own - law)[rows] ** 2) / max(np.sum(own[rows] ** 2), 1e-300))
 
 
 def _effort_noise(record: Record, i: int) -> float:
