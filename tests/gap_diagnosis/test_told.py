@@ -11,8 +11,11 @@ from benchmarks.experiment.machine import draw, poor_motion, record
 from benchmarks.experiment.machine import nominal as plane
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.parameters import Effects
 from gap_diagnosis.selection.servo_part import _contradicted
+from gap_diagnosis.selection.told import MUCH_CLOSER
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
 
@@ -21,14 +24,15 @@ from .conftest import nominal
 DELAY, LAG = 'actuation_delay.x', 'current_loop_lag.x'
 
 
-def record_of(effect: str, key: str, twin: TwinFile) -> Record:
+def record_of(effect: str, key: str, twin: TwinFile, beside: Effects | None = None) -> Record:
     """A sweep to 80 Hz in the middle of slow strokes, 16 s of one axis."""
     t = np.arange(16000) * 1e-3
     rise = np.clip(t - 6.0, 0.0, 4.0)
     sweep = 2e-4 * np.sin(2.0 * np.pi * (2.0 * rise + 9.75 * rise**2)) * (rise < 4.0)
     path = (0.02 * np.sin(2.0 * np.pi * 0.4 * t) + sweep)[:, None]
     rate = np.gradient(path, 1e-3, axis=0)
-    run = simulate(twin.with_effects({effect: {key: 2e-3}}), path, rate, seed=1)
+    machine = twin.with_effects({effect: {key: 2e-3}, **(beside or {})})
+    run = simulate(machine, path, rate, seed=1)
     return Record(
         'sweep',
         ('x',),
@@ -63,6 +67,22 @@ def test_the_loop_tells_a_lag_from_a_delay(planted: str, key: str, rival: str, o
     assert left(planted, key) < left(rival, other)
     refined = loop.refined({planted: {key: (2.1e-3, 1e-4)}})[planted][key]
     assert refined[0] == pytest.approx(2e-3, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ('planted', 'key', 'rival', 'other'),
+    [(LAG, 'time_constant', DELAY, 'delay'), (DELAY, 'delay', LAG, 'time_constant')],
+)
+def test_a_loop_that_is_far_from_the_record_tells_which_comes_closer(
+    planted: str, key: str, rival: str, other: str
+) -> None:
+    """Beside a force that nobody told, and from values that the balance estimated wrong."""
+    twin = nominal()
+    unknown: Effects = {'force_ripple.x': {'amplitude': 0.5, 'period': 3e-3, 'phase': 0.0}}
+    loop = AxisLoop([record_of(planted, key, twin, unknown)], twin, 'x')
+    right = loop.closest({planted: {key: (1.8e-3, 1e-5)}})
+    wrong = loop.closest({rival: {other: (1.8e-3, 1e-5)}})
+    assert FAR_BESIDE * loop.floor < right < MUCH_CLOSER * wrong
 
 
 def test_of_effects_that_are_refuted_together_the_one_that_alone_fits_is_kept() -> None:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.closed_loop.polish import polish, stepless, without_steps
+from gap_diagnosis.closed_loop.polish import closest, polish, stepless, without_steps
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
@@ -54,12 +54,20 @@ class AxisLoop:
 
     def refined(self, found: Parameters) -> Parameters:
         """Effects of the axis with their parameters refined in the loop (`polish`)."""
-        own = {n: v for n, v in self.known.items() if n.endswith(f'.{self.axis}')}
+        own = self._own()
 
         def fit() -> Parameters:
             return polish(self.records, self.twin, self.axis, found, own)
 
         return self.memory.once(('polish', self.axis, repr((found, own))), fit)
+
+    def closest(self, found: Parameters) -> float:
+        """Least RMS of the gap that effects leave where they are fitted [m] (`polish.closest`)."""
+        return closest(self.records, self.twin, self.axis, found, self._own())
+
+    def _own(self) -> Parameters:
+        """What is known of the axis itself."""
+        return {n: v for n, v in self.known.items() if n.endswith(f'.{self.axis}')}
 
     def with_known(self, found: Parameters) -> dict[str, dict[str, float]]:
         """Values of effects, those of the known ones among them."""

@@ -223,9 +223,7 @@ def polish(
     from a moment on, and where it needs the steps of its encoder to follow it. Elsewhere they
     are the mean of both estimates, each with the weight of its certainty.
     """
-    fitted = [r for r in records if not r.held_out_session]
-    if not any(hooks.couples(split_effect(e)[0]) for e in {**fixed, **found}):
-        fitted = [one_axis(r, axis) for r in fitted]
+    fitted = _fitting(records, axis, {**fixed, **found})
     floor = channel_floor(with_noise(twin, fitted), f'encoder.{axis}')
     least = _Loop.at(fitted, twin, axis, found, fixed).left()
     for effect, key, value in _tried(found):
@@ -237,6 +235,30 @@ def polish(
             found, least = other, left
     loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed))
     return _refined(loop, found, floor, least) if loop.names else found
+
+
+def closest(
+    records: list[Record], twin: TwinFile, axis: str, found: Parameters, fixed: Parameters
+) -> float:
+    """Least RMS [m] that effects leave of the gap on the fit windows, whatever their parameters.
+
+    Infinite where no machine could run.
+    """
+    fitted = _fitting(records, axis, {**fixed, **found})
+    loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed))
+    try:
+        _, residual, _ = loop.lowest()
+    except StageError:
+        return math.inf
+    return float(np.sqrt(np.mean(residual**2)))
+
+
+def _fitting(records: list[Record], axis: str, effects: Parameters) -> list[Record]:
+    """The records to which effects are fitted, of the axis alone where none couples them."""
+    fitted = [r for r in records if not r.held_out_session]
+    if any(hooks.couples(split_effect(e)[0]) for e in effects):
+        return fitted
+    return [one_axis(r, axis) for r in fitted]
 
 
 def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Parameters:
