@@ -248,6 +248,14 @@ def test_stamps_of_the_tracker_that_scatter_are_named(planted: Maker) -> None:
     assert 0.0 < deviation < 5e-5
 
 
+def test_a_yaw_shows_in_the_slow_points_of_a_tracker_whose_stamps_scatter(planted: Maker) -> None:
+    yaw = {'quadratic': 3e-4, 'arm': 0.05}
+    truth = {'sample_jitter': {'std': 0.0, 'tracker_std': 5e-4}, 'angular_error.y': yaw}
+    session = planted(truth, axes=('x', 'y'), duration=20.0)
+    found = diagnose([session], [], TwinFile.nominal_servo())
+    assert sorted(found.verdict) == sorted(truth)
+
+
 def test_a_gap_far_above_its_floor_is_not_explained_by_a_name_either() -> None:
     # Floors of 1 µm; the third leaves little of a gap that was much larger.
     assert far_from_explained(9e-6, 7e-6, 1e-6, named=True)

@@ -36,7 +36,7 @@ from gap_diagnosis.input.windows import held_out_windows, judging
 from gap_diagnosis.law.learn import learn
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Parameters, plain_values
-from gap_diagnosis.passes import Prepared, Progress, prepare, servo_part, tracker_part
+from gap_diagnosis.passes import Prepared, Progress, prepare, servo_part
 from gap_diagnosis.residuals.reading import MISREADS, misreadings
 from gap_diagnosis.residuals.recording import in_another_unit, jitter_findings
 from gap_diagnosis.residuals.tracker_jitter import tracker_jitter, tracker_speeds
@@ -44,6 +44,7 @@ from gap_diagnosis.residuals.without_forces import widened
 from gap_diagnosis.result import Diagnosis
 from gap_diagnosis.selection.parts import Part
 from gap_diagnosis.selection.shape import with_shape_of
+from gap_diagnosis.tracker_pass import tracker_part
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile

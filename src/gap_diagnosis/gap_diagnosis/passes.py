@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -12,46 +12,30 @@ from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.held_out import with_windows
 from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simulated
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.input import coarse
 from gap_diagnosis.input.checks import EXCITATION_HINT, check_duration
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_stepper_record
 from gap_diagnosis.input.windows import moves_while_judged
 from gap_diagnosis.memory import Memory
-from gap_diagnosis.parameters import Parameters, plain_values
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.commands import controller_findings, declared_terms
 from gap_diagnosis.residuals.controller import with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
-from gap_diagnosis.residuals.kinematics import Kinematics
-from gap_diagnosis.residuals.measured_noise import (
-    rest_scatter,
-    with_mean_points,
-    with_noise,
-    with_steps,
-)
-from gap_diagnosis.residuals.nominal import sensor_frame, with_counted_steps
+from gap_diagnosis.residuals.measured_noise import with_mean_points, with_noise, with_steps
+from gap_diagnosis.residuals.nominal import with_counted_steps
 from gap_diagnosis.residuals.reading import MISREADS, motion_behind, motion_beside, waves_read
 from gap_diagnosis.residuals.recording import in_newtons
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.residuals.unrecorded import with_laws
 from gap_diagnosis.residuals.without_forces import NOT_TOLD, lost_drive
-from gap_diagnosis.selection.parts import (
-    KINEMATIC_RULES,
-    LEAST_RESTS,
-    LEAST_ROWS,
-    REST_RULES,
-    Part,
-    fit_part,
-)
-from gap_diagnosis.selection.rivals import find_rivals
+from gap_diagnosis.selection.parts import LEAST_ROWS, Part
 from gap_diagnosis.selection.servo_part import fit_servo
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import seen_by_tracker
 
 #: Relative difference of a fitted velocity gain that counts as none. The gain is up to 12 % off
 #: where a filter of the speed and the mass are hardly told apart (a machine without friction).
@@ -296,47 +280,6 @@ def servo_part(
         return replace(part, row_axis=np.full(len(part.problem.target), column), rows=rows)
 
     return memory.once(('servo', *key, barred, repr(direct)), fit)
-
-
-def tracker_part(
-    before: Prepared,
-    servo: list[Parameters],
-    seed: int,
-    without: Sequence[str],
-    memory: Memory,
-    progress: Progress,
-) -> tuple[list[Record], list[Part]]:
-    """The tracker's residual, if there is a tracker, and the records with its points in place.
-
-    `servo` are the parameters of the effects of each axis.
-    """
-    if any(r.tracker is None for r in before.records):
-        return before.records, []
-    stay = frozenset(without) & set(coarse.MOVED)
-    records = memory.once(('points', stay), lambda: _in_place(before, stay))
-    # Only what the tracker sees makes another fit of it.
-    values = plain_values({k: v for f in servo for k, v in f.items() if seen_by_tracker(k)})
-    without = [n for n in without if seen_by_tracker(n)]
-
-    def fit() -> Part:
-        progress('encoder -> table -> tracker: residual of the measurement')
-        kinematics = Kinematics(records, before.seen, values)
-        rests = kinematics.rests
-        rules, least = (REST_RULES, LEAST_RESTS) if rests else (KINEMATIC_RULES, LEAST_ROWS)
-        known = rests and rest_scatter(before.twin, records) is not None
-        part = fit_part('tracker', kinematics.problem(), rules, seed, without, least, known)
-        find_rivals(part.selector, part.selection)
-        return replace(part, row_axis=kinematics.row_axis(), rows=kinematics)
-
-    return records, [memory.once(('tracker', tuple(sorted(without)), repr(values)), fit)]
-
-
-def _in_place(before: Prepared, stay: Collection[str]) -> list[Record]:
-    """Records whose tracker points are in the twin's frame, moved back by what may be there."""
-    frame = sensor_frame(before.twin)
-    records = [replace(coarse.moved_back(r, frame), frame=frame) for r in before.records]
-    moved = coarse.find(records).without(stay)
-    return [replace(coarse.moved_back(r, moved), coarse=moved) for r in records]
 
 
 def _concerns(barred: str, terms: list[str]) -> bool:

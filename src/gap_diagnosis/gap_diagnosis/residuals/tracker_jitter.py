@@ -63,6 +63,19 @@ def tracker_jitter(parts: list[Part]) -> tuple[float, float] | None:
     return float(np.mean(values)), max(std for _, std in told)
 
 
+def jitter_weights(part: Part) -> Array | None:
+    """Weights (n,) of the rows of a tracker's part by their noise; None where no jitter shows.
+
+    What is small beside the scatter of fast points shows in the slow ones.
+    """
+    found = tracker_jitter([part])
+    if found is None or not isinstance(part.rows, Kinematics):
+        return None
+    speed = np.concatenate([point_speeds(r).T.ravel() for r in part.rows.records])
+    noise = part.problem.floor
+    return np.asarray(noise / np.hypot(noise, found[0] * speed))
+
+
 def _of_axis(sessions: list[tuple[Array, Array]], floor: float) -> tuple[float, float] | None:
     """Jitter of an axis [s] and its deviation, from residual and velocity (m,) of each session."""
     powers, squares = [], []

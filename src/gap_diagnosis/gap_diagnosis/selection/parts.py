@@ -62,8 +62,11 @@ def fit_part(
     without: Sequence[str],
     least_rows: tuple[int, int] = LEAST_ROWS,
     known_noise: bool = False,
+    weights: Array | None = None,
 ) -> Part:
     """Select the effects of one problem and judge what remains.
+
+    Rows count by their `weights` (n,), or all alike.
 
     Raises
     ------
@@ -87,7 +90,7 @@ def fit_part(
     kept = tuple(effect for effect in problem.before if effect in problem.terms)
     shapes = dict(problem.terms)
     while True:
-        part = _fit_whole(name, problem, rules, seed, known_noise, kept)
+        part = _fit_whole(name, problem, rules, seed, known_noise, kept, weights)
         imitated = imitations(
             problem, part.selector, part.selection, part.residual, part.structure
         )
@@ -118,17 +121,19 @@ def _fit_whole(
     seed: int,
     known_noise: bool,
     kept: tuple[str, ...] = (),
+    weights: Array | None = None,
 ) -> Part:
     """Selection on rows freed of their stands' errors, and of a slow remainder if there is one."""
     rules = replace(KNOWN_REST_RULES if known_noise else rules, kept=kept)
     calm, plain_shapes = problem.whitened(), dict(problem.terms)
+    calm = calm if weights is None else calm.weighted(weights)
     selector = Selector(calm, rules, seed)
     selection = select_best(selector)
-    weights = speed_weights(problem, selection)
-    if weights is not None:
+    beside_friction = speed_weights(problem, selection)
+    if beside_friction is not None:
         problem.terms.clear()
         problem.terms.update(plain_shapes)
-        calm = calm.weighted(weights)
+        calm = calm.weighted(beside_friction)
         selector = Selector(calm, rules, seed)
         selection = select_best(selector)
     if known_noise:
@@ -141,7 +146,7 @@ def _fit_whole(
     if known_noise and not found.structured:
         found = _beyond_noise(problem, selection, found)
     rho = judge.slow_remainder(calm.whiten(residual), calm.judged) if name == 'tracker' else 0.0
-    if found.structured and rho > 0.0:
+    if found.structured and rho > 0.0 and weights is None:
         # A slow drift hides what is fast and imitates what is slow: judge beside it. Effects
         # that are nearly the whole gap are no imitation.
         plain = {n: e for n, e in selection.evidence.items() if e.share > 0.96}
