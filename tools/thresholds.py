@@ -19,10 +19,12 @@ from gap_diagnosis.selection import (
     imitations,
     lacking,
     pairs,
+    rivals,
     servo_part,
     shape,
     slow_rows,
     swinging,
+    told,
 )
 from stage_core import clocks
 from stage_driver import inbox_backend, servo_clocks
@@ -36,10 +38,10 @@ MODULES = {
                    drive_play, foreseen, forward, grid, held_out, imitations, inbox_backend,
                    judged,
                    kinematics, knots, lacking, library, loops, machine, misread, motions,
-                   online, outliers, pairs, passes, places, polish, prepare, propose, scene,
-                   search, selection, separation,
+                   online, outliers, pairs, passes, places, polish, prepare, propose, rivals,
+                   scene, search, selection, separation,
                    servo_clocks, servo_part, shape, shared, slow_rows, straightness, swing,
-                   swinging, temperatures, thermal, training, unrecorded, windows)
+                   swinging, temperatures, thermal, told, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -100,6 +102,9 @@ remainder over the noise from which a swing is looked for, squares | {swinging.F
 share of it that one sine explains, from which on no loop swings | {swinging.STEADY:.0%}
 time constant of the edge of a play before the encoder, below | {drive_play.SLOWEST:g} s
 increments of a noisy effort at a limit that the law leaves, at least | {commands.HELD:.1f} times
+the same of an effort whose noise is its own, at least | {commands.STANDS:.0f} times
+what an effect explains that an alternative explains, at least | {rivals.LEAST_OF_ITS_GAIN:.0%}
+gap of a far loop beside which an alternative's takes its place, at most | {told.MUCH_CLOSER:.0%}
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
 gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
