@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from gap_diagnosis.input.data import load_record
-from gap_diagnosis.passes import KINEMATIC_RULES
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.operators import sure_turns
 from gap_diagnosis.residuals.stands import Stands, stands_of
-from gap_diagnosis.selection.parts import LEAST_ROWS, fit_part
+from gap_diagnosis.selection.parts import KINEMATIC_RULES, LEAST_ROWS, fit_part
 from stage_core.session import Session
 
 from .conftest import nominal
