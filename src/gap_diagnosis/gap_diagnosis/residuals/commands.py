@@ -91,8 +91,9 @@ def _told(records: list[Record], i: int, axis: ServoAxis) -> tuple[float | None,
     # What other gains explain stands at no limit.
     if limit is None and not (other and like):
         noise = max(_effort_noise(r, i) for r in records)
-        limit = _standing(records, i, axis)
-        limit = _noisy_plateau(records, i, axis, noise) if limit is None else limit
+        # The mean of a plateau is what a loop without the noise needs: it is below the limit.
+        limit = _noisy_plateau(records, i, axis, noise)
+        limit = _standing(records, i, axis) if limit is None else limit
         if limit is not None:
             axis = replace(axis, force_limit=limit - 3.0 * noise)
             other, like = _other_gains(records, i, axis)
