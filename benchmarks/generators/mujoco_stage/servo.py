@@ -160,9 +160,9 @@ def cable_force(rng: Rng, wish: Wish) -> Planted:
 def position_force(rng: Rng, wish: Wish) -> Planted:
     """A counterweight on a lever (sine of a large angle), or a magnet at one place."""
     low, high = wish.travelled
-    reach = max(high - low, 0.003)
-    size = _newtons(rng, wish, 1.5)
-    place = float(rng.uniform(low + 0.2 * reach, high - 0.2 * reach))
+    travel, size = high - low, _newtons(rng, wish, 1.5)
+    reach = max(travel, 0.003)
+    place = float(rng.uniform(low + 0.2 * travel, high - 0.2 * travel))
     if rng.random() < 0.5:
         turn = rng.uniform(2.5, 5.0) / reach
         law = lambda p, v, t: size * sin(turn * (p - place) + 0.6)  # noqa: E731

@@ -66,11 +66,14 @@ def svg(figure: Any) -> str:
     """A matplotlib figure as SVG text whose colours follow the reader's theme."""
     # Whoever has a figure has matplotlib; the rest of this package does without it.
     import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    buffer = io.StringIO()
-    # With a salt of its own, equal figures make equal files.
+    buffer, canvas, dpi = io.StringIO(), figure.canvas, figure.dpi
+    # With a salt of its own, equal figures make equal files. `savefig` would draw twice.
     with matplotlib.rc_context({'svg.fonttype': 'path', 'svg.hashsalt': 'stage'}):
-        figure.savefig(buffer, format='svg', metadata={'Date': None, 'Creator': None})
+        FigureCanvasSVG(figure).print_svg(buffer, metadata={'Date': None, 'Creator': None})
+    figure.set_canvas(canvas)
+    figure.set_dpi(dpi)
     text = buffer.getvalue()
     text = text[text.index('<svg') :]
     for name, (light, _) in COLOURS.items():
