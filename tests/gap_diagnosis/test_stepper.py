@@ -35,12 +35,19 @@ def nominal() -> TwinFile:
 
 
 def stepper_session(
-    effects: dict[str, dict[str, float]], moves: int = 40, noise: float = 1e-6
+    effects: dict[str, dict[str, float]],
+    moves: int = 40,
+    noise: float = 1e-6,
+    places: np.ndarray | None = None,
 ) -> Session:
-    """Moves of 0.4 s with rests of 0.6 s in between, counted 50 times a second."""
+    """Moves of 0.4 s with rests of 0.6 s in between, counted 50 times a second.
+
+    The stops are anywhere, or go through some places (k, 2) [m] in turn.
+    """
     generator = np.random.default_rng(5)
     twin = nominal()
     stops = generator.uniform(-0.04, 0.04, (moves, 2))
+    stops = stops if places is None else places[np.arange(moves) % len(places)]
     stops = np.rint(stops / 0.047625e-6) * 0.047625e-6
     s = np.clip(np.arange(100) / 40.0, 0.0, 1.0)[:, None]
     s = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
@@ -92,6 +99,20 @@ def test_planted_effects_are_named_from_counted_steps(tmp_path: Path) -> None:
     assert main([*words, '--out', str(tmp_path / 'out')]) == 0
     assert TwinFile.load(tmp_path / 'out' / 'corrected_twin.yaml').kind == 'stepper'
     assert (tmp_path / 'out' / 'report.html').exists()
+
+
+@pytest.mark.parametrize(
+    ('count', 'told'), [(2, set()), (3, {'scale_error.x'}), (12, {'scale_error.x'})]
+)
+def test_few_places_tell_no_effect_of_the_place(count: int, told: set[str]) -> None:
+    """A curve of two parameters meets two places, and an effect of one with an offset too."""
+    x, y = np.linspace(-0.03, 0.031, count), 1e-3 * np.array([7.0, -9.0, 2.0])
+    places = np.column_stack([x, np.resize(y, count)])
+    session = stepper_session({'scale_error.x': {'error': 150e-6}}, places=places)
+    found = diagnose([session], [], nominal())
+    assert set(found.verdict) - {'tracker_misalignment', 'unknown'} == told
+    assert ('unknown' in found.verdict) == (not told)
+    assert any(f'axis x rested at {count} places' in w for w in found.warnings) == (count < 7)
 
 
 def test_a_tracker_noisier_than_its_twin_says_is_measured() -> None:

@@ -176,12 +176,12 @@ def _refuted(name: str, parts: list[Part], shrink: Shrink, values: Values, twin:
 
     A controller that was read from the record may make no channel worse. What measures is exact.
     What was taken out of the points has no least gain, but it may not be what another effect put
-    in; the rests of a stepper are judged by the selection.
+    in. How much the rests of a stepper have to show is judged by the selection.
     """
     if not parts:
         return link_of(name) == 'servo' and bool(shrink.worse)
     if any(isinstance(p.rows, Kinematics) and p.rows.rests for p in parts):
-        return False
+        return bool(shrink.worse) or untold(name, values, twin.effects.get(name))
     if any(name in p.problem.before for p in parts):
         unshown = shrink.interval[0] <= 0.0
         return unshown or bool(shrink.worse) or untold(name, values, twin.effects.get(name))

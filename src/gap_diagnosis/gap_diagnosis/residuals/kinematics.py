@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import Record, motion_step
 from gap_diagnosis.input.noise import encoder_step
+from gap_diagnosis.input.places import rest_places
 from gap_diagnosis.input.windows import held_out_windows, inside, moves_while_judged
 from gap_diagnosis.residuals.late_ticks import read_in_time
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
@@ -122,6 +123,7 @@ class Kinematics:
             seams=np.cumsum([0, *(len(t) for t in target[:-1])]),
             before=self._before(),
             stands=None if self.rests else stands_of(self.records, noise),
+            places=rest_places(self.records),
             signatures=effects.signatures(self._candidates('kinematic', 'sensor')),
         )
 

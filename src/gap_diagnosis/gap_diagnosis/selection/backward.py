@@ -13,6 +13,7 @@ from dataclasses import replace
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.model import Rules, Selection
+from gap_diagnosis.selection.possible import too_few_places
 from stage_twin.effects import effect_of
 
 #: Rows for each free coefficient, below which all effects at once explain anything.
@@ -47,7 +48,7 @@ def select_backwards(
 
 
 def _everything(selector: Selector) -> Fit | None:
-    """All effects that hold no other as a special case; None where the rows are too few."""
+    """All effects that hold no other as a special case; None where rows or places are too few."""
     problem, regression = selector.problem, selector.regression
     names = [n for n in problem.terms if not effect_of(n).holds]
     linear = {n: problem.terms[n].grid[0] for n in names if not problem.terms[n].lower}
@@ -60,6 +61,8 @@ def _everything(selector: Selector) -> Fit | None:
     for name in others:
         fit = selector.with_effect(fit, name)
     fit = regression.refine(fit.thetas, others)
+    if any(too_few_places(selector, fit, n) for n in names):
+        return None
     # What takes an impossible value beside all the others is none of them.
     while not_physical := [n for n in fit.thetas if not selector.admissible(fit, n)]:
         fit = selector.without_effect(fit, not_physical[0])

@@ -19,7 +19,7 @@ from gap_diagnosis.selection.gains import block_gains, block_rms_gains, bootstra
 from gap_diagnosis.selection.grow import grow
 from gap_diagnosis.selection.model import Evidence, Passed, Rules, Selection, Trial
 from gap_diagnosis.selection.pairs import pair
-from gap_diagnosis.selection.possible import refined
+from gap_diagnosis.selection.possible import refined, too_few_places
 from gap_diagnosis.selection.simpler import merge, plain
 from stage_twin.effects import EFFECTS, effect_of
 from stage_twin.effects.term import Term
@@ -129,7 +129,7 @@ class Selector:
             if trials[name].odd:
                 continue
             if name != taken and (known is None or gain / most > known.share):
-                plainer = self._size(name) < self._size(taken)
+                plainer = self.size(name) < self.size(taken)
                 self.passed[name] = Passed(gain / most, accepted, plainer)
 
     def with_given(self, selection: Selection, given: dict[str, Evidence]) -> Selection:
@@ -223,13 +223,13 @@ class Selector:
         most = max(good)[0]
 
         near = [
-            (trials[name].odd, self._size(name), -gain, name)
+            (trials[name].odd, self.size(name), -gain, name)
             for gain, name in good
             if gain >= ABOUT_THE_SAME * most
         ]
         return min(near)[-1]
 
-    def _size(self, name: str) -> int:
+    def size(self, name: str) -> int:
         """Number of free parameters of an effect in its present shape."""
         term = self.problem.terms[name]
         linear = 0 if term.fixed else self.regression.columns(name, term.grid[0]).shape[1]
@@ -271,7 +271,7 @@ class Selector:
     def admissible(self, fit: Fit, name: str) -> bool:
         """Whether an effect's parameters are physical in a fit, and such as a twin takes."""
         term, theta, linear = self.problem.terms[name], fit.thetas[name], fit.coefficients[name]
-        if not term.admissible(theta, linear):
+        if not term.admissible(theta, linear) or too_few_places(self, fit, name):
             return False
         found = term.parameters(theta, linear)
         return all(

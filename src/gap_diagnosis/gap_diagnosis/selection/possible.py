@@ -11,6 +11,7 @@ from stage_twin.effects.term import Theta
 if TYPE_CHECKING:
     from gap_diagnosis.selection.forward import Selector
 
+FRAME = 'tracker_misalignment'
 HALVINGS = 5  # of the way to an optimum that no machine has
 
 
@@ -53,3 +54,17 @@ def as_good(selector: Selector, other: Fit, best: Fit) -> bool:
 
 def _possible(selector: Selector, fit: Fit) -> bool:
     return all(selector.admissible(fit, n) for n in fit.thetas)
+
+
+def too_few_places(selector: Selector, fit: Fit, name: str) -> bool:
+    """Whether the effects of an axis, or all together, pass through any places like its rests.
+
+    Whatever there is, a curve of k parameters meets k places; it says nothing of others. The
+    frame of the tracker has parameters too: one along each axis, and all those of its effect.
+    """
+    places, axis = selector.problem.places, name.partition('.')[2]
+    if axis not in places:
+        return False
+    own = {n for n in fit.thetas if axis in ('', n.partition('.')[2])} - {FRAME}
+    frame = selector.size(FRAME) if not axis and FRAME in selector.problem.terms else 1
+    return sum(map(selector.size, own)) + frame >= places[axis]
