@@ -86,13 +86,9 @@ def term(rows: TrackerRows) -> Term | None:
         lower=(low,),
         upper=(high,),
         admissible=lambda theta, c: _small(theta, c) and told(theta[0]),
-        steps=(PHASE_STEP * low,),
+        steps=(periodic.PHASE_STEP * low,),
     )
     return periodic.with_harmonics(whole, partial(_columns, rows))
-
-
-#: Step of a spatial frequency in periods over the travel.
-PHASE_STEP = 0.01
 
 
 def _columns(rows: TrackerRows, harmonics: int, theta: Theta) -> Array:

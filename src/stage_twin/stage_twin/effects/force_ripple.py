@@ -71,13 +71,13 @@ def term(rows: ForceRows) -> Term:
         signals = [[-wave for wave in same] for same in zip(*sessions, strict=True)]
         return periodic.visible(rows.columns(*signals))
 
-    low, high = periodic.bounds(path)
+    low, high = periodic.bounds(path, rows.lead)
     told = periodic.own_or_turning(path, rows.lead)
     plain = Term(
         columns,
         lambda theta, c: periodic.found(theta, c),
         grid=((low,),),
-        propose=periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead)),
+        propose=periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead), rows.lead),
         lower=(low,),
         upper=(high,),
         # A force of the position is a curve like any other before it is a slow wave.
@@ -85,4 +85,4 @@ def term(rows: ForceRows) -> Term:
         nuisances=tuple(range(2 * periodic.HARMONICS)),
         phase=True,
     )
-    return periodic.with_waves(plain, path)
+    return periodic.with_waves(plain, path, rows.lead)

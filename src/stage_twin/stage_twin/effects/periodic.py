@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -18,7 +19,11 @@ Angles = TypeVar('Angles', float, Array)
 """One or many."""
 
 HARMONICS = 3
-PERIODS = 200  # shortest period as a share of the travel: the low-pass leaves no finer one
+PERIODS = 200  # shortest period as a share of the travel
+#: The same as a share of the screw's lead or the motor's turn, where that is less: the cogging of
+#: two recorded motors has orders up to 84 and 72.
+ORDERS = 100
+PHASE_STEP = 0.01  # of a spatial frequency, in periods over the travel
 BINS = 16  # of a periodogram over the position, in the shortest period
 PAD = 4  # frequencies of a periodogram in one turn over the travel
 PEAKS = 4
@@ -101,10 +106,13 @@ def wave_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
     )
 
 
-def bounds(position: Array) -> tuple[float, float]:
-    """Least and largest spatial frequency [1/m] of a position (n,): one period is travelled."""
+def bounds(position: Array, lead: float = math.inf) -> tuple[float, float]:
+    """Least and largest spatial frequency [1/m] of a position (n,): one period is travelled.
+
+    With a `lead` [m] the largest is that of the finest cogging of a motor, too.
+    """
     travel = max(float(np.ptp(position)), 1e-9)
-    return 1.0 / travel, PERIODS / travel
+    return 1.0 / travel, max(PERIODS / travel, ORDERS / lead)
 
 
 def own_or_turning(
@@ -149,20 +157,23 @@ def repeats(position: Array, frequency: float, residual: Array) -> bool:
     return abs(first - second) < SAME * abs(first + second) / 2.0
 
 
-def starts(position: Array, favourites: tuple[float, ...]) -> Callable[[Array], tuple[Theta, ...]]:
+def starts(
+    position: Array, favourites: tuple[float, ...], lead: float = math.inf
+) -> Callable[[Array], tuple[Theta, ...]]:
     """Spatial frequencies at which a residual over the position (n,) has the highest peaks.
 
     `favourites` [1/m] (of the screw) are always among them. A Fourier transform over fine bins of
     the position: the periodogram for unevenly spaced samples (Lomb, Astrophysics and Space
     Science 39, 1976).
     """
-    low, high = bounds(position)
-    frequencies = np.arange(PAD, PAD * PERIODS) * (low / PAD)
-    place = ((position - position.min()) * (BINS * high)).astype(np.int64)
+    low, high = bounds(position, lead)
+    count = math.ceil(high / low)
+    frequencies = np.arange(PAD, PAD * count) * (low / PAD)
+    place = ((position - position.min()) * (BINS * count * low)).astype(np.int64)
 
     def propose(residual: Array) -> tuple[Theta, ...]:
         sums = np.bincount(place, residual - residual.mean())
-        power = np.abs(np.fft.rfft(sums, PAD * BINS * PERIODS))[PAD : PAD * PERIODS]
+        power = np.abs(np.fft.rfft(sums, PAD * BINS * count))[PAD : PAD * count]
         inner = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])
         peaks = np.flatnonzero(np.concatenate([[power[0] > power[1]], inner, [False]]))
         best = peaks[np.argsort(-power[peaks])][:PEAKS]
@@ -188,14 +199,14 @@ def others(position: Array, frequencies: Theta) -> list[Array]:
     return [f(2.0 * np.pi * own * position) for own in frequencies for f in (np.sin, np.cos)]
 
 
-def with_waves(plain: Term, path: Array, number: int = 0) -> Term:
+def with_waves(plain: Term, path: Array, lead: float, number: int = 0) -> Term:
     """A term of θ = (frequency,) that may have waves of other frequencies beside it, to `WAVES`.
 
     Each start is that with the highest peak of what the others leave.
     """
-    low, high = bounds(path)
+    low, high = bounds(path, lead)
     assert plain.propose is not None
-    proposed = starts(path, ())
+    proposed = starts(path, (), lead)
 
     def propose(residual: Array) -> tuple[Theta, ...]:
         assert plain.propose is not None
@@ -219,9 +230,10 @@ def with_waves(plain: Term, path: Array, number: int = 0) -> Term:
         propose=propose if number else plain.propose,
         lower=(low, *(LEAST_TURNS * low for _ in range(number))),
         upper=(high,) * (number + 1),
+        steps=(PHASE_STEP * low,) * (number + 1),
         admissible=admissible if number else plain.admissible,
         nuisances=tuple(range(2 * (HARMONICS + number))),
-        richer=partial(with_waves, plain, path, number + 1) if number < WAVES else None,
+        richer=partial(with_waves, plain, path, lead, number + 1) if number < WAVES else None,
     )
 
 
