@@ -123,3 +123,16 @@ def test_two_runs_of_a_loop_that_sticks_differ_by_chance(noisy: Session) -> None
     # As the machine differs from its own twin, up to the noise of its readings.
     assert 0.2 * NOISE < apart < 1.5 * left(record, 0)
     assert chance_rms([record], replace(rough(), effects={}), {}, ['x']) == 0.0
+
+
+def test_a_twin_that_diverges_is_far_from_the_record_and_no_infinity(
+    planted: Maker, recwarn: pytest.WarningsRecorder
+) -> None:
+    axis = nominal().servo('x')
+    wild = replace(nominal(), axes={'x': replace(axis, mass=-axis.mass, force_limit=1e300)})
+    record = load_record(planted({}, duration=6.0), nominal())
+    gaps = replay(record, wild, {})
+    assert all(np.all(np.isfinite(gap**2)) for gap in gaps.values())
+    assert max(np.abs(gap).max() for gap in gaps.values()) > 1.0
+    assert np.isfinite(chance_rms([record], wild, {}, ['x']))
+    assert not recwarn.list

@@ -20,6 +20,8 @@ from stage_twin.simulate import simulate
 
 Array = NDArray[np.float64]
 
+AWAY = 1e9  # m or N
+
 
 def declared_commands(record: Record, twin: TwinFile) -> Array:
     """What set-points with a velocity asked for beyond the nominal law, shape (n, a) [m/s].
@@ -54,10 +56,15 @@ def replay(
     """
     gaps = _replay(record, twin, effects, draw)
     return {
-        name: gap + record.offset.get(name, 0.0)
+        name: _finite(gap + record.offset.get(name, 0.0))
         for name, gap in gaps.items()
         if split_effect(name)[1] not in record.untold
     }
+
+
+def _finite(gap: Array) -> Array:
+    """A gap (n,) whose squares can be summed: a run that diverges is `AWAY` far."""
+    return np.clip(np.nan_to_num(gap, nan=AWAY), -AWAY, AWAY)
 
 
 def _replay(
