@@ -11,7 +11,7 @@ from gap_diagnosis import passes
 from gap_diagnosis.closed_loop import held_out, misread, polish, swing
 from gap_diagnosis.evidence import acceptance
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
-from gap_diagnosis.input import checks, coarse, grid, windows
+from gap_diagnosis.input import checks, coarse, grid, rest_places, windows
 from gap_diagnosis.law import judged, search
 from gap_diagnosis.residuals import commands, controller, foreseen, kinematics, unrecorded
 from gap_diagnosis.selection import (
@@ -29,19 +29,18 @@ from gap_diagnosis.selection import (
 from stage_core import clocks
 from stage_driver import inbox_backend, servo_clocks
 from stage_twin import loops, machine
-from stage_twin.effects import drive_play, knots, shared, straightness
+from stage_twin.effects import drive_play, knots, periodic, shared, straightness
 from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
                    drive_play, foreseen, forward, grid, held_out, imitations, inbox_backend,
-                   judged,
-                   kinematics, knots, lacking, library, loops, machine, misread, motions,
-                   online, outliers, pairs, passes, places, polish, prepare, propose, rivals,
-                   scene, search, selection, separation,
-                   servo_clocks, servo_part, shape, shared, slow_rows, straightness, swing,
-                   swinging, temperatures, thermal, told, training, unrecorded, windows)
+                   judged, kinematics, knots, lacking, library, loops, machine, misread, motions,
+                   online, outliers, pairs, passes, periodic, places, polish, prepare, propose,
+                   rest_places, rivals, scene, search, selection, separation, servo_clocks,
+                   servo_part, shape, shared, slow_rows, straightness, swing, swinging,
+                   temperatures, thermal, told, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -85,6 +84,10 @@ the same: offset of their frame, from | {coarse.LEAST_OFFSET:g} m
 the same: delay, or that of a drift at the ends, from | {coarse.LEAST_LAG:g} s
 what is left then of what is left else, at most | {coarse.CLEARLY:.0%}
 start of a held-out session that is not scored | {windows.PREFIX:.0%}
+places of a stepper's axis that are one, within | {rest_places.ONE_PLACE:.0%} of its travel
+places from which on all effects of such an axis show | {rest_places.ENOUGH}
+shortest period that is looked for, travel over | {periodic.PERIODS}
+the same of a force ripple, lead over | {periodic.ORDERS}
 squared gap of an encoder in the held-out windows, at least | {held_out.LEAST_HELD:.0%}
 the same, at most | {held_out.MOST_HELD:.0%}
 change of a screw temperature, at least | {kinematics.TEMPERATURE_SPAN:g} K

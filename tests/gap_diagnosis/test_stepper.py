@@ -10,7 +10,7 @@ import pytest
 
 from gap_diagnosis.__main__ import main
 from gap_diagnosis.diagnose import diagnose
-from gap_diagnosis.input.stepper import _repeats, _Rests, _sides
+from gap_diagnosis.input.stepper import _repeats, _Rests, sides
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
@@ -112,7 +112,7 @@ def test_few_places_tell_no_effect_of_the_place(count: int, told: set[str]) -> N
     found = diagnose([session], [], nominal())
     assert set(found.verdict) - {'tracker_misalignment', 'unknown'} == told
     assert ('unknown' in found.verdict) == (not told)
-    assert any(f'axis x rested at {count} places' in w for w in found.warnings) == (count < 7)
+    assert any(f'axis x rested at {count} places' in w for w in found.warnings) == (count < 6)
 
 
 def test_a_tracker_noisier_than_its_twin_says_is_measured() -> None:
@@ -224,9 +224,9 @@ def test_the_side_of_an_approach_is_that_of_the_last_motion() -> None:
     """A place above the last rest that is overshot by 20 µm is approached from above."""
     path = np.array([0.0, 0.0, 0.01, 0.02, 0.02002, 0.02001, 0.02, 0.02, 0.02, 0.03, 0.03])
     other = np.where(np.arange(len(path)) > 8, 0.001, 0.0)
-    sides = _sides(np.column_stack([path, other]))
-    assert sides[:, 0].tolist() == [0, 0, 1, 1, 1, -1, -1, -1, -1, 1, 1]
-    assert sides[:, 1].tolist() == [0] * 9 + [1, 1]
+    found = sides(np.column_stack([path, other]))
+    assert found[:, 0].tolist() == [0, 0, 1, 1, 1, -1, -1, -1, -1, 1, 1]
+    assert found[:, 1].tolist() == [0] * 9 + [1, 1]
 
 
 def test_a_count_and_an_encoder_of_one_controller_are_judged_in_motion() -> None:

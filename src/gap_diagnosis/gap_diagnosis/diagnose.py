@@ -32,7 +32,7 @@ from gap_diagnosis.evidence.localise import conditions_of
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.places import few_places
+from gap_diagnosis.input.rest_places import rest_places
 from gap_diagnosis.input.windows import held_out_windows, judging
 from gap_diagnosis.law.learn import learn
 from gap_diagnosis.memory import Memory
@@ -279,8 +279,9 @@ def _notes(
 ) -> list[str]:
     """What a reader has to know beside the verdict."""
     told = {n: v for n, v in effects.items() if n not in swings(parts)}
+    rested = rest_places(records)
     return [
-        *few_places(records),
+        *(rested.few() if rested is not None else []),
         *dict.fromkeys(warning for record in records for warning in record.warnings),
         *prepared.notes,
         *swing_notes(swings(parts)),

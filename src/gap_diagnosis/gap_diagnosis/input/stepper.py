@@ -236,7 +236,7 @@ def _repeats(rests: _Rests, step: Array) -> float | None:
     return float(np.sqrt(np.sum(rest**2) / (freedom * own.shape[1])))
 
 
-def _sides(motion: Array) -> Array:
+def sides(motion: Array) -> Array:
     """Sign (n, a) of the last motion of each axis up to each count, 0 before its first.
 
     An approach from one side overshoots a place that lies on the other (ISO 230-2): where the
@@ -292,7 +292,7 @@ def _rests(
         if high - low >= LEAST_POINTS:
             seen.append((start, stop, points[low:high]))
     noise = _point_noise([own for _, _, own in seen], twin)
-    sides = _sides(motion)
+    approached = sides(motion)
     time, mean, count, where, side = [], [], [], [], []
     for start, stop, own in seen:
         # A command at rest is no table at rest: what is far from the rest's end still moves.
@@ -304,7 +304,7 @@ def _rests(
         mean.append(own[use].mean(axis=0))
         count.append(float(np.count_nonzero(use)))
         where.append(motion[stop - 1])
-        side.append(sides[start])
+        side.append(approached[start])
     shape = (len(time), motion.shape[1])
     return _Rests(
         np.array(time),

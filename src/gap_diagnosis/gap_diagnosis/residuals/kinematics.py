@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.input.data import Record, motion_step
 from gap_diagnosis.input.noise import encoder_step
-from gap_diagnosis.input.places import rest_places
+from gap_diagnosis.input.rest_places import rest_places
 from gap_diagnosis.input.windows import held_out_windows, inside, moves_while_judged
 from gap_diagnosis.residuals.late_ticks import read_in_time
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated

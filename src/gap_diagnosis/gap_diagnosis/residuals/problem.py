@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.input.rest_places import RestPlaces
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.residuals.stands import Stands
 from stage_twin.effects.term import Term
@@ -49,8 +50,7 @@ class Problem:
     seams: NDArray[np.int64] | None = None  # rows before which no row of the same series comes
     stands: Stands | None = None  # rows that share an error; None where none do
     speed: Array | None = None  # of the axis at each row (n,) [m/s]; None beyond force balances
-    #: Number of places at which each axis of a stepper rested; empty where points in motion count.
-    places: Mapping[str, int] = field(default_factory=dict)
+    places: RestPlaces | None = None  # at which a stepper rested; None where motion counts
     weights: Array | None = None  # of each row (n,), in rows and columns; None: all alike
     #: What was searched for a set, by all that this depends on: each pass of a selection goes the
     #: way of the last one until a barred effect was taken.

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gap_diagnosis.residuals.regression import Fit
+from stage_twin.effects import effect_of
 from stage_twin.effects.term import Theta
 
 if TYPE_CHECKING:
@@ -61,10 +62,17 @@ def too_few_places(selector: Selector, fit: Fit, name: str) -> bool:
 
     Whatever there is, a curve of k parameters meets k places; it says nothing of others. The
     frame of the tracker has parameters too: one along each axis, and all those of its effect.
+    A play differs by the side of an approach, not by the place, but between two places one side
+    is one place.
     """
-    places, axis = selector.problem.places, name.partition('.')[2]
-    if axis not in places:
+    rested, axis = selector.problem.places, name.partition('.')[2]
+    if rested is None or axis not in ('', *rested.places):
         return False
     own = {n for n in fit.thetas if axis in ('', n.partition('.')[2])} - {FRAME}
-    frame = selector.size(FRAME) if not axis and FRAME in selector.problem.terms else 1
-    return sum(map(selector.size, own)) + frame >= places[axis]
+    sizes = {n: selector.size(n) for n in own}
+    curves = sum(size for n, size in sizes.items() if not effect_of(n).reverses)
+    if not axis:
+        frame = selector.size(FRAME) if FRAME in selector.problem.terms else 1
+        return curves + frame >= rested.numbers
+    few = max(curves, 1) + 1 >= rested.places[axis]
+    return few or sum(sizes.values()) + 1 >= rested.approaches[axis]
