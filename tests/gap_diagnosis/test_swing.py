@@ -32,6 +32,13 @@ def test_another_run_swings_as_much_and_half_a_play_does_not(planted: Maker) -> 
         assert swings_as_much('drive_play.x', found, AxisLoop([record], twin, 'x')) is wanted
 
 
+def test_a_damping_that_was_found_near_its_bound_is_tried_within_it(planted: Maker) -> None:
+    twin = nominal()
+    loop = AxisLoop([load_record(planted({'drive_play.x': PLAY}), twin)], twin, 'x')
+    found = {'drive_play.x': {**PLAY, 'width': 5e-6, 'contact_damping': 1.9}}
+    assert not swings_as_much('drive_play.x', found, loop)
+
+
 def assert_product(found: Diagnosis, truth: Mapping[str, float]) -> None:
     """The product of width and mass is what shows."""
     values = found.effects['drive_play.x']

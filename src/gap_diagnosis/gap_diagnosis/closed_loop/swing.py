@@ -7,7 +7,7 @@ with it strays from the twin without.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,18 +39,22 @@ def swings_as_much(name: str, effects: Effects, loop: AxisLoop) -> bool:
     it may be another one within its doubt.
     """
     known = {p.name: p for p in effect_of(name).parameters}.get(DAMPING)
-    factors = (1.0,) if known is None else (1.0, 1.0 - known.doubt, 1.0 + known.doubt)
-    return any(1.0 / AS_MUCH < ratio < AS_MUCH for ratio in _ratios(name, effects, loop, factors))
+    tried = [effects[name]]
+    if known is not None:
+        found = effects[name][DAMPING]
+        other = [found * (1.0 - known.doubt), found * (1.0 + known.doubt)]
+        inside = np.clip(other, known.minimum, known.maximum).tolist()
+        tried += [{**effects[name], DAMPING: damping} for damping in inside]
+    return any(1.0 / AS_MUCH < ratio < AS_MUCH for ratio in _ratios(name, effects, loop, tried))
 
 
 def _ratios(
-    name: str, effects: Effects, loop: AxisLoop, factors: Sequence[float]
+    name: str, effects: Effects, loop: AxisLoop, tried: Sequence[Mapping[str, float]]
 ) -> Iterator[float]:
-    """The twin's swing over the record's, with each of some factors on the damping."""
+    """The twin's swing over the record's, with each of some parameters of an effect."""
     rest = {n: v for n, v in effects.items() if n != name}
     recorded = _strays(rest, loop)
-    for factor in factors:
-        values = {k: v * factor if k == DAMPING else v for k, v in effects[name].items()}
+    for values in tried:
         own = recorded - _strays({**effects, name: values}, loop)
         yield float(np.linalg.norm(own) / np.linalg.norm(recorded))
 
