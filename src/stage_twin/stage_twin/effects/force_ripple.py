@@ -26,6 +26,7 @@ EFFECT = Effect(
     'Electronics 43 (1996).',
     sentence='the drive force ripples over position by {amplitude}',
     excited_by='slow strokes over whole periods of the motor',
+    by_shape=True,
 )
 
 
