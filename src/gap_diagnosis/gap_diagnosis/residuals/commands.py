@@ -38,8 +38,10 @@ HELD, FOLLOWED = 1.5, 0.5
 #: Deviations of the effort's own noise that hold a plateau of some hundred ticks.
 ON_TOP = 5.0
 #: The share HELD where the noise of the effort is known without the controller's answer to that of
-#: the encoder: 2200 on a plateau, about 1 on a smooth peak, which holds that noise alone.
-STANDS = 10.0
+#: the encoder: 5 and 2200 on two plateaus, about 1 on a smooth peak, which holds that noise alone.
+STANDS = 3.0
+#: Share of the largest force from which on ticks are those of a plateau, if there is one.
+NEAR_THE_TOP = 0.9
 
 
 def declared_terms(records: list[Record], twin: TwinFile) -> list[Record]:
@@ -121,10 +123,13 @@ def _standing(records: list[Record], i: int, axis: ServoAxis) -> float | None:
     """The same of an effort with noise of its own, by which it leaves the law tick by tick."""
     law = np.concatenate([force_increments(r, i, axis, velocity_law(r, i, axis)) for r in records])
     own = np.concatenate([np.diff(r.force[:, i]) for r in records])
-    noise = GAUSS * float(np.median(np.abs(own - law))) / math.sqrt(2.0)
     force = [np.abs(r.force[:, i]) for r in records]
     peak = max(float(one.max()) for one in force)
-    least = peak - ON_TOP * noise
+    # A force that mostly stands at its limit mostly leaves the law.
+    near = np.concatenate([np.minimum(one[1:], one[:-1]) > NEAR_THE_TOP * peak for one in force])
+    still = np.concatenate([np.diff(one) for one in force])[near]
+    noises = [float(np.median(np.abs(left))) for left in (own - law, still) if len(left) >= PLATEAU]
+    least = peak - ON_TOP * GAUSS * min(noises) / math.sqrt(2.0)
     high = np.concatenate([(one[1:] >= least) & (one[:-1] >= least) for one in force])
     stands = np.count_nonzero(high) >= PLATEAU and _left(law, own, high) > STANDS
     if peak >= 0.999 * axis.force_limit or not stands or _left(law, own, ~high) > FOLLOWED:

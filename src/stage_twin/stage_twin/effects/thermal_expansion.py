@@ -23,7 +23,7 @@ EFFECT = Effect(
     name='thermal_expansion',
     link='kinematic',
     parameters=(
-        Parameter('coefficient', '1/K', -50e-6, 50e-6, 11.5e-6, 'expansion coefficient'),
+        Parameter('coefficient', '1/K', -200e-6, 200e-6, 11.5e-6, 'expansion coefficient'),
         Parameter(
             'fixed_point',
             'm',
