@@ -9,7 +9,7 @@ from calibrator import online, outliers, places, prepare, temperatures, thermal,
 from calibrator.models import domain, selection
 from gap_diagnosis import passes
 from gap_diagnosis.closed_loop import held_out, misread, polish, swing
-from gap_diagnosis.evidence import acceptance
+from gap_diagnosis.evidence import acceptance, left_out
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, rest_places, windows
 from gap_diagnosis.law import judged, search
@@ -36,7 +36,7 @@ MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
                    drive_play, foreseen, forward, grid, held_out, imitations, inbox_backend,
-                   judged, kinematics, knots, lacking, library, loops, machine, misread, motions,
+                   judged, kinematics, knots, lacking, left_out, library, loops, machine, misread, motions,
                    online, outliers, pairs, passes, periodic, places, polish, prepare, propose,
                    rest_places, rivals, scene, search, selection, separation, servo_clocks,
                    servo_part, shape, shared, slow_rows, straightness, swing, swinging,
@@ -108,6 +108,7 @@ increments of a noisy effort at a limit that the law leaves, at least | {command
 the same of an effort whose noise is its own, at least | {commands.STANDS:.0f} times
 what an effect explains that an alternative explains, at least | {rivals.LEAST_OF_ITS_GAIN:.0%}
 gap of a far loop beside which an alternative's takes its place, at most | {told.MUCH_CLOSER:.0%}
+force balance that is left, over what others left that the loop refuted | {left_out.FAR_MORE:g}
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
 gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors

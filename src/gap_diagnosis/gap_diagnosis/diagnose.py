@@ -20,13 +20,18 @@ from gap_diagnosis.closed_loop.channels import (
     position_rms,
     session_rms,
 )
-from gap_diagnosis.closed_loop.misread import misread
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.acceptance import far_from_explained, shrink_of
+from gap_diagnosis.evidence.acceptance import far_from_explained
 from gap_diagnosis.evidence.causes import Run, cause_of, shown_by_encoder, swing_notes, swings
 from gap_diagnosis.evidence.describe import (
     describe,
     surer,
+)
+from gap_diagnosis.evidence.left_out import (
+    excluded_by_tracker,
+    explained_better,
+    first_out,
+    misread_wave,
 )
 from gap_diagnosis.evidence.localise import conditions_of
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
@@ -49,7 +54,7 @@ from gap_diagnosis.tracker_pass import tracker_part
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import effect_of, link_of
+from stage_twin.effects import link_of
 from stage_twin.packing import pack
 
 Array = NDArray[np.float64]
@@ -95,11 +100,11 @@ def diagnose(
     pack(twin)  # refuses effects that there are not
     memory = Memory()
     prepared = prepare(sessions, holdout, twin, without, simulated)
-    barred = list(prepared.without)
+    barred, least = list(prepared.without), dict[str, float]()
     while True:
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
         failed = [c for c in result.causes if c.refuted]
-        beside = _excluded_by_tracker(result) or _misread(result, prepared)
+        beside = excluded_by_tracker(result) or misread_wave(result, prepared)
         refuted = {c.effect for c in failed}
         shown = {n: values for n, values in result.parameters.items() if n not in refuted}
         unit = in_another_unit(shown, barred)
@@ -108,8 +113,10 @@ def diagnose(
             # What was refuted beside the wrong unit may be there beside the right one.
             barred = [*prepared.without, unit]
             prepared, memory = prepare(sessions, holdout, twin, barred, simulated), Memory()
+            least.clear()
             continue
-        if not failed and not beside:
+        less = explained_better(result.parts, least)
+        if not (failed or beside or less):
             if result.structured or not result.accepted:
                 progress('a law of what remains')
                 result.laws = learn(
@@ -123,48 +130,13 @@ def diagnose(
             result.started = sessions[0].recorded_ns
             judge.name_beside_unknown(result.causes, result.parts, barred[len(without) :])
             return result
-        out = [beside] if beside else _first_out(result, failed, prepared.seen, seed)
-        progress(f'left out, as the twin that is run does not show it: {", ".join(out)}')
+        if beside or failed:
+            out = [beside] if beside else first_out(result, failed, prepared.seen, seed)
+            progress(f'left out, as the twin that is run does not show it: {", ".join(out)}')
+        else:
+            out = less
+            progress('left out: what was left out before explained far more of the balance')
         barred += out
-
-
-def _first_out(
-    result: Diagnosis, failed: list[judge.Cause], seen: TwinFile, seed: int
-) -> list[str]:
-    """The refuted effect that shrinks the gap least, or all of its axis that nothing needs.
-
-    These are the servo effects of an axis if each of them is refuted, and all together close
-    nothing either. Two that stand for one another are refuted, too, but not together.
-    """
-    worst = min(failed, key=lambda c: c.interval[0]).effect
-    axis = split_effect(worst)[1]
-    own = [n for n in result.accepted if link_of(n) == 'servo' and split_effect(n)[1] == axis]
-    if worst not in own or not set(own) <= {c.effect for c in failed}:
-        return [worst]
-    sides = {
-        n: c.sides(judge.channel_floor(seen, n))
-        for n, c in result.channels.items()
-        if n in (f'encoder.{axis}', f'force.{axis}')
-    }
-    # Of a machine that is seen by a tracker alone no channel of the axis says anything.
-    return [worst] if not sides or shrink_of(worst, sides, seed).matters else own
-
-
-def _excluded_by_tracker(result: Diagnosis) -> str | None:
-    """A servo effect that excludes another one of its axis, which the tracker shows."""
-    shown = {n for p in result.parts if p.name == 'tracker' for n in p.selection.accepted}
-    for name in result.accepted:
-        effect, axis = split_effect(name)
-        rivals = {f'{other}.{axis}' for other in effect_of(effect).excludes}
-        if name not in shown and rivals & shown:
-            return name
-    return None
-
-
-def _misread(result: Diagnosis, prepared: Prepared) -> str | None:
-    """A wave of the table that is what the encoder reads."""
-    floors = {n: judge.channel_floor(prepared.seen, n) for n in result.channels}
-    return misread(result.records, result.twin, result.parameters, result.channels, floors)
 
 
 def _diagnose(

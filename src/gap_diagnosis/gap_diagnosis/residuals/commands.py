@@ -128,7 +128,7 @@ def _standing(records: list[Record], i: int, axis: ServoAxis) -> float | None:
     # A force that mostly stands at its limit mostly leaves the law.
     near = np.concatenate([np.minimum(one[1:], one[:-1]) > NEAR_THE_TOP * peak for one in force])
     still = np.concatenate([np.diff(one) for one in force])[near]
-    noises = [float(np.median(np.abs(left))) for left in (own - law, still) if len(left) >= PLATEAU]
+    noises = [float(np.median(np.abs(x))) for x in (own - law, still) if len(x) >= PLATEAU]
     least = peak - ON_TOP * GAUSS * min(noises) / math.sqrt(2.0)
     high = np.concatenate([(one[1:] >= least) & (one[:-1] >= least) for one in force])
     stands = np.count_nonzero(high) >= PLATEAU and _left(law, own, high) > STANDS

@@ -1,0 +1,44 @@
+"""What a pass leaves out of the next one."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from gap_diagnosis.evidence.left_out import FAR_MORE, explained_better
+
+TERMS = {'current_loop_lag.x': None, 'actuation_delay.x': None}
+
+
+def balance(left: float, accepted: list[str], floor: float = 0.1, name: str = 'servo.x') -> Any:
+    """A force balance of which effects leave a mean square, beside the noise."""
+    return SimpleNamespace(
+        name=name,
+        structure=SimpleNamespace(mean_square=left),
+        problem=SimpleNamespace(floor=floor, terms=TERMS),
+        selection=SimpleNamespace(accepted=accepted),
+    )
+
+
+def test_no_effect_follows_one_that_explained_far_more() -> None:
+    least: dict[str, float] = {}
+    assert explained_better([balance(0.01, ['actuation_delay.x'])], least) == []
+    nearly = balance(0.99 * FAR_MORE * 0.01, ['current_loop_lag.x'])
+    assert explained_better([nearly], least) == []
+    worse = balance(1.01 * FAR_MORE * 0.01, ['current_loop_lag.x'])
+    assert explained_better([worse], least) == list(TERMS)
+    assert explained_better([balance(3.0, [])], least) == []
+    assert least == {'servo.x': 0.01}
+
+
+def test_what_is_left_below_the_noise_is_noise() -> None:
+    least: dict[str, float] = {}
+    assert explained_better([balance(1e-9, ['actuation_delay.x'])], least) == []
+    assert explained_better([balance(0.02, ['current_loop_lag.x'])], least) == []
+
+
+def test_the_tracker_is_no_balance_and_other_axes_count_alone() -> None:
+    least: dict[str, float] = {}
+    explained_better([balance(0.01, ['a']), balance(0.01, ['a'], name='tracker')], least)
+    other = balance(1.0, ['actuation_delay.y'], name='servo.y')
+    assert explained_better([other, balance(1.0, ['b'], name='tracker')], least) == []
