@@ -36,11 +36,11 @@ MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
                    drive_play, foreseen, forward, grid, held_out, imitations, inbox_backend,
-                   judged, kinematics, knots, lacking, left_out, library, loops, machine, misread, motions,
-                   online, outliers, pairs, passes, periodic, places, polish, prepare, propose,
-                   rest_places, rivals, scene, search, selection, separation, servo_clocks,
-                   servo_part, shape, shared, slow_rows, straightness, swing, swinging,
-                   temperatures, thermal, told, training, unrecorded, windows)
+                   judged, kinematics, knots, lacking, left_out, library, loops, machine, misread,
+                   motions, online, outliers, pairs, passes, periodic, places, polish, prepare,
+                   propose, rest_places, rivals, scene, search, selection, separation,
+                   servo_clocks, servo_part, shape, shared, slow_rows, straightness, swing,
+                   swinging, temperatures, thermal, told, training, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """

@@ -5,6 +5,8 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+
 from gap_diagnosis.evidence.left_out import FAR_MORE, explained_better
 
 TERMS = {'current_loop_lag.x': None, 'actuation_delay.x': None}
@@ -28,7 +30,7 @@ def test_no_effect_follows_one_that_explained_far_more() -> None:
     worse = balance(1.01 * FAR_MORE * 0.01, ['current_loop_lag.x'])
     assert explained_better([worse], least) == list(TERMS)
     assert explained_better([balance(3.0, [])], least) == []
-    assert least == {'servo.x': 0.01}
+    assert least == pytest.approx({'servo.x': 0.01})
 
 
 def test_what_is_left_below_the_noise_is_noise() -> None:
