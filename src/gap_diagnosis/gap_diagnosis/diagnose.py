@@ -27,12 +27,7 @@ from gap_diagnosis.evidence.describe import (
     describe,
     surer,
 )
-from gap_diagnosis.evidence.left_out import (
-    excluded_by_tracker,
-    explained_better,
-    first_out,
-    misread_wave,
-)
+from gap_diagnosis.evidence.left_out import left_out
 from gap_diagnosis.evidence.localise import conditions_of
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from gap_diagnosis.input.checks import turns
@@ -103,9 +98,7 @@ def diagnose(
     barred, least = list(prepared.without), dict[str, float]()
     while True:
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
-        failed = [c for c in result.causes if c.refuted]
-        beside = excluded_by_tracker(result) or misread_wave(result, prepared)
-        refuted = {c.effect for c in failed}
+        refuted = {c.effect for c in result.causes if c.refuted}
         shown = {n: values for n, values in result.parameters.items() if n not in refuted}
         unit = in_another_unit(shown, barred)
         if unit is not None:
@@ -115,8 +108,8 @@ def diagnose(
             prepared, memory = prepare(sessions, holdout, twin, barred, simulated), Memory()
             least.clear()
             continue
-        less = explained_better(result.parts, least)
-        if not (failed or beside or less):
+        out, why = left_out(result, prepared, least, seed)
+        if not out:
             if result.structured or not result.accepted:
                 progress('a law of what remains')
                 result.laws = learn(
@@ -130,12 +123,7 @@ def diagnose(
             result.started = sessions[0].recorded_ns
             judge.name_beside_unknown(result.causes, result.parts, barred[len(without) :])
             return result
-        if beside or failed:
-            out = [beside] if beside else first_out(result, failed, prepared.seen, seed)
-            progress(f'left out, as the twin that is run does not show it: {", ".join(out)}')
-        else:
-            out = less
-            progress('left out: what was left out before explained far more of the balance')
+        progress(why)
         barred += out
 
 

@@ -21,7 +21,23 @@ from stage_twin.effects import effect_of, link_of
 FAR_MORE = 3.5
 
 
-def first_out(
+def left_out(
+    result: Diagnosis, prepared: Prepared, least: dict[str, float], seed: int
+) -> tuple[list[str], str]:
+    """Effects that the next pass does without, and why; none where this one stands.
+
+    `least` is what the passes left of each force balance (:func:`explained_better`).
+    """
+    better = explained_better(result.parts, least)
+    failed = [c for c in result.causes if c.refuted]
+    beside = _excluded_by_tracker(result) or _misread_wave(result, prepared)
+    if beside or failed:
+        out = [beside] if beside else _first_out(result, failed, prepared.seen, seed)
+        return out, f'left out, as the twin that is run does not show it: {", ".join(out)}'
+    return better, 'left out: what was left out before explained far more of the balance'
+
+
+def _first_out(
     result: Diagnosis, failed: list[judge.Cause], seen: TwinFile, seed: int
 ) -> list[str]:
     """The refuted effect that shrinks the gap least, or all of its axis that nothing needs.
@@ -43,7 +59,7 @@ def first_out(
     return [worst] if not sides or shrink_of(worst, sides, seed).matters else own
 
 
-def excluded_by_tracker(result: Diagnosis) -> str | None:
+def _excluded_by_tracker(result: Diagnosis) -> str | None:
     """A servo effect that excludes another one of its axis, which the tracker shows."""
     shown = {n for p in result.parts if p.name == 'tracker' for n in p.selection.accepted}
     for name in result.accepted:
@@ -54,7 +70,7 @@ def excluded_by_tracker(result: Diagnosis) -> str | None:
     return None
 
 
-def misread_wave(result: Diagnosis, prepared: Prepared) -> str | None:
+def _misread_wave(result: Diagnosis, prepared: Prepared) -> str | None:
     """A wave of the table that is what the encoder reads."""
     floors = {n: judge.channel_floor(prepared.seen, n) for n in result.channels}
     return misread(result.records, result.twin, result.parameters, result.channels, floors)
