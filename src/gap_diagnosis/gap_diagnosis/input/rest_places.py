@@ -47,12 +47,11 @@ class RestPlaces:
 
 def rest_places(records: Sequence[Record]) -> RestPlaces | None:
     """Places of the axes that moved; None if the points of a motion count."""
-    seen = [r for r in records if r.row_noise is not None and r.tracker_time is not None]
+    seen = [r for r in records if r.row_noise is not None]
     if not seen:
         return None
-    at = [np.searchsorted(r.time, r.tracker_time) for r in seen]
-    where = np.concatenate([r.encoder[k] for r, k in zip(seen, at, strict=True)])
-    side = np.concatenate([sides(r.encoder)[k] for r, k in zip(seen, at, strict=True)])
+    where = np.concatenate([_at_rests(r, r.encoder) for r in seen])
+    side = np.concatenate([_at_rests(r, sides(r.encoder)) for r in seen])
     numbers = np.column_stack([_numbered(own) for own in where.T])
     axes = seen[0].axes
     moved = [i for i in range(len(axes)) if any(r.moving[i] for r in seen)]
@@ -61,6 +60,11 @@ def rest_places(records: Sequence[Record]) -> RestPlaces | None:
         {axes[i]: _different(numbers[:, i], side[:, i]) for i in moved},
         len(axes) * _different(numbers),
     )
+
+
+def _at_rests(record: Record, of_ticks: Array) -> Array:
+    assert record.tracker_time is not None
+    return np.asarray(of_ticks[np.searchsorted(record.time, record.tracker_time)])
 
 
 def _different(*columns: Array | NDArray[np.int64]) -> int:
