@@ -125,16 +125,19 @@ def _standing(records: list[Record], i: int, axis: ServoAxis) -> float | None:
     own = np.concatenate([np.diff(r.force[:, i]) for r in records])
     force = [np.abs(r.force[:, i]) for r in records]
     peak = max(float(one.max()) for one in force)
-    # A force that mostly stands at its limit mostly leaves the law.
+    if peak >= 0.999 * axis.force_limit:
+        return None
+    # A force that mostly stands at its limit mostly leaves the law: then its steps there tell.
     near = np.concatenate([np.minimum(one[1:], one[:-1]) > NEAR_THE_TOP * peak for one in force])
     still = np.concatenate([np.diff(one) for one in force])[near]
-    noises = [float(np.median(np.abs(x))) for x in (own - law, still) if len(x) >= PLATEAU]
-    least = peak - ON_TOP * GAUSS * min(noises) / math.sqrt(2.0)
-    high = np.concatenate([(one[1:] >= least) & (one[:-1] >= least) for one in force])
-    stands = np.count_nonzero(high) >= PLATEAU and _left(law, own, high) > STANDS
-    if peak >= 0.999 * axis.force_limit or not stands or _left(law, own, ~high) > FOLLOWED:
-        return None
-    return float(np.median(np.concatenate([one[1:] for one in force])[high]))
+    for left in (own - law, still):
+        noise = GAUSS * float(np.median(np.abs(left))) / math.sqrt(2.0) if len(left) else math.inf
+        least = peak - ON_TOP * noise
+        high = np.concatenate([(one[1:] >= least) & (one[:-1] >= least) for one in force])
+        stands = np.count_nonzero(high) >= PLATEAU and _left(law, own, high) > STANDS
+        if stands and _left(law, own, ~high) <= FOLLOWED:
+            return float(np.median(np.concatenate([one[1:] for one in force])[high]))
+    return None
 
 
 def _noisy_plateau(records: list[Record], i: int, axis: ServoAxis, noise: float) -> float | None:
