@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 
@@ -10,7 +11,8 @@ from stage_bringup.processes import die_with_parent
 from .rig import PATIENCE, Watch
 
 SPEED = 0.1
-
+#: Twice the pause of the stream that the driver asks for after a stop, at 1 kHz.
+PAUSE_TICKS = 2000
 
 #: A controller: velocity set-points to and fro at 200 Hz, stamped with the stage's own time.
 #: `both` adds the position; a line on stdin turns it into a flood of NaN.
@@ -71,9 +73,17 @@ class Controller:
                 watch.wait(lambda: watch.encoder[-1][1] > until, f'the way to {until} m', 6.0)
                 return
             except AssertionError:
-                # Latched while the machine did something else; the stage is still homed.
-                watch.client.trigger('/stage_driver/reset_fault', PATIENCE)
+                # Stopped while the machine did something else; the stage is still homed.
+                self._pause(watch)
         raise AssertionError(f'no stream: {watch.states}')
+
+    def _pause(self, watch: Watch) -> None:
+        """Pause the stream as the driver asks after a stop, counted in ticks of the stage."""
+        self.process.send_signal(signal.SIGSTOP)
+        count = len(watch.encoder)
+        watch.wait(lambda: len(watch.encoder) > count + PAUSE_TICKS, 'ticks of the pause')
+        watch.client.trigger('/stage_driver/reset_fault', PATIENCE)
+        self.process.send_signal(signal.SIGCONT)
 
     def rubbish(self) -> None:
         """Send nothing but NaN from now on."""
