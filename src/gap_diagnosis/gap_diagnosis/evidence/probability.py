@@ -20,15 +20,17 @@ from stage_twin.effects import effect_of, link_of
 
 Features = dict[str, float]
 
+#: A name in a verdict that holds `unknown`, too: what is not explained may have feigned it.
+BESIDE_UNKNOWN = 'beside unknown'
+
 #: Features are cut off here: beyond it a session of the calibration shows no more.
 LARGEST = 5.0
 
 
-#: What statements were worth in the blind rows of simulators first seen
-#: (docs/results/foreign_machines.md): of the names stated at 0.9 and above 489 of 522 were true (E
-#: 101 to N 1001), and every other `unknown`. The sessions of the fit come from machines that the
+#: What statements were worth in the blind rows of simulators first seen, see "What statements were
+#: worth" of docs/results/foreign_machines.md. The sessions of the fit come from machines that the
 #: diagnosis was developed on: there it is 0.97 and 0.89.
-FIRST_SEEN = {'named': 0.937, UNKNOWN: 0.5}
+FIRST_SEEN = {'named': 0.98, BESIDE_UNKNOWN: 0.88, UNKNOWN: 0.5}
 
 
 @dataclass(frozen=True)
@@ -80,12 +82,13 @@ def features(cause: Cause, causes: list[Cause], scene: Scene) -> Features:
     return {name: min(max(value, -LARGEST), LARGEST) for name, value in raw.items()}
 
 
-def probability(kind: str, values: Features) -> float:
+def probability(kind: str, values: Features, beside_unknown: bool = False) -> float:
     """Probability that a statement of a kind is true; `1` has the weight of the constant."""
     weights = WEIGHTS[kind]
     total = weights['1'] + sum(w * values[n] for n, w in weights.items() if n != '1')
     fitted = 1.0 / (1.0 + math.exp(-total))
-    return min(fitted, FIRST_SEEN.get(kind, 1.0))
+    seen = BESIDE_UNKNOWN if beside_unknown and kind == 'named' else kind
+    return min(fitted, FIRST_SEEN.get(seen, 1.0))
 
 
 def with_probabilities(causes: list[Cause], others: list[Cause], scene: Scene) -> list[Cause]:
@@ -95,9 +98,10 @@ def with_probabilities(causes: list[Cause], others: list[Cause], scene: Scene) -
     leaves is dealt out to the others in proportion.
     """
     everything = causes + others
-    for cause in everything:
+    kinds = [kind_of(cause) for cause in everything]
+    for cause, kind in zip(everything, kinds, strict=True):
         cause.features = features(cause, causes, scene)
-        cause.probability = probability(kind_of(cause), cause.features)
+        cause.probability = probability(kind, cause.features, UNKNOWN in kinds)
     said = [c for c in everything if c.status == 'accepted']
     if len(said) == 1:
         rest = sum(c.probability for c in everything if c is not said[0])
