@@ -8,10 +8,12 @@ import pytest
 from stage_twin.effects import periodic
 
 
-def test_a_second_harmonic_that_stands_alone_is_the_period() -> None:
-    coefficients = np.array([0.01, 0.0, 3.0, 4.0, 0.0, -0.02])
+@pytest.mark.parametrize('harmonic', [2, 3])
+def test_a_higher_harmonic_that_stands_alone_is_the_period(harmonic: int) -> None:
+    coefficients = np.array([0.01, 0.0, 0.0, -0.02, -0.02, 0.01])
+    coefficients[2 * harmonic - 2 : 2 * harmonic] = 3.0, 4.0
     found = periodic.found((100.0,), coefficients)
-    assert found['period'] == pytest.approx(0.005)
+    assert found['period'] == pytest.approx(0.01 / harmonic)
     assert found['amplitude'] == pytest.approx(5.0)
     assert found['phase'] == pytest.approx(np.arctan2(4.0, 3.0))
     assert found['amplitude_2'] == found['amplitude_3'] == 0.0

@@ -25,7 +25,7 @@ GROWTH_STEP = 0.01  # of an amplitude
 BINS = 16  # of a periodogram over the position, in the shortest period
 PAD = 4  # frequencies of a periodogram in one turn over the travel
 PEAKS = 4
-ALONE = 0.05  # of the second harmonic, below which the others are none and it is the period
+ALONE = 0.05  # of a higher harmonic, below which the others are none and it is the period
 LEAST_TURNS = 3.0  # of a wave over the travel: a slower one is any smooth curve
 FEW_TURNS = 2.0  # of a wave that is the same in both halves of the travel
 #: Largest difference of the halves' amplitudes as a share of the whole's. Of 800 random curves of
@@ -277,11 +277,12 @@ def _wave(kind: str, number: str, pair: Array) -> dict[str, float]:
 
 
 def _fundamental(frequency: float, pairs: Array) -> tuple[float, Array]:
-    """Frequency and harmonics (k, 2), as those of the second one where it stands all but alone."""
+    """Frequency and harmonics (k, 2), as those of a higher one where it stands all but alone."""
     sizes = np.linalg.norm(pairs, axis=1)
-    if len(pairs) < 2 or np.delete(sizes, 1).max() >= ALONE * sizes[1]:
+    top = int(np.argmax(sizes))
+    if top == 0 or np.delete(sizes, top).max() >= ALONE * sizes[top]:
         return frequency, pairs
-    return 2.0 * frequency, np.vstack([pairs[1:2], np.zeros((len(pairs) - 1, 2))])
+    return (top + 1) * frequency, np.vstack([pairs[top], np.zeros((len(pairs) - 1, 2))])
 
 
 def visible(columns: Array, least: float = 0.2) -> Array:
