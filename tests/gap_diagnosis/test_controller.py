@@ -16,6 +16,7 @@ from gap_diagnosis.__main__ import main
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.input.noise import AxisNoise, Noise
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.report.document import as_dict
 from gap_diagnosis.residuals.commands import controller_findings
 from gap_diagnosis.residuals.controller import (
@@ -240,6 +241,31 @@ def test_gains_and_a_drive_that_make_up_for_one_another_are_another_unit(
     assert in_another_unit(pair, ()) == 'controller_mismatch.x'
     assert in_another_unit(pair, ('effort_convention',)) is None
     assert in_another_unit({**pair, 'drive_gain.x': {'error': (-0.4, 1e-3)}}, ()) is None
+
+
+def test_gains_that_are_wrong_by_one_large_factor_are_another_unit() -> None:
+    def gains(velocity: float, integral: float) -> Parameters:
+        values = {'velocity_gain_error': (velocity, 0.01), 'integral_gain_error': (integral, 0.01)}
+        return {'controller_mismatch.x': values}
+
+    assert in_another_unit(gains(-0.9, -0.901), ()) == 'controller_mismatch.x'
+    assert in_another_unit(gains(-0.5, -0.5), ()) is None  # as controllers are
+    assert in_another_unit(gains(-0.9, -0.92), ()) is None
+
+
+def test_with_the_gains_of_the_twin_another_unit_shows_through_the_noise_of_the_effort(
+    planted: Maker,
+) -> None:
+    twin, own_gains = other_gains({}), ('controller_mismatch.x',)
+    record = load_record(planted({}, duration=10.0), twin)
+    size = 0.02 * float(np.abs(record.force).max())
+    noise = np.random.default_rng(1).normal(0.0, size, record.force.shape)
+    told = Noise((AxisNoise(0.0, 0.0, size, 0.0),), None)
+    noisy = replace(record, force=0.1 * (record.force + 10.0 * noise), noise=told)
+    assert in_newtons([noisy], twin, ())[1] == {}
+    _, values = in_newtons([noisy], twin, own_gains)
+    assert values['effort_convention.x']['factor'][0] == pytest.approx(0.1, rel=0.1)
+    assert in_newtons([replace(noisy, force=10.0 * noise)], twin, own_gains)[1] == {}
 
 
 def test_a_filter_and_a_mass_that_are_wrong_alike_are_no_other_unit(planted: Maker) -> None:

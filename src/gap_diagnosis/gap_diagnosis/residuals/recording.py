@@ -100,8 +100,9 @@ def _found(records: list[Record], twin: TwinFile, without: Sequence[str]) -> Par
     doubted: Parameters = {}
     for i, axis in enumerate(records[0].axes):
         name = f'{CONVENTION}.{axis}'
-        values, sure = _convention(records, i, twin)
-        sure = sure or f'{MISMATCH.name}.{axis}' in without
+        own_gains = f'{MISMATCH.name}.{axis}' in without
+        values, sure = _convention(records, i, twin, own_gains)
+        sure = sure or own_gains
         if values and not {name, CONVENTION} & set(without):
             (found if sure else doubted)[name] = values
     factors = [v['factor'][0] for v in found.values()]
@@ -114,17 +115,19 @@ def _found(records: list[Record], twin: TwinFile, without: Sequence[str]) -> Par
 def in_another_unit(found: Parameters, without: Sequence[str]) -> str | None:
     """The gains of an axis that stand for the unit of its effort: both wrong by one factor.
 
-    A drive gives that much less per force, so that the loop is the twin's.
+    A drive gives that much less per force, so that the loop is the twin's, or the factor is beyond
+    those of controllers (`NO_GAIN`).
     """
     for name, gains in found.items():
         effect, axis = split_effect(name)
         drive = found.get(f'drive_gain.{axis}')
         barred = {CONVENTION, f'{CONVENTION}.{axis}'} & set(without)
-        if effect != MISMATCH.name or drive is None or set(gains) != LOOP or barred:
+        if effect != MISMATCH.name or set(gains) != LOOP or barred:
             continue
         factor, other = (1.0 + gains[gain][0] for gain in sorted(LOOP))
-        product = factor * (1.0 + drive['error'][0])
-        if max(abs(other / factor - 1.0), abs(product - 1.0)) < LEAST_UNIT:
+        loop = factor if drive is None else factor * (1.0 + drive['error'][0])
+        as_the_twin = abs(loop - 1.0) < LEAST_UNIT or not 1.0 / NO_GAIN < loop < NO_GAIN
+        if abs(other / factor - 1.0) < LEAST_UNIT and as_the_twin:
             return name
     return None
 
@@ -174,8 +177,14 @@ def _converted(
     return replace(record, force=force, noise=noise)
 
 
-def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimates, bool]:
-    """`effort_convention` of an axis, empty where its effort is the force; whether it is sure."""
+def _convention(
+    records: list[Record], i: int, twin: TwinFile, own_gains: bool
+) -> tuple[Estimates, bool]:
+    """`effort_convention` of an axis, empty where its effort is the force; whether it is sure.
+
+    Where the controller is known to have the twin's gains (`own_gains`), the noise of the effort
+    itself may be left of its increments.
+    """
     judged = [r for r in records if np.isfinite(r.velocity_command[:, i]).all()]
     if not judged:
         return {}, False
@@ -196,7 +205,8 @@ def _convention(records: list[Record], i: int, twin: TwinFile) -> tuple[Estimate
         efforts = [e * s for e, s in zip(efforts, signs, strict=True)]
         written, law = _all_increments(judged, i, axis, efforts)
         factor, left = _factor(written, law)
-    if left > (1.0 - FOLLOWED) * float(np.mean(written**2)):
+    noise = max(_noise_of_increments(r, i) for r in judged) if own_gains else 0.0
+    if left > (1.0 - FOLLOWED) * float(np.mean(written**2)) + noise:
         return {}, False
     deviation = math.sqrt(left / float(law @ law))
     if abs(factor - 1.0) < max(LEAST_UNIT, 3.0 * deviation):
@@ -223,6 +233,13 @@ def _all_increments(
     pairs = [_increments(r, i, axis, e) for r, e in zip(records, efforts, strict=True)]
     written, law = (np.concatenate(side) for side in zip(*pairs, strict=True))
     return written, law
+
+
+def _noise_of_increments(record: Record, i: int) -> float:
+    """Mean square [N^2] that the noise of an effort makes of its increments."""
+    pulse = np.zeros(len(record.time))
+    pulse[len(pulse) // 2] = 0.0 if record.noise is None else record.noise.axes[i].effort
+    return float(np.sum(quiet(record, i, np.diff(pulse)) ** 2))
 
 
 def _factor(written: Array, law: Array) -> tuple[float, float]:
