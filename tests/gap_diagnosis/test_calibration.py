@@ -99,6 +99,20 @@ def test_one_statement_leaves_its_rest_to_the_others() -> None:
     assert sum(c.probability for c in found) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize('status', ['accepted', 'rejected'])
+def test_a_name_beside_an_unknown_is_less_probable(
+    monkeypatch: pytest.MonkeyPatch, status: str
+) -> None:
+    monkeypatch.setattr(evidence, 'WEIGHTS', {k: {'1': 6.0} for k in evidence.WEIGHTS})
+    name, unknown = (
+        Cause(n, 0.0, {}, 5.0, 1.0, (0.7, 0.9), s)
+        for n, s in (('scale_error.x', 'accepted'), ('unknown', status))
+    )
+    with_probabilities([name], [unknown], Scene(5.0, 1.0, 0.0, False, {'x': 9}))
+    kind = evidence.BESIDE_UNKNOWN if status == 'accepted' else 'named'
+    assert name.probability == evidence.FIRST_SEEN[kind]
+
+
 def test_truths_are_put_in_the_terms_of_a_report() -> None:
     twin = TwinFile.nominal_servo()
     mass = twin.servo('x').mass

@@ -251,6 +251,10 @@ def test_gains_that_are_wrong_by_one_large_factor_are_another_unit() -> None:
     assert in_another_unit(gains(-0.9, -0.901), ()) == 'controller_mismatch.x'
     assert in_another_unit(gains(-0.5, -0.5), ()) is None  # as controllers are
     assert in_another_unit(gains(-0.9, -0.92), ()) is None
+    # A drive that does not make up for it speaks against a unit.
+    drive = {'drive_gain.x': {'error': (0.6, 0.01)}}
+    assert in_another_unit({**gains(1.0, 1.0), **drive}, ()) is None
+    assert in_another_unit({**gains(-0.9, -0.901), **drive}, ()) is None
 
 
 def test_with_the_gains_of_the_twin_another_unit_shows_through_the_noise_of_the_effort(
@@ -258,14 +262,17 @@ def test_with_the_gains_of_the_twin_another_unit_shows_through_the_noise_of_the_
 ) -> None:
     twin, own_gains = other_gains({}), ('controller_mismatch.x',)
     record = load_record(planted({}, duration=10.0), twin)
-    size = 0.02 * float(np.abs(record.force).max())
+    size = 0.002 * float(np.abs(record.force).max())
     noise = np.random.default_rng(1).normal(0.0, size, record.force.shape)
     told = Noise((AxisNoise(0.0, 0.0, size, 0.0),), None)
     noisy = replace(record, force=0.1 * (record.force + 10.0 * noise), noise=told)
     assert in_newtons([noisy], twin, ())[1] == {}
     _, values = in_newtons([noisy], twin, own_gains)
     assert values['effort_convention.x']['factor'][0] == pytest.approx(0.1, rel=0.1)
-    assert in_newtons([replace(noisy, force=10.0 * noise)], twin, own_gains)[1] == {}
+    # Nothing but noise has no unit, whatever is known of it.
+    for known in (told, Noise((AxisNoise(0.0, 0.0, 10.0 * size, 0.0),), None)):
+        alone = replace(noisy, force=10.0 * noise, noise=known)
+        assert in_newtons([alone], twin, own_gains)[1] == {}
 
 
 def test_a_filter_and_a_mass_that_are_wrong_alike_are_no_other_unit(planted: Maker) -> None:

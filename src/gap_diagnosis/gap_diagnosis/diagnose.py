@@ -95,19 +95,21 @@ def diagnose(
     pack(twin)  # refuses effects that there are not
     memory = Memory()
     prepared = prepare(sessions, holdout, twin, without, simulated)
-    barred, least = list(prepared.without), dict[str, float]()
+    barred, least, asked = list(prepared.without), dict[str, float](), set[str]()
     while True:
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
         refuted = {c.effect for c in result.causes if c.refuted}
         shown = {n: values for n, values in result.parameters.items() if n not in refuted}
         unit = in_another_unit(shown, barred)
-        if unit is not None:
-            progress(f'{unit} and its drive make up for one another: another unit of the effort')
-            # What was refuted beside the wrong unit may be there beside the right one.
-            barred = [*prepared.without, unit]
-            prepared, memory = prepare(sessions, holdout, twin, barred, simulated), Memory()
-            least.clear()
-            continue
+        if unit is not None and unit not in asked:
+            progress(f'{unit} by one factor: another unit of the effort')
+            asked.add(unit)
+            other = prepare(sessions, holdout, twin, [*prepared.without, unit], simulated)
+            if f'effort_convention.{split_effect(unit)[1]}' in other.direct:
+                # What was refuted beside the wrong unit may be there beside the right one.
+                prepared, memory, barred = other, Memory(), list(other.without)
+                least.clear()
+                continue
         out, why = left_out(result, prepared, least, seed)
         if not out:
             if result.structured or not result.accepted:

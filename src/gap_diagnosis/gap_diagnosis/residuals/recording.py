@@ -58,6 +58,8 @@ ROUNDED = 1e-9
 #: Gains of the velocity loop, which the factor of a unit changes alike.
 LOOP = {'velocity_gain_error', 'integral_gain_error'}
 CORNER = 30.0  # Hz, of the low-pass on forces
+#: Deviations of a factor from zero: a law that the increments do not follow at all has about one.
+SHOWN = 5.0
 #: Deviations of an effort's noise by which one without signs may be below zero.
 BELOW_ZERO = 5.0
 #: Share of ticks of the other sign, from which on a record without signs has lost them.
@@ -115,8 +117,8 @@ def _found(records: list[Record], twin: TwinFile, without: Sequence[str]) -> Par
 def in_another_unit(found: Parameters, without: Sequence[str]) -> str | None:
     """The gains of an axis that stand for the unit of its effort: both wrong by one factor.
 
-    A drive gives that much less per force, so that the loop is the twin's, or the factor is beyond
-    those of controllers (`NO_GAIN`).
+    A drive gives that much less per force, so that the loop is the twin's, or without a drive the
+    factor is beyond those of controllers (`NO_GAIN`).
     """
     for name, gains in found.items():
         effect, axis = split_effect(name)
@@ -125,9 +127,11 @@ def in_another_unit(found: Parameters, without: Sequence[str]) -> str | None:
         if effect != MISMATCH.name or set(gains) != LOOP or barred:
             continue
         factor, other = (1.0 + gains[gain][0] for gain in sorted(LOOP))
-        loop = factor if drive is None else factor * (1.0 + drive['error'][0])
-        as_the_twin = abs(loop - 1.0) < LEAST_UNIT or not 1.0 / NO_GAIN < loop < NO_GAIN
-        if abs(other / factor - 1.0) < LEAST_UNIT and as_the_twin:
+        if drive is None:
+            unit = not 1.0 / NO_GAIN < factor < NO_GAIN
+        else:
+            unit = abs(factor * (1.0 + drive['error'][0]) - 1.0) < LEAST_UNIT
+        if abs(other / factor - 1.0) < LEAST_UNIT and unit:
             return name
     return None
 
@@ -205,10 +209,11 @@ def _convention(
         efforts = [e * s for e, s in zip(efforts, signs, strict=True)]
         written, law = _all_increments(judged, i, axis, efforts)
         factor, left = _factor(written, law)
-    noise = max(_noise_of_increments(r, i) for r in judged) if own_gains else 0.0
-    if left > (1.0 - FOLLOWED) * float(np.mean(written**2)) + noise:
-        return {}, False
+    noise = _noise_of_increments(judged, i) if own_gains else 0.0
+    shown = float(np.mean(written**2)) - noise
     deviation = math.sqrt(left / float(law @ law))
+    if left - noise > (1.0 - FOLLOWED) * max(shown, 0.0) or abs(factor) < SHOWN * deviation:
+        return {}, False
     if abs(factor - 1.0) < max(LEAST_UNIT, 3.0 * deviation):
         return (
             {'factor': (1.0, deviation), 'magnitude': (1.0, deviation)} if unsigned else {}
@@ -235,11 +240,14 @@ def _all_increments(
     return written, law
 
 
-def _noise_of_increments(record: Record, i: int) -> float:
-    """Mean square [N^2] that the noise of an effort makes of its increments."""
-    pulse = np.zeros(len(record.time))
-    pulse[len(pulse) // 2] = 0.0 if record.noise is None else record.noise.axes[i].effort
-    return float(np.sum(quiet(record, i, np.diff(pulse)) ** 2))
+def _noise_of_increments(records: list[Record], i: int) -> float:
+    """Mean square [N^2] that the noise of efforts makes of their increments."""
+    squares = []
+    for record in records:
+        pulse = np.zeros(len(record.time))
+        pulse[len(pulse) // 2] = 0.0 if record.noise is None else record.noise.axes[i].effort
+        squares.append(float(np.sum(quiet(record, i, np.diff(pulse)) ** 2)))
+    return float(np.average(squares, weights=[len(r.time) for r in records]))
 
 
 def _factor(written: Array, law: Array) -> tuple[float, float]:

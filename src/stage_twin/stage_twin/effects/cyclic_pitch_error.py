@@ -25,9 +25,9 @@ EFFECT = Effect(
         *waveform.GROWTH,
         *waveform.wave_parameters('m', 200e-6),
     ),
-    model='amplitude * sin(2 pi p / period + phase) along the axis, and harmonics: wobble and '
-    'eccentricity of the screw. ISO 230-2:2014, intra-pitch deviation; Slocum, "Precision machine '
-    'design" (1992).',
+    model='amplitude * sin(2 pi p / period + phase) along the axis, harmonics, a growth of '
+    'both along the travel, and waves of other periods: wobble and eccentricity of '
+    'the screw. ISO 230-2:2014, intra-pitch deviation; Slocum, "Precision machine design" (1992).',
     sentence='the table swings by {amplitude} with each turn of the screw',
     excited_by='positions within several turns of the screw',
 )

@@ -21,10 +21,10 @@ EFFECT = Effect(
         *waveform.GROWTH,
         *waveform.wave_parameters('N', 1000.0),
     ),
-    model='Force amplitude * sin(2 pi p / period + phase) on the moving mass, harmonics, and '
-    'waves of other periods: cogging and commutation. Jahns and Soong, "Pulsating torque '
-    'minimization techniques for permanent magnet AC motor drives", IEEE Trans. Industrial '
-    'Electronics 43 (1996).',
+    model='Force amplitude * sin(2 pi p / period + phase) on the moving mass, harmonics, a growth '
+    'of both along the travel, and waves of other periods: cogging and commutation. Jahns and '
+    'Soong, "Pulsating torque minimization techniques for permanent magnet AC motor drives", IEEE '
+    'Trans. Industrial Electronics 43 (1996).',
     sentence='the drive force ripples over position by {amplitude}',
     excited_by='slow strokes over whole periods of the motor',
     by_shape=True,

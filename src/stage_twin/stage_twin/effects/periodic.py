@@ -83,23 +83,17 @@ def along_the_travel(
 
 def _growing(plain: Term, columns: Callable[[Theta], Array], where: tuple[float, float]) -> Term:
     """A term whose θ has the growth of the amplitude, too."""
-    propose, parameters, admissible, usual = (
-        plain.propose,
-        plain.parameters,
-        plain.admissible,
-        plain.usual,
-    )
+    propose, parameters = plain.propose, plain.parameters
     assert propose is not None
     place = dict(zip(('centre', 'half_range'), where, strict=True))
     return replace(
         plain,
         columns=columns,
         parameters=lambda theta, c: parameters(theta[:1], c) | {'growth': theta[1], **place},
+        grid=tuple((*theta, 0.0) for theta in plain.grid),
         propose=lambda residual: tuple((*theta, 0.0) for theta in propose(residual)),
         lower=(*plain.lower, -1.0),
         upper=(*plain.upper, 1.0),
-        admissible=lambda theta, c: admissible(theta[:1], c),
-        usual=lambda theta: usual(theta[:1]),
         steps=(*plain.steps, GROWTH_STEP),
     )
 
@@ -227,16 +221,19 @@ def with_waves(plain: Term, path: Array, lead: float, own: Rows = ALL, number: i
         apart = np.diff(np.sort(known))
         return plain.admissible(theta, c) and float(apart.min()) > 0.5 * low
 
+    slowest = (LEAST_TURNS * low,) * number
+    more = number < WAVES and LEAST_TURNS * low < high
     return replace(
         plain,
+        grid=((low, *slowest),),
         propose=propose if number else plain.propose,
-        lower=(low, *(LEAST_TURNS * low for _ in range(number))),
+        lower=(low, *slowest),
         upper=(high,) * (number + 1),
         steps=(PHASE_STEP * low,) * (number + 1),
         admissible=admissible if number else plain.admissible,
         nuisances=tuple(range(2 * (HARMONICS + number))),
         own=number == 1,
-        richer=partial(with_waves, plain, path, lead, own, number + 1) if number < WAVES else None,
+        richer=partial(with_waves, plain, path, lead, own, number + 1) if more else None,
     )
 
 
