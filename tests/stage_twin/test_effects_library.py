@@ -36,8 +36,7 @@ def switched_on(name):
         if parameter.neutral == parameter.when_on:
             step = 0.02 * (parameter.maximum - parameter.minimum)
             values[parameter.name] = parameter.when_on + min(step, parameter.maximum)
-    # It only shapes what others switch on.
-    return values | ({'growth': 0.1} if 'growth' in values else {})
+    return values
 
 
 def run(effects):
