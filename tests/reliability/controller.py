@@ -7,12 +7,13 @@ import subprocess
 import sys
 
 from stage_bringup.processes import die_with_parent
+from stage_driver.inbox_backend import ASKED_PAUSE
 
 from .rig import PATIENCE, Watch
 
 SPEED = 0.1
 #: Twice the pause of the stream that the driver asks for after a stop, at 1 kHz.
-PAUSE_TICKS = 2000
+PAUSE_TICKS = round(2000 * ASKED_PAUSE)
 
 #: A controller: velocity set-points to and fro at 200 Hz, stamped with the stage's own time.
 #: `both` adds the position; a line on stdin turns it into a flood of NaN.

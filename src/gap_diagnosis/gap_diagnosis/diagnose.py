@@ -102,7 +102,7 @@ def diagnose(
         shown = {n: values for n, values in result.parameters.items() if n not in refuted}
         unit = in_another_unit(shown, barred)
         if unit is not None and unit not in asked:
-            progress(f'{unit} by one factor: another unit of the effort')
+            progress(f'{unit} is one factor of both gains: another unit of the effort?')
             asked.add(unit)
             other = prepare(sessions, holdout, twin, [*prepared.without, unit], simulated)
             if f'effort_convention.{split_effect(unit)[1]}' in other.direct:
