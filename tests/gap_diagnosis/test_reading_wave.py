@@ -116,12 +116,22 @@ def test_what_tracker_and_encoder_both_show_is_one_wave(planted):
     assert found.after < 0.5 * found.before
 
 
-@pytest.mark.parametrize(('period', 'same'), [(1.0001e-3, True), (1.02e-3, False)])
-def test_a_wave_of_the_table_that_the_encoder_reads_already_is_the_encoders(planted, period, same):
+@pytest.mark.parametrize(
+    ('period', 'same', 'more'),
+    [
+        (1.0001e-3, True, {}),
+        (1.02e-3, False, {}),
+        (1.02e-3, False, {'growth': 0.3, 'centre': 0.0, 'half_range': 0.02}),
+        (1.02e-3, False, {'wave_amplitude1': 3e-7, 'wave_period1': 2e-3, 'wave_phase1': 0.1}),
+    ],
+)
+def test_a_wave_of_the_table_that_the_encoder_reads_already_is_the_encoders(
+    planted, period, same, more
+):
     twin = nominal()
     values = {'amplitude': 1.2e-6, 'period': 1e-3, 'phase': 0.7}
     record = load_record(planted({'encoder_interpolation.x': values}), twin)
-    twice = {k: (v, 1e-9) for k, v in {**values, 'period': period}.items()}
+    twice = {k: (v, 1e-9) for k, v in {**values, 'period': period, **more}.items()}
     named = {
         'encoder_interpolation.x': {k: (v, 1e-9) for k, v in values.items()},
         'cyclic_pitch_error.x': twice,

@@ -14,7 +14,7 @@ from benchmarks.experiment.machine import session as run_of
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.result import Diagnosis
 from stage_core.session import Session
-from stage_twin.effects import position_force
+from stage_twin.effects import position_force, waveform
 from stage_twin.effects.shared import within_seen
 
 from .conftest import nominal, reference
@@ -39,6 +39,30 @@ def test_a_pitch_error_of_another_period_with_a_second_harmonic(planted: Maker) 
         'amplitude_2': 1.5e-6,
         'phase_2': 1.0,
     }
+    found = diagnose([planted({'cyclic_pitch_error.x': truth})], [], ALONE)
+    assert found.verdict == ['cyclic_pitch_error.x']
+    assert_told(found, 'cyclic_pitch_error.x', truth)
+
+
+@pytest.mark.parametrize(
+    ('name', 'amplitude'), [('cyclic_pitch_error.x', 6e-6), ('force_ripple.x', 4.0)]
+)
+def test_a_wave_that_grows_along_the_travel(planted: Maker, name: str, amplitude: float) -> None:
+    truth = {'amplitude': amplitude, 'period': 4e-3, 'growth': -0.6, 'half_range': 0.03}
+    found = diagnose([planted({name: truth})], [], ALONE)
+    assert found.verdict == [name]
+    known = {n: value for n, (value, _) in found.parameters[name].items()}
+    assert known['period'] == pytest.approx(4e-3, rel=1e-3)
+    place = [known[n] for n in ('growth', 'centre', 'half_range')]
+    # What was travelled has another middle than what the plant was told.
+    for p in (-0.02, 0.0, 0.015):
+        assert known['amplitude'] * waveform.grown(p, *place) == pytest.approx(
+            amplitude * (1.0 - 0.6 * p / 0.03), abs=0.05 * amplitude
+        )
+
+
+def test_a_pitch_error_of_two_near_periods(planted: Maker) -> None:
+    truth = {'amplitude': 8e-6, 'period': 5e-3, 'wave_amplitude1': 4e-6, 'wave_period1': 6e-3}
     found = diagnose([planted({'cyclic_pitch_error.x': truth})], [], ALONE)
     assert found.verdict == ['cyclic_pitch_error.x']
     assert_told(found, 'cyclic_pitch_error.x', truth)

@@ -36,7 +36,8 @@ def switched_on(name):
         if parameter.neutral == parameter.when_on:
             step = 0.02 * (parameter.maximum - parameter.minimum)
             values[parameter.name] = parameter.when_on + min(step, parameter.maximum)
-    return values
+    # It only shapes what others switch on.
+    return values | ({'growth': 0.1} if 'growth' in values else {})
 
 
 def run(effects):

@@ -51,6 +51,17 @@ def test_cyclic_pitch_error(period):
     np.testing.assert_allclose(result.table[:, 0], expected, atol=1e-11)
 
 
+def test_a_cyclic_pitch_error_grows_and_has_waves_of_other_periods():
+    values = {'amplitude': 5e-6, 'growth': 0.4, 'centre': 0.005, 'half_range': 0.01}
+    values |= {'wave_amplitude1': 2e-6, 'wave_period1': 3e-3, 'wave_phase1': 0.7}
+    result = run({'cyclic_pitch_error.x': values})
+    motor = result.encoder[:, 0]
+    factor = 1.0 + 0.4 * np.clip((motor - 0.005) / 0.01, -1.0, 1.0)
+    expected = motor + factor * 5e-6 * np.sin(2.0 * np.pi * motor / LEAD)
+    expected += 2e-6 * np.sin(2.0 * np.pi * motor / 3e-3 + 0.7)
+    np.testing.assert_allclose(result.table[:, 0], expected, atol=1e-11)
+
+
 def test_nonorthogonality():
     angle = 1e-3
     result = run({'nonorthogonality': {'angle': angle}})

@@ -120,6 +120,15 @@ def wave(p, amplitude, period, phase):
             1e-4,
         ),
         (
+            'force_ripple',
+            {**RIPPLE, 'growth': -0.5, 'centre': 0.01, 'half_range': 0.02},
+            lambda p, v, force: (
+                force
+                + (1.0 - 0.5 * np.clip((p - 0.01) / 0.02, -1.0, 1.0)) * wave(p, 4.0, 0.008, 0.6)
+            ),
+            1e-4,
+        ),
+        (
             'cable_force',
             {'stiffness': 900.0, 'centre': 0.03, 'hardening': 4e5},
             lambda p, v, force: force - 900.0 * (p - 0.03) - 4e5 * (p - 0.03) ** 3,

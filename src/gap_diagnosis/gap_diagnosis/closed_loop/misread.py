@@ -21,7 +21,7 @@ from gap_diagnosis.input.windows import judging, scored_ticks
 from gap_diagnosis.parameters import Parameters, plain_values
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import link_of
+from stage_twin.effects import EFFECTS, link_of
 from stage_twin.effects.encoder_interpolation import LONGEST
 from stage_twin.effects.periodic import OWN_TURN
 
@@ -74,5 +74,7 @@ def misread(
 
 def _read(values: Mapping[str, float], lead: float) -> dict[str, float]:
     """The wave with which the encoder reads what the table would have moved: half a turn away."""
-    turned = {k: v + math.pi for k, v in values.items() if k.startswith('phase')}
-    return {**values, **turned, 'period': values['period'] or lead}
+    # A growth along the travel and waves of other periods are the table's alone.
+    known = {k: v for k, v in values.items() if k in EFFECTS[MISREADS].defaults()}
+    turned = {k: v + math.pi for k, v in known.items() if k.startswith('phase')}
+    return {**known, **turned, 'period': values['period'] or lead}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
-from stage_twin.effects import periodic
+from stage_twin.effects import periodic, waveform
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.encoder_interpolation import USUAL
 from stage_twin.effects.rows import TrackerRows
@@ -20,11 +21,13 @@ EFFECT = Effect(
         Parameter('amplitude', 'm', 0.0, 200e-6, 3e-6, 'amplitude'),
         PERIOD,
         PHASE,
-        *periodic.harmonic_parameters('m', 200e-6),
+        *waveform.harmonic_parameters('m', 200e-6),
+        *waveform.GROWTH,
+        *waveform.wave_parameters('m', 200e-6),
     ),
-    model='amplitude * sin(2 pi p / period + phase) along the axis, and harmonics: wobble and '
-    'eccentricity of the screw. ISO 230-2:2014, intra-pitch deviation; Slocum, "Precision machine '
-    'design" (1992).',
+    model='amplitude * sin(2 pi p / period + phase) along the axis, harmonics, a growth of '
+    'both along the travel, and waves of other periods: wobble and eccentricity of '
+    'the screw. ISO 230-2:2014, intra-pitch deviation; Slocum, "Precision machine design" (1992).',
     sentence='the table swings by {amplitude} with each turn of the screw',
     excited_by='positions within several turns of the screw',
 )
@@ -39,10 +42,16 @@ def along(
     phase_2: float,
     amplitude_3: float,
     phase_3: float,
+    growth: float,
+    centre: float,
+    half_range: float,
+    wave_amplitude: Array,
+    wave_period: Array,
+    wave_phase: Array,
     lead: float,
 ) -> float:
     """Displacement of the table along the axis [m]."""
-    return periodic.wave(
+    total = waveform.grown(motor, growth, centre, half_range) * waveform.wave(
         screw_angle(motor, period, lead),
         amplitude,
         phase,
@@ -51,6 +60,7 @@ def along(
         amplitude_3,
         phase_3,
     )
+    return total + waveform.more_waves(motor, wave_amplitude, wave_period, wave_phase, lead)
 
 
 def term(rows: TrackerRows) -> Term | None:
@@ -88,12 +98,17 @@ def term(rows: TrackerRows) -> Term | None:
         admissible=lambda theta, c: _small(theta, c) and told(theta[0]),
         steps=(periodic.PHASE_STEP * low,),
     )
-    return periodic.with_harmonics(whole, partial(_columns, rows))
+    columns = partial(_columns, rows)
+    richest = periodic.along_the_travel(whole, partial(_along, rows), path, rows.lead, own)
+    return periodic.with_harmonics(whole, columns, richest)
 
 
 def _columns(rows: TrackerRows, harmonics: int, theta: Theta) -> Array:
-    waves = [periodic.waves(p, theta[0], harmonics) for p in rows.position()]
-    return rows.along([np.column_stack(one) for one in waves])
+    return _along(rows, lambda p: periodic.waves(p, theta[0], harmonics))
+
+
+def _along(rows: TrackerRows, waves: Callable[[Array], list[Array]]) -> Array:
+    return rows.along([np.column_stack(waves(p)) for p in rows.position()])
 
 
 def _small(theta: Theta, c: Array) -> bool:

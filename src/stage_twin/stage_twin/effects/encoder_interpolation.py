@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from scipy.fft import next_fast_len
 
-from stage_twin.effects import periodic
+from stage_twin.effects import periodic, waveform
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import PHASE
@@ -48,7 +48,7 @@ EFFECT = Effect(
             scanned=True,
         ),
         PHASE,
-        *periodic.harmonic_parameters('m', 200e-6),
+        *waveform.harmonic_parameters('m', 200e-6),
     ),
     model='The encoder reads p + amplitude * sin(2 pi p / period + phase), and harmonics: offset, '
     'amplitude and phase errors of its two signals. Heydemann, "Determination and correction of '
@@ -59,7 +59,7 @@ EFFECT = Effect(
 
 
 def read(
-    position: periodic.Angles,
+    position: waveform.Angles,
     amplitude: float,
     period: float,
     phase: float,
@@ -67,9 +67,9 @@ def read(
     phase_2: float,
     amplitude_3: float,
     phase_3: float,
-) -> periodic.Angles:
+) -> waveform.Angles:
     """What the encoder reads at a motor position [m], or at many of them."""
-    return position + periodic.wave(
+    return position + waveform.wave(
         2.0 * math.pi * position / period,
         amplitude,
         phase,

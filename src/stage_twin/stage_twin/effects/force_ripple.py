@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 
-from stage_twin.effects import periodic
+from stage_twin.effects import periodic, waveform
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.shared import PERIOD, PHASE, screw_angle
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Array, Term
 
 EFFECT = Effect(
     name='force_ripple',
@@ -17,13 +17,14 @@ EFFECT = Effect(
         Parameter('amplitude', 'N', 0.0, 1000.0, 2.0, 'amplitude'),
         PERIOD,
         PHASE,
-        *periodic.harmonic_parameters('N', 1000.0),
-        *periodic.wave_parameters('N', 1000.0),
+        *waveform.harmonic_parameters('N', 1000.0),
+        *waveform.GROWTH,
+        *waveform.wave_parameters('N', 1000.0),
     ),
-    model='Force amplitude * sin(2 pi p / period + phase) on the moving mass, harmonics, and '
-    'waves of other periods: cogging and commutation. Jahns and Soong, "Pulsating torque '
-    'minimization techniques for permanent magnet AC motor drives", IEEE Trans. Industrial '
-    'Electronics 43 (1996).',
+    model='Force amplitude * sin(2 pi p / period + phase) on the moving mass, harmonics, a growth '
+    'of both along the travel, and waves of other periods: cogging and commutation. Jahns and '
+    'Soong, "Pulsating torque minimization techniques for permanent magnet AC motor drives", IEEE '
+    'Trans. Industrial Electronics 43 (1996).',
     sentence='the drive force ripples over position by {amplitude}',
     excited_by='slow strokes over whole periods of the motor',
     by_shape=True,
@@ -39,13 +40,16 @@ def force(
     phase_2: float,
     amplitude_3: float,
     phase_3: float,
+    growth: float,
+    centre: float,
+    half_range: float,
     wave_amplitude: Array,
     wave_period: Array,
     wave_phase: Array,
     lead: float,
 ) -> float:
     """Force on the moving mass [N]."""
-    total = periodic.wave(
+    total = waveform.wave(
         screw_angle(position, period, lead),
         amplitude,
         phase,
@@ -54,28 +58,23 @@ def force(
         amplitude_3,
         phase_3,
     )
-    for k in range(len(wave_amplitude)):
-        if wave_amplitude[k] != 0.0:
-            angle = screw_angle(position, wave_period[k], lead)
-            total += wave_amplitude[k] * math.sin(angle + wave_phase[k])
-    return total
+    total *= waveform.grown(position, growth, centre, half_range)
+    return total + waveform.more_waves(position, wave_amplitude, wave_period, wave_phase, lead)
 
 
 def term(rows: ForceRows) -> Term:
     """Sine and cosine of each harmonic; θ is the spatial frequency [1/m]."""
     path = rows.used(rows.position())
 
-    def columns(theta: Theta) -> Array:
-        sessions = [
-            [*periodic.waves(p, theta[0]), *periodic.others(p, theta[1:])] for p in rows.position()
-        ]
+    def columns(waves: Callable[[Array], list[Array]]) -> Array:
+        sessions = [waves(p) for p in rows.position()]
         signals = [[-wave for wave in same] for same in zip(*sessions, strict=True)]
         return periodic.visible(rows.columns(*signals))
 
     low, high = periodic.bounds(path, rows.lead)
     told = periodic.own_or_turning(path, rows.lead)
     plain = Term(
-        columns,
+        lambda theta: columns(lambda p: periodic.waves(p, theta[0])),
         lambda theta, c: periodic.found(theta, c),
         grid=((low,),),
         propose=periodic.starts(path, (1.0 / rows.lead, 2.0 / rows.lead), rows.lead),
@@ -83,7 +82,5 @@ def term(rows: ForceRows) -> Term:
         upper=(high,),
         # A force of the position is a curve like any other before it is a slow wave.
         usual=lambda theta: told(theta[0]),
-        nuisances=tuple(range(2 * periodic.HARMONICS)),
-        phase=True,
     )
-    return periodic.with_waves(plain, path, rows.lead)
+    return periodic.along_the_travel(plain, columns, path, rows.lead)

@@ -6,29 +6,26 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from stage_twin.effects.definition import Parameter
 from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.waveform import HARMONICS, WAVES, grown
 
-Angles = TypeVar('Angles', float, Array)
-"""One or many."""
+Rows = slice | NDArray[np.bool_]
+ALL = slice(None)
 
-HARMONICS = 3
 PERIODS = 200  # shortest period as a share of the travel
 #: The same as a share of the screw's lead or the motor's turn, where that is less: the cogging of
 #: two recorded motors has orders up to 84 and 72.
 ORDERS = 100
 PHASE_STEP = 0.01  # of a spatial frequency, in periods over the travel
+GROWTH_STEP = 0.01  # of an amplitude
 BINS = 16  # of a periodogram over the position, in the shortest period
 PAD = 4  # frequencies of a periodogram in one turn over the travel
 PEAKS = 4
-ALONE = 0.05  # of the second harmonic, below which the others are none and it is the period
-WAVES = 4  # of periods of their own, beside the first and its harmonics
+ALONE = 0.05  # of a higher harmonic, below which the others are none and it is the period
 LEAST_TURNS = 3.0  # of a wave over the travel: a slower one is any smooth curve
 FEW_TURNS = 2.0  # of a wave that is the same in both halves of the travel
 #: Largest difference of the halves' amplitudes as a share of the whole's. Of 800 random curves of
@@ -37,73 +34,87 @@ SAME = 0.2
 OWN_TURN = 0.25  # turns over the travel, within which a period is the screw's own
 
 
-def harmonic_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
-    """Amplitudes and phases of the harmonics above the first."""
-    out = []
-    for k in range(2, HARMONICS + 1):
-        out.append(Parameter(f'amplitude_{k}', unit, 0.0, largest, 0.0, f'of harmonic {k}'))
-        out.append(
-            Parameter(
-                f'phase_{k}',
-                'rad',
-                -6.2831854,
-                6.2831854,
-                0.0,
-                f'of harmonic {k}',
-                nuisance=True,
-                neutral=None,
-            )
-        )
-    return tuple(out)
-
-
-@register_jitable  # in Python it takes arrays, too
-def wave(
-    angle: Angles,
-    amplitude: float,
-    phase: float,
-    amplitude_2: float,
-    phase_2: float,
-    amplitude_3: float,
-    phase_3: float,
-) -> Angles:
-    """Sum of the harmonics at an angle [rad] of the first, in the amplitudes' unit."""
-    total = amplitude * np.sin(angle + phase)
-    if amplitude_2 != 0.0:
-        total += amplitude_2 * np.sin(2.0 * angle + phase_2)
-    if amplitude_3 != 0.0:
-        total += amplitude_3 * np.sin(3.0 * angle + phase_3)
-    return total
-
-
 def with_harmonics(
-    plain: Term, columns: Callable[[int, Theta], Array], harmonics: int = 1
+    plain: Term,
+    columns: Callable[[int, Theta], Array],
+    richest: Term | None = None,
+    harmonics: int = 1,
 ) -> Term:
-    """A term of as many harmonics, richer by one each; `columns` takes their number and θ."""
-    return replace(
+    """A term of as many harmonics, richer by one each; `columns` takes their number and θ.
+
+    The `richest` one follows on all of them.
+    """
+    following = partial(with_harmonics, plain, columns, richest, harmonics + 1)
+    shape = replace(
         plain,
         columns=lambda theta: columns(harmonics, theta),
         nuisances=tuple(range(2 * harmonics)),
         phase=True,
-        richer=(lambda: with_harmonics(plain, columns, harmonics + 1))
-        if harmonics < HARMONICS
-        else None,
+        richer=following,
+    )
+    if harmonics < HARMONICS:
+        return shape
+    if richest is None:
+        return replace(shape, richer=None)
+    return replace(shape, richer=lambda: richest, deepens=richest.deepens)
+
+
+def along_the_travel(
+    plain: Term,
+    make: Callable[[Callable[[Array], list[Array]]], Array],
+    path: Array,
+    lead: float,
+    own: Rows = ALL,
+) -> Term:
+    """A term of θ = (frequency,) with all harmonics, whose richer shapes are no mere repetition.
+
+    First the amplitude grows along the path (n,), then there are waves of other periods. Both
+    follow on a wave of `LEAST_TURNS` or more: they would make any curve of a slower one. `make`
+    gives the columns (m, k) of some functions of the position, `own` are the rows of the path.
+    """
+
+    def columns(theta: Theta) -> Array:
+        return make(lambda p: [*waves(p, theta[0]), *others(p, theta[1:])])
+
+    def growing(theta: Theta) -> Array:
+        return make(lambda p: [grown(p, theta[1], *where) * w for w in waves(p, theta[0])])
+
+    where = travel(path)
+    whole = replace(plain, columns=columns, phase=True, deepens=_often(plain))
+    several = with_waves(whole, path, lead, own)
+    grows = _growing(several, growing, where)
+    return replace(several, richer=lambda: grows)
+
+
+def _growing(plain: Term, columns: Callable[[Theta], Array], where: tuple[float, float]) -> Term:
+    """A term whose θ has the growth of the amplitude, too."""
+    propose, parameters = plain.propose, plain.parameters
+    assert propose is not None
+    place = dict(zip(('centre', 'half_range'), where, strict=True))
+    often = _often(plain)
+    return replace(
+        plain,
+        columns=columns,
+        parameters=lambda theta, c: parameters(theta[:1], c) | {'growth': theta[1], **place},
+        grid=tuple((*theta, 0.0) for theta in plain.grid),
+        propose=lambda residual: tuple((*theta, 0.0) for theta in propose(residual)),
+        lower=(*plain.lower, -1.0),
+        upper=(*plain.upper, 1.0),
+        admissible=lambda theta, c: often(theta) and plain.admissible(theta, c),
+        steps=(*plain.steps, GROWTH_STEP),
     )
 
 
-def wave_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
-    """Amplitudes, periods and phases of waves whose periods are their own (magnets and slots)."""
-    shape = ('of wave {}', None)
-    kinds = (
-        ('amplitude', unit, 0.0, largest, False, ('of a wave of another period', 0.0)),
-        ('period', 'm', 0.0, 20.0, False, shape),
-        ('phase', 'rad', -6.2831854, 6.2831854, True, shape),
-    )
-    return tuple(
-        Parameter(f'wave_{kind}{k}', of, low, high, 0.0, said[0].format(k), said[1], nuisance)
-        for kind, of, low, high, nuisance, said in kinds
-        for k in range(1, WAVES + 1)
-    )
+def _often(plain: Term) -> Callable[[Theta], bool]:
+    """Whether the frequency of θ turns often over the travel."""
+    least = LEAST_TURNS * plain.lower[0]
+    # Three turns of the reference are a little less of what was travelled.
+    return lambda theta: theta[0] > 0.97 * least
+
+
+def travel(path: Array) -> tuple[float, float]:
+    """Middle and half of the travel of a path (n,) [m]."""
+    return 0.5 * float(path.min() + path.max()), max(0.5 * float(np.ptp(path)), 1e-3)
 
 
 def bounds(position: Array, lead: float = math.inf) -> tuple[float, float]:
@@ -199,41 +210,44 @@ def others(position: Array, frequencies: Theta) -> list[Array]:
     return [f(2.0 * np.pi * own * position) for own in frequencies for f in (np.sin, np.cos)]
 
 
-def with_waves(plain: Term, path: Array, lead: float, number: int = 0) -> Term:
+def with_waves(plain: Term, path: Array, lead: float, own: Rows = ALL, number: int = 0) -> Term:
     """A term of θ = (frequency,) that may have waves of other frequencies beside it, to `WAVES`.
 
-    Each start is that with the highest peak of what the others leave.
+    Each start is that with the highest peak of what the others leave at the path's own rows.
     """
-    low, high = bounds(path, lead)
+    (low,), (high,) = plain.lower[:1], plain.upper[:1]
     assert plain.propose is not None
-    proposed = starts(path, (), lead)
+    proposed, often = starts(path, (), lead), _often(plain)
 
     def propose(residual: Array) -> tuple[Theta, ...]:
         assert plain.propose is not None
-        first, left = _best(path, plain.propose(residual), residual)
+        residual, thetas = residual[own], plain.propose(residual)
+        first, left = _best(path, thetas, residual)
         theta = first
         for _ in range(number):
-            peaks = [f for f in proposed(left) if LEAST_TURNS * low <= f[0] <= high]
-            if not peaks:
-                return ()
-            theta = (*theta, peaks[0][0])
+            peaks = [f[0] for f in proposed(left) if LEAST_TURNS * low <= f[0] <= high]
+            theta = (*theta, peaks[0] if peaks else LEAST_TURNS * low)
             left = _left(path, theta, residual)
         return (theta,)
 
     def admissible(theta: Theta, c: Array) -> bool:
         known = [k * theta[0] for k in range(1, HARMONICS + 1)] + list(theta[1:])
         apart = np.diff(np.sort(known))
-        return plain.admissible(theta, c) and float(apart.min()) > 0.5 * low
+        return often(theta) and plain.admissible(theta, c) and float(apart.min()) > 0.5 * low
 
+    slowest = (LEAST_TURNS * low,) * number
+    more = number < WAVES and LEAST_TURNS * low < high
     return replace(
         plain,
+        grid=((low, *slowest),),
         propose=propose if number else plain.propose,
-        lower=(low, *(LEAST_TURNS * low for _ in range(number))),
+        lower=(low, *slowest),
         upper=(high,) * (number + 1),
         steps=(PHASE_STEP * low,) * (number + 1),
         admissible=admissible if number else plain.admissible,
         nuisances=tuple(range(2 * (HARMONICS + number))),
-        richer=partial(with_waves, plain, path, lead, number + 1) if number < WAVES else None,
+        own=number == 1,
+        richer=partial(with_waves, plain, path, lead, own, number + 1) if more else None,
     )
 
 
@@ -274,11 +288,12 @@ def _wave(kind: str, number: str, pair: Array) -> dict[str, float]:
 
 
 def _fundamental(frequency: float, pairs: Array) -> tuple[float, Array]:
-    """Frequency and harmonics (k, 2), as those of the second one where it stands all but alone."""
+    """Frequency and harmonics (k, 2), as those of a higher one where it stands all but alone."""
     sizes = np.linalg.norm(pairs, axis=1)
-    if len(pairs) < 2 or np.delete(sizes, 1).max() >= ALONE * sizes[1]:
+    top = int(np.argmax(sizes))
+    if top == 0 or np.delete(sizes, top).max() >= ALONE * sizes[top]:
         return frequency, pairs
-    return 2.0 * frequency, np.vstack([pairs[1:2], np.zeros((len(pairs) - 1, 2))])
+    return (top + 1) * frequency, np.vstack([pairs[top], np.zeros((len(pairs) - 1, 2))])
 
 
 def visible(columns: Array, least: float = 0.2) -> Array:

@@ -35,6 +35,7 @@ class Term:
         range does
     richer : the same effect in the next richer shape, which goes on from the same θ, or from its
         own grid where it has more of them or they are its `own`; taken where the data bear it
+    deepens : θ -> whether a richer shape may follow on this one there
     own : whether θ says something else than in the plainer shape
     holds : whether this shape holds the effect's special cases
     alone : whether nothing but its explaining all that is no noise speaks for it: a curve that
@@ -62,6 +63,7 @@ class Term:
     phase: bool = False
     steps: Theta = ()
     richer: Callable[[], Term] | None = None
+    deepens: Callable[[Theta], bool] = lambda theta: True
     own: bool = False
     holds: bool = True
     alone: bool = False
