@@ -20,9 +20,10 @@ from gap_diagnosis.closed_loop.channels import (
     position_rms,
     session_rms,
 )
+from gap_diagnosis.closed_loop.steps import unrepeated
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import far_from_explained
-from gap_diagnosis.evidence.causes import Run, cause_of, shown_by_encoder, swing_notes, swings
+from gap_diagnosis.evidence.causes import Run, cause_of, notes_apart, shown_by_encoder, swings
 from gap_diagnosis.evidence.describe import (
     describe,
     surer,
@@ -164,21 +165,7 @@ def _diagnose(
             parameters[name] = surer(parameters.get(name, {}), values)
     jitter = jitter_findings(records, twin, parameters, tracker_jitter(parts))
     parameters.update(_allowed(jitter, without))
-    progress('closed-loop replay of the nominal and of the corrected twin')
-    effects = plain_values(parameters)
-    # At a phase that no second run repeats a swing only adds to the gap.
-    told = {n: v for n, v in effects.items() if n not in swings(parts)}
-    channels = gap_channels(records, twin, told, parts)
-    return _conclude(
-        records,
-        before,
-        twin_name,
-        parts,
-        parameters,
-        channels,
-        seed,
-        progress,
-    )
+    return _conclude(records, before, twin_name, parts, parameters, seed, progress)
 
 
 def _refined(
@@ -205,6 +192,7 @@ def _far(
     parts: list[Part],
     channels: dict[str, Channel],
     effects: dict[str, dict[str, float]],
+    told: dict[str, dict[str, float]],
     speeds: dict[str, float],
 ) -> bool:
     """Whether the positions are left far from explained; rests scatter by themselves."""
@@ -217,14 +205,22 @@ def _far(
     floor = judge.noise_floor(prepared.seen, calm, effects, speeds)
     encoders = {n: c for n, c in calm.items() if n.startswith('encoder')}
     axes = [name[-1] for name in encoders]
-    whole = session_rms(records, prepared.twin, effects, axes)
+    whole = session_rms(records, prepared.twin, told, axes)
     step = judge.noise_floor(prepared.seen, encoders, effects, speeds) if encoders else floor
-    chance = chance_rms(records, prepared.twin, effects, axes)
+    chance = chance_rms(records, prepared.twin, told, axes)
     floor = math.hypot(floor, chance * math.sqrt(len(encoders) / len(calm)))
     step = math.hypot(step, chance)
     return any(
         far_from_explained(*gap, bool(effects)) for gap in ((before, after, floor), (*whole, step))
     )
+
+
+def _apart(
+    records: list[Record], twin: TwinFile, parts: list[Part], effects: dict[str, dict[str, float]]
+) -> tuple[str, ...]:
+    """Effects that the loop is run without: at a phase of their own they only add to the gap."""
+    calm = {n: v for n, v in effects.items() if n not in swings(parts)}
+    return (*swings(parts), *unrepeated(records, twin, calm))
 
 
 def _windows(scored: list[Record]) -> list[tuple[float, float]]:
@@ -235,18 +231,17 @@ def _windows(scored: list[Record]) -> list[tuple[float, float]]:
 def _notes(
     records: list[Record],
     prepared: Prepared,
-    parts: list[Part],
     channels: dict[str, Channel],
-    effects: dict[str, dict[str, float]],
+    told: dict[str, dict[str, float]],
+    apart: Sequence[str],
 ) -> list[str]:
     """What a reader has to know beside the verdict."""
-    told = {n: v for n, v in effects.items() if n not in swings(parts)}
     rested = rest_places(records)
     return [
         *(rested.few() if rested is not None else []),
         *dict.fromkeys(warning for record in records for warning in record.warnings),
         *prepared.notes,
-        *swing_notes(swings(parts)),
+        *notes_apart(apart),
         *noise_notes(records, prepared.twin, told, channels),
     ]
 
@@ -257,17 +252,20 @@ def _conclude(
     twin_name: str,
     parts: list[Part],
     parameters: Parameters,
-    channels: dict[str, Channel],
     seed: int,
     progress: Progress,
 ) -> Diagnosis:
     twin, seen = prepared.twin, prepared.seen
     scored = judging(records)
+    progress('closed-loop replay of the nominal and of the corrected twin')
     effects = plain_values(parameters)
+    apart = _apart(records, twin, parts, effects)
+    told = {n: v for n, v in effects.items() if n not in apart}
+    channels = gap_channels(records, twin, told, parts)
     before, after = position_rms(channels, 'before'), position_rms(channels, 'after')
     progress('leaving out one cause at a time')
     floors = {n: judge.channel_floor(seen, n) for n in channels}
-    run = Run(scored, twin, parts, channels, parameters, floors, seed)
+    run = Run(scored, twin, parts, channels, parameters, floors, seed, apart)
     causes = [cause_of(name, run) for name in effects]
     # The largest contribution to the gap first.
     causes.sort(key=lambda c: -(c.gap_before - c.gap_after))
@@ -277,7 +275,7 @@ def _conclude(
     remaining = [p for p in parts if p.structure.structured]
     structured = (
         any(shown_by_encoder(p, channels, floors, twin, accepted) for p in remaining)
-        or _far(records, prepared, parts, channels, effects, speeds)
+        or _far(records, prepared, parts, channels, effects, told, speeds)
         or not prepared.laws_known
         or bool(prepared.unlike)
     )
@@ -306,6 +304,6 @@ def _conclude(
         link=link_of(accepted[0]) if accepted else worst,
         unexplained=float(np.clip(max(after**2 - floor**2, 0.0) / max(before**2, 1e-30), 0, 1)),
         structured=structured,
-        warnings=_notes(records, prepared, parts, channels, effects),
+        warnings=_notes(records, prepared, channels, told, apart),
         drives=prepared.laws,
     )

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.closed_loop.dither import STEPLESS
 from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.steps import stepless, without_steps
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.calibrated import SPREAD
 from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import STARTED, held_out_windows, inside
+from gap_diagnosis.input.windows import fitted_ticks
 from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
 from stage_core.errors import StageError
@@ -72,21 +72,6 @@ def one_axis(record: Record, axis: str) -> Record:
     )
 
 
-def stepless(twin: TwinFile, axis: str) -> TwinFile:
-    """The twin whose encoder of an axis does not round.
-
-    A rounded position makes the gap a rough function of the parameters: a loop that rounds
-    elsewhere goes another way.
-    """
-    smooth = replace(twin.servo(axis), encoder_resolution=STEPLESS)
-    return replace(twin, axes={**twin.axes, axis: smooth})
-
-
-def without_steps(fixed: Parameters) -> Parameters:
-    """The effects without the steps of encoders."""
-    return {n: v for n, v in fixed.items() if split_effect(n)[0] != 'encoder_quantisation'}
-
-
 @dataclass(frozen=True)
 class _Loop:
     """The replayed encoder of an axis as a function of the parameters of its effects.
@@ -129,7 +114,9 @@ class _Loop:
         for (effect, key), value in zip(self.names, self.start + self.scale * z, strict=True):
             effects[effect][key] = float(value)
         gaps = [replay(r, self.twin, effects)[f'encoder.{self.axis}'] for r in self.records]
-        return np.concatenate([g[m] for g, m in zip(gaps, self._fitted(), strict=True)])
+        return np.concatenate(
+            [g[fitted_ticks(r)] for g, r in zip(gaps, self.records, strict=True)]
+        )
 
     def left(self) -> float:
         """RMS of the gap at the start [m]; infinite where no machine could run."""
@@ -141,16 +128,10 @@ class _Loop:
     def blocks(self) -> NDArray[np.int64]:
         """Number (n,) of the block of time of each of these ticks."""
         marks, offset = [], 0
-        for record, mask in zip(self.records, self._fitted(), strict=True):
-            marks.append((record.time[mask] / BLOCK).astype(np.int64) + offset)
+        for record in self.records:
+            marks.append((record.time[fitted_ticks(record)] / BLOCK).astype(np.int64) + offset)
             offset = int(marks[-1].max(initial=offset)) + 1
         return np.unique(np.concatenate(marks), return_inverse=True)[1]
-
-    def _fitted(self) -> list[NDArray[np.bool_]]:
-        return [
-            ~inside(r.time, held_out_windows(r)) & (r.time > STARTED) & r.whole(r.time)
-            for r in self.records
-        ]
 
     def slopes(self, z: Array, residual: Array) -> Array:
         """Derivative (n, k) of the gap after z."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel, without_cause
+from gap_diagnosis.closed_loop.steps import STEPS
 from gap_diagnosis.closed_loop.swing import LEAST_SHARE
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import (
@@ -47,6 +48,7 @@ class Run:
     channels : the gap of the nominal and of the corrected twin
     parameters : of all effects, with standard deviations
     floors : noise floor of each channel
+    apart : effects that the loop is run without, as they make it go another way at each run
     """
 
     scored: list[Record]
@@ -56,6 +58,12 @@ class Run:
     parameters: Parameters
     floors: dict[str, float]
     seed: int
+    apart: tuple[str, ...] = ()
+
+    @property
+    def axes_apart(self) -> set[str]:
+        """Axes that go another way at each run."""
+        return {name[-1] for name in self.apart}
 
 
 def cause_of(name: str, run: Run) -> judge.Cause:
@@ -66,7 +74,7 @@ def cause_of(name: str, run: Run) -> judge.Cause:
         shrink = _in_balance(name, part, run.seed)
     else:
         shrink = _in_loop(name, run, showing)
-        if part is not None and _told_by_balance(name, part, shrink):
+        if part is not None and _told_by_balance(name, part, shrink, run):
             shrink = _in_balance(name, part, run.seed)
     found = part.selection.evidence[name] if part is not None else None
     stated = with_model_error(name, run.parameters[name])
@@ -105,8 +113,20 @@ def swings(parts: Sequence[Part]) -> tuple[str, ...]:
     return tuple(n for p in parts for n in p.swinging)
 
 
-def swing_notes(swinging: Sequence[str]) -> list[str]:
-    """What a reader has to know of these effects."""
+def notes_apart(apart: Sequence[str]) -> list[str]:
+    """What a reader has to know of effects that the loop is run without."""
+    steps = [name for name in apart if split_effect(name)[0] == STEPS]
+    return [
+        *(
+            f'{name} makes the loop hunt over its steps at a phase that no second run repeats: '
+            'the corrected twin is run without it, and its steps count in the noise floor'
+            for name in steps
+        ),
+        *_swing_notes([name for name in apart if name not in steps]),
+    ]
+
+
+def _swing_notes(swinging: Sequence[str]) -> list[str]:
     return [
         f'{name} makes the loop swing at a phase that no second run repeats: it closes no gap of '
         'the positions, and is judged by the force balance and by how far the loop swings'
@@ -116,12 +136,11 @@ def swing_notes(swinging: Sequence[str]) -> list[str]:
 
 def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
     """How far an effect shrinks the gap of the twin as it is run."""
-    apart = swings(run.parts)
-    told = {n: v for n, v in plain_values(run.parameters).items() if n != name and n not in apart}
+    out = {name, *run.apart}
+    told = {n: v for n, v in plain_values(run.parameters).items() if n not in out}
     lesser = without_cause(name, told, run.scored, run.twin, showing, run.channels)
-    swinging = {split_effect(n)[1] for n in apart}
     chance = {
-        n: max(floor, CHANCE * run.channels[n].rms('after')) if n[-1] in swinging else floor
+        n: max(floor, CHANCE * run.channels[n].rms('after')) if n[-1] in run.axes_apart else floor
         for n, floor in run.floors.items()
     }
     sides = {n: channel.sides(chance[n], lesser[n]) for n, channel in run.channels.items()}
@@ -134,10 +153,10 @@ def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
     return shrink_of(name, sides, run.seed, calm, len(showing) > 1, balance)
 
 
-def _told_by_balance(name: str, part: Part, shrink: Shrink) -> bool:
+def _told_by_balance(name: str, part: Part, shrink: Shrink, run: Run) -> bool:
     """Whether an effect beside a swing is most of what the balance shows, and no loop tells it."""
     clear = part.selection.evidence[name].share > LEAST_SHARE
-    return bool(part.swinging) and clear and not shrink.matters
+    return part.name[-1] in run.axes_apart and clear and not shrink.matters
 
 
 def _in_balance(name: str, part: Part, seed: int) -> Shrink:

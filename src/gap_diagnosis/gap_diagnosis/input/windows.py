@@ -54,6 +54,12 @@ def scored_ticks(record: Record) -> Mask:
     return inside(record.time, held_out_windows(record)) & record.whole(record.time)
 
 
+def fitted_ticks(record: Record) -> Mask:
+    """Ticks (n,) that a fit of the replayed loop sees, those near lost ones left out."""
+    seen = ~inside(record.time, held_out_windows(record)) & (record.time > STARTED)
+    return seen & record.whole(record.time)
+
+
 def judging(records: Sequence[Record]) -> list[Record]:
     """Records that judge: whole held-out sessions, if there are any."""
     return [r for r in records if r.held_out_session] or list(records)

@@ -170,9 +170,10 @@ def sentence(diagnosis: Diagnosis) -> str:
         effect_words(name) + (f' (p {probability_words(sure[name])})' if name in sure else '')
         for name in diagnosis.verdict
     )
+    way = 'shrinks' if diagnosis.shrink > 0.0 else 'grows'
     return (
-        f'{names}: the held-out gap shrinks from {diagnosis.before * micro:.2f} to '
-        f'{diagnosis.after * micro:.2f} µm RMS ({100.0 * diagnosis.shrink:.0f} %, floor '
+        f'{names}: the held-out gap {way} from {diagnosis.before * micro:.2f} to '
+        f'{diagnosis.after * micro:.2f} µm RMS ({100.0 * abs(diagnosis.shrink):.0f} %, floor '
         f'{diagnosis.noise_floor * micro:.2f} µm)'
     )
 

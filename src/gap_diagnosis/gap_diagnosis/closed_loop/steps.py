@@ -1,0 +1,65 @@
+"""The steps of an encoder in the loop of a twin: one that rounds elsewhere goes another way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from gap_diagnosis.closed_loop.dither import STEPLESS
+from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import fitted_ticks
+from gap_diagnosis.parameters import Effects
+from stage_core.errors import StageError
+from stage_core.quantities import split_effect
+from stage_core.twin_file import TwinFile
+
+STEPS = 'encoder_quantisation'
+
+Values = TypeVar('Values')
+
+
+def stepless(twin: TwinFile, axis: str) -> TwinFile:
+    """The twin whose encoder of an axis does not round.
+
+    A rounded position makes the gap a rough function of the parameters: a loop that rounds
+    elsewhere goes another way.
+    """
+    smooth = replace(twin.servo(axis), encoder_resolution=STEPLESS)
+    return replace(twin, axes={**twin.axes, axis: smooth})
+
+
+def without_steps(fixed: Mapping[str, Values]) -> dict[str, Values]:
+    """The effects without the steps of encoders."""
+    return {n: v for n, v in fixed.items() if split_effect(n)[0] != STEPS}
+
+
+def unrepeated(records: Sequence[Record], twin: TwinFile, effects: Effects) -> tuple[str, ...]:
+    """Steps of encoders with which the loop follows the fitted ticks no better than without.
+
+    An axis that hunts over coarse steps does so at a phase that no second run repeats.
+    """
+    return tuple(
+        name
+        for name in effects
+        if split_effect(name)[0] == STEPS
+        and _gap(records, twin, effects, name)
+        >= _gap(records, twin, {n: v for n, v in effects.items() if n != name}, name)
+    )
+
+
+def _gap(records: Sequence[Record], twin: TwinFile, effects: Effects, name: str) -> float:
+    """RMS [m] of the gap of an axis' encoder where it is fitted; infinite without a machine."""
+    channel, fitted = (
+        f'encoder.{split_effect(name)[1]}',
+        [r for r in records if not r.held_out_session],
+    )
+    try:
+        gaps = [replay(r, twin, effects)[channel][fitted_ticks(r)] for r in fitted]
+    except StageError:
+        return math.inf
+    return float(np.sqrt(np.mean(np.concatenate(gaps) ** 2)))
