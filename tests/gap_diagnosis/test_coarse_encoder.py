@@ -25,7 +25,7 @@ FRICTION = {
 def test_steps_make_the_corrected_twin_no_worse(
     planted: Callable[..., Session], step: float, beside: Effects, repeats: bool
 ) -> None:
-    """Beside a friction the loop hunts at another phase than the twin, which gained 1.7 µm by it."""
+    """Beside a friction the loop hunts at another phase than the twin: 1.7 µm more of a gap."""
     steps = 'encoder_quantisation.x'
     found = diagnose([planted({steps: {'resolution': step}, **beside})], [], nominal())
     assert set(found.verdict) == {steps, *beside}

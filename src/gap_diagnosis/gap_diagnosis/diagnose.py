@@ -277,7 +277,6 @@ def _conclude(
         any(shown_by_encoder(p, channels, floors, twin, accepted) for p in remaining)
         or _far(records, prepared, parts, channels, effects, told, speeds)
         or not prepared.laws_known
-        or bool(prepared.unlike)
     )
     progress('where the gap lies')
     shares, worst = axis_shares(records[0].axes, channels, seen)

@@ -107,8 +107,8 @@ class Prepared:
 
     @property
     def laws_known(self) -> bool:
-        """Whether the law of every drive whose force is not recorded was found."""
-        return all(law.known for law in self.laws.values())
+        """Whether gains explain every controller, recorded in its forces or without them."""
+        return not self.unlike and all(law.known for law in self.laws.values())
 
     @property
     def moving_axes(self) -> list[str]:
