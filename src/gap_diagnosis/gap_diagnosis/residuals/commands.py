@@ -14,12 +14,14 @@ from gap_diagnosis.input.noise import GAUSS
 from gap_diagnosis.parameters import Estimates, Parameters
 from gap_diagnosis.residuals.controller import (
     EDGE,
+    MISMATCH,
     follows,
     force_increments,
     is_plain,
     mismatch,
     quiet,
     velocity_law,
+    with_found,
 )
 from stage_core.twin_file import ServoAxis, TwinFile
 
@@ -90,12 +92,14 @@ def _told(records: list[Record], i: int, axis: ServoAxis) -> tuple[float | None,
     if not all(r.effort_recorded for r in records):
         return limit, {}, True
     other, like = _other_gains(records, i, axis)
-    # What other gains explain stands at no limit.
-    if limit is None and not (other and like):
+    # What other gains explain, each tick, stands at no limit.
+    explained = other and like and _follows(records, i, with_found(axis, MISMATCH, other))
+    if limit is None and not explained:
         noise = max(_effort_noise(r, i) for r in records)
         # The mean of a plateau is what a loop without the noise needs: it is below the limit.
         limit = _noisy_plateau(records, i, axis, noise)
-        limit = _standing(records, i, axis) if limit is None else limit
+        if limit is None:
+            limit, noise = _standing(records, i, axis)
         if limit is not None:
             axis = replace(axis, force_limit=limit - 3.0 * noise)
             other, like = _other_gains(records, i, axis)
@@ -106,6 +110,18 @@ def _other_gains(records: list[Record], i: int, axis: ServoAxis) -> tuple[Estima
     """`controller_mismatch` of an axis, and whether its commands follow the law with it."""
     other = mismatch(records, i, axis)
     return other, not other or follows(records, i, axis, other)
+
+
+def _follows(records: list[Record], i: int, axis: ServoAxis) -> bool:
+    """Whether the law of an axis is most of what its effort does from tick to tick."""
+    law, own = _increments(records, i, axis)
+    return _left(law, own, np.ones(len(own), np.bool_)) <= FOLLOWED
+
+
+def _increments(records: list[Record], i: int, axis: ServoAxis) -> tuple[Array, Array]:
+    """Increments (n,) of the law of an axis, and those of its effort [N]."""
+    law = [force_increments(r, i, axis, velocity_law(r, i, axis)) for r in records]
+    return np.concatenate(law), np.concatenate([np.diff(r.force[:, i]) for r in records])
 
 
 def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:
@@ -119,15 +135,18 @@ def _plateau(records: list[Record], i: int, axis: ServoAxis) -> float | None:
     return peak if runs.max() >= 3.0 else None
 
 
-def _standing(records: list[Record], i: int, axis: ServoAxis) -> float | None:
-    """The same of an effort with noise of its own, by which it leaves the law tick by tick."""
-    law = np.concatenate([force_increments(r, i, axis, velocity_law(r, i, axis)) for r in records])
-    own = np.concatenate([np.diff(r.force[:, i]) for r in records])
+def _standing(records: list[Record], i: int, axis: ServoAxis) -> tuple[float | None, float]:
+    """The same of an effort with noise of its own [N], by which it leaves the law tick by tick.
+
+    The noise is returned, too: that of an effort which mostly stands at its limit is not known
+    before, because it mostly leaves the law.
+    """
+    law, own = _increments(records, i, axis)
     force = [np.abs(r.force[:, i]) for r in records]
     peak = max(float(one.max()) for one in force)
     if peak >= 0.999 * axis.force_limit:
-        return None
-    # A force that mostly stands at its limit mostly leaves the law: then its steps there tell.
+        return None, 0.0
+    # Where the force mostly stands, its steps there tell the noise.
     near = np.concatenate([np.minimum(one[1:], one[:-1]) > NEAR_THE_TOP * peak for one in force])
     still = np.concatenate([np.diff(one) for one in force])[near]
     for left in (own - law, still):
@@ -136,8 +155,8 @@ def _standing(records: list[Record], i: int, axis: ServoAxis) -> float | None:
         high = np.concatenate([(one[1:] >= least) & (one[:-1] >= least) for one in force])
         stands = np.count_nonzero(high) >= PLATEAU and _left(law, own, high) > STANDS
         if stands and _left(law, own, ~high) <= FOLLOWED:
-            return float(np.median(np.concatenate([one[1:] for one in force])[high]))
-    return None
+            return float(np.median(np.concatenate([one[1:] for one in force])[high])), noise
+    return None, 0.0
 
 
 def _noisy_plateau(records: list[Record], i: int, axis: ServoAxis, noise: float) -> float | None:
