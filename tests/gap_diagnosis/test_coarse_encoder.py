@@ -32,6 +32,7 @@ def test_steps_make_the_corrected_twin_no_worse(
     (cause,) = (c for c in found.causes if c.effect == steps)
     assert (cause.gap_after < cause.gap_before) == repeats
     assert cause.gap_after <= cause.gap_before
-    assert any('hunt over its steps' in note for note in found.warnings) != repeats
+    assert any('follows the record no better' in n for n in found.warnings) != repeats
+    assert (steps in found.run_effects) == repeats
     assert found.parameters[steps]['resolution'][0] == pytest.approx(step, rel=1e-3)
     assert 'shrinks' in sentence(found)

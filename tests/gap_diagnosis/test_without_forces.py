@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from benchmarks.blind.machine import Recording
+from benchmarks.blind.machine import Recording, record
 from benchmarks.without_forces import without_gains
 from gap_diagnosis.__main__ import main
 from gap_diagnosis.residuals import unrecorded
@@ -94,6 +94,14 @@ def test_an_axis_whose_drive_no_law_explains_has_no_figures(tmp_path: Path) -> N
     assert any('Record the effort of /stage/command' in text for text in report['warnings'])
     gains = yaml.safe_load((tmp_path / 'out' / 'corrected_twin.yaml').read_text())['axes']['x']
     assert not set(GAINS) & set(gains)
+
+
+@pytest.mark.usefixtures('no_law')
+def test_coarse_steps_of_an_axis_that_no_loop_tells_are_named(tmp_path: Path) -> None:
+    truth = {'backlash.x': {'width': 12e-6}, 'encoder_quantisation.x': {'resolution': 5e-6}}
+    made = record(truth, 5, ('x',), 14.0, 100.0)
+    report = report_of(write_bag(tmp_path / 'bag', without_commands(made, Shape())), tmp_path)
+    assert set(report['verdict']) == {*truth, 'unknown'}
 
 
 @pytest.mark.usefixtures('no_law')

@@ -20,10 +20,10 @@ from gap_diagnosis.closed_loop.channels import (
     position_rms,
     session_rms,
 )
-from gap_diagnosis.closed_loop.steps import unrepeated
+from gap_diagnosis.closed_loop.steps import unrepeated_steps
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import far_from_explained
-from gap_diagnosis.evidence.causes import Run, cause_of, notes_apart, shown_by_encoder, swings
+from gap_diagnosis.evidence.causes import Run, cause_of, shown_by_encoder, swings, unrepeated_notes
 from gap_diagnosis.evidence.describe import (
     describe,
     surer,
@@ -119,7 +119,7 @@ def diagnose(
                     result.records,
                     result.twin,
                     result.parts,
-                    result.effects,
+                    result.run_effects,
                     result.channels,
                     seed,
                 )
@@ -215,12 +215,12 @@ def _far(
     )
 
 
-def _apart(
+def _unrepeated(
     records: list[Record], twin: TwinFile, parts: list[Part], effects: dict[str, dict[str, float]]
 ) -> tuple[str, ...]:
     """Effects that the loop is run without: at a phase of their own they only add to the gap."""
     calm = {n: v for n, v in effects.items() if n not in swings(parts)}
-    return (*swings(parts), *unrepeated(records, twin, calm))
+    return (*swings(parts), *unrepeated_steps(records, twin, calm))
 
 
 def _windows(scored: list[Record]) -> list[tuple[float, float]]:
@@ -233,7 +233,7 @@ def _notes(
     prepared: Prepared,
     channels: dict[str, Channel],
     told: dict[str, dict[str, float]],
-    apart: Sequence[str],
+    unrepeated: Sequence[str],
 ) -> list[str]:
     """What a reader has to know beside the verdict."""
     rested = rest_places(records)
@@ -241,7 +241,7 @@ def _notes(
         *(rested.few() if rested is not None else []),
         *dict.fromkeys(warning for record in records for warning in record.warnings),
         *prepared.notes,
-        *notes_apart(apart),
+        *unrepeated_notes(unrepeated),
         *noise_notes(records, prepared.twin, told, channels),
     ]
 
@@ -259,13 +259,13 @@ def _conclude(
     scored = judging(records)
     progress('closed-loop replay of the nominal and of the corrected twin')
     effects = plain_values(parameters)
-    apart = _apart(records, twin, parts, effects)
-    told = {n: v for n, v in effects.items() if n not in apart}
+    unrepeated = _unrepeated(records, twin, parts, effects)
+    told = {n: v for n, v in effects.items() if n not in unrepeated}
     channels = gap_channels(records, twin, told, parts)
     before, after = position_rms(channels, 'before'), position_rms(channels, 'after')
     progress('leaving out one cause at a time')
     floors = {n: judge.channel_floor(seen, n) for n in channels}
-    run = Run(scored, twin, parts, channels, parameters, floors, seed, apart)
+    run = Run(scored, twin, parts, channels, parameters, floors, seed, unrepeated)
     causes = [cause_of(name, run) for name in effects]
     # The largest contribution to the gap first.
     causes.sort(key=lambda c: -(c.gap_before - c.gap_after))
@@ -303,6 +303,7 @@ def _conclude(
         link=link_of(accepted[0]) if accepted else worst,
         unexplained=float(np.clip(max(after**2 - floor**2, 0.0) / max(before**2, 1e-30), 0, 1)),
         structured=structured,
-        warnings=_notes(records, prepared, channels, told, apart),
+        warnings=_notes(records, prepared, channels, told, unrepeated),
         drives=prepared.laws,
+        unrepeated=unrepeated,
     )

@@ -52,6 +52,8 @@ class Diagnosis:
     model: Mended | None = None
     #: By axis, what stands for the forces where none are recorded.
     drives: dict[str, DriveLaw] = field(default_factory=dict)
+    #: Accepted effects that the loop is run without, as no second run repeats what they do.
+    unrepeated: tuple[str, ...] = ()
     #: The motion that would decide what is open, where there is one.
     experiment: Experiment | None = None
 
@@ -69,6 +71,11 @@ class Diagnosis:
     def effects(self) -> dict[str, dict[str, float]]:
         """The accepted effects as a twin file holds them."""
         return plain_values({n: self.parameters[n] for n in self.accepted})
+
+    @property
+    def run_effects(self) -> dict[str, dict[str, float]]:
+        """Those with which the corrected twin is run beside the record."""
+        return {n: v for n, v in self.effects.items() if n not in self.unrepeated}
 
     @property
     def corrected_twin(self) -> TwinFile:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.polish import closest, polish
 from gap_diagnosis.closed_loop.replay import replay
-from gap_diagnosis.closed_loop.steps import stepless, unrepeated, without_steps
+from gap_diagnosis.closed_loop.steps import stepless, unrepeated_steps, without_steps
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows, inside, judging, scored_ticks
@@ -73,8 +73,8 @@ class AxisLoop:
     def with_known(self, found: Parameters) -> dict[str, dict[str, float]]:
         """Values of effects, those of the known ones among them, as the loop is run with them."""
         effects = plain_values({**found, **self.known})
-        chance = unrepeated(self.records, self.twin, effects)
-        return {n: v for n, v in effects.items() if n not in chance}
+        out = unrepeated_steps(self.records, self.twin, effects)
+        return {n: v for n, v in effects.items() if n not in out}
 
     def gap(self, effects: Effects) -> float:
         """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""

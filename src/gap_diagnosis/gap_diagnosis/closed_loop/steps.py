@@ -14,11 +14,10 @@ from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import fitted_ticks
 from gap_diagnosis.parameters import Effects
+from gap_diagnosis.residuals.nominal import QUANTISATION
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-
-STEPS = 'encoder_quantisation'
 
 Values = TypeVar('Values')
 
@@ -35,29 +34,31 @@ def stepless(twin: TwinFile, axis: str) -> TwinFile:
 
 def without_steps(fixed: Mapping[str, Values]) -> dict[str, Values]:
     """The effects without the steps of encoders."""
-    return {n: v for n, v in fixed.items() if split_effect(n)[0] != STEPS}
+    return {n: v for n, v in fixed.items() if split_effect(n)[0] != QUANTISATION}
 
 
-def unrepeated(records: Sequence[Record], twin: TwinFile, effects: Effects) -> tuple[str, ...]:
+def unrepeated_steps(
+    records: Sequence[Record], twin: TwinFile, effects: Effects
+) -> tuple[str, ...]:
     """Steps of encoders with which the loop follows the fitted ticks no better than without.
 
-    An axis that hunts over coarse steps does so at a phase that no second run repeats.
+    A loop that rounds at other moments only adds the noise of its own steps, and what it answers
+    to them.
     """
+    untold = {axis for record in records for axis in record.untold}
+    coarse = [n for n in effects if split_effect(n)[0] == QUANTISATION and n[-1] not in untold]
     return tuple(
         name
-        for name in effects
-        if split_effect(name)[0] == STEPS
-        and _gap(records, twin, effects, name)
+        for name in coarse
+        if _gap(records, twin, effects, name)
         >= _gap(records, twin, {n: v for n, v in effects.items() if n != name}, name)
     )
 
 
 def _gap(records: Sequence[Record], twin: TwinFile, effects: Effects, name: str) -> float:
     """RMS [m] of the gap of an axis' encoder where it is fitted; infinite without a machine."""
-    channel, fitted = (
-        f'encoder.{split_effect(name)[1]}',
-        [r for r in records if not r.held_out_session],
-    )
+    channel = f'encoder.{split_effect(name)[1]}'
+    fitted = [record for record in records if not record.held_out_session]
     try:
         gaps = [replay(r, twin, effects)[channel][fitted_ticks(r)] for r in fitted]
     except StageError:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel, without_cause
-from gap_diagnosis.closed_loop.steps import STEPS
 from gap_diagnosis.closed_loop.swing import LEAST_SHARE
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import (
@@ -26,6 +25,7 @@ from gap_diagnosis.evidence.describe import given_shape, with_model_error
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.residuals.kinematics import Kinematics
+from gap_diagnosis.residuals.nominal import QUANTISATION
 from gap_diagnosis.selection.contained import contained
 from gap_diagnosis.selection.model import Evidence
 from gap_diagnosis.selection.parts import Part
@@ -33,7 +33,7 @@ from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS, effect_of, link_of, misreads
 
-#: Share of the gap that is noise beside a swing at a phase of its own: what an effect moves counts
+#: Share of the gap that is noise beside what no second run repeats: what an effect moves counts
 #: only if it shrinks the gap by `LEAST_SHRINK`. Wrong ones shrank it by 0.01, right ones by 0.17.
 CHANCE = math.sqrt((1.0 - LEAST_SHRINK) ** -2 - 1.0)
 
@@ -48,7 +48,7 @@ class Run:
     channels : the gap of the nominal and of the corrected twin
     parameters : of all effects, with standard deviations
     floors : noise floor of each channel
-    apart : effects that the loop is run without, as they make it go another way at each run
+    unrepeated : effects that the loop is run without, as no second run repeats what they do
     """
 
     scored: list[Record]
@@ -58,12 +58,12 @@ class Run:
     parameters: Parameters
     floors: dict[str, float]
     seed: int
-    apart: tuple[str, ...] = ()
+    unrepeated: tuple[str, ...] = ()
 
     @property
-    def axes_apart(self) -> set[str]:
+    def unrepeated_axes(self) -> set[str]:
         """Axes that go another way at each run."""
-        return {name[-1] for name in self.apart}
+        return {name[-1] for name in self.unrepeated}
 
 
 def cause_of(name: str, run: Run) -> judge.Cause:
@@ -113,16 +113,17 @@ def swings(parts: Sequence[Part]) -> tuple[str, ...]:
     return tuple(n for p in parts for n in p.swinging)
 
 
-def notes_apart(apart: Sequence[str]) -> list[str]:
+def unrepeated_notes(unrepeated: Sequence[str]) -> list[str]:
     """What a reader has to know of effects that the loop is run without."""
-    steps = [name for name in apart if split_effect(name)[0] == STEPS]
+    steps = [name for name in unrepeated if split_effect(name)[0] == QUANTISATION]
     return [
         *(
-            f'{name} makes the loop hunt over its steps at a phase that no second run repeats: '
-            'the corrected twin is run without it, and its steps count in the noise floor'
+            f'{name}: the corrected twin follows the record no better with these steps, because '
+            'it rounds at other moments. It is run without them here, and they count in the noise '
+            'floor; corrected_twin.yaml has them'
             for name in steps
         ),
-        *_swing_notes([name for name in apart if name not in steps]),
+        *_swing_notes([name for name in unrepeated if name not in steps]),
     ]
 
 
@@ -136,14 +137,17 @@ def _swing_notes(swinging: Sequence[str]) -> list[str]:
 
 def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
     """How far an effect shrinks the gap of the twin as it is run."""
-    out = {name, *run.apart}
+    out = {name, *run.unrepeated}
     told = {n: v for n, v in plain_values(run.parameters).items() if n not in out}
     lesser = without_cause(name, told, run.scored, run.twin, showing, run.channels)
     chance = {
-        n: max(floor, CHANCE * run.channels[n].rms('after')) if n[-1] in run.axes_apart else floor
-        for n, floor in run.floors.items()
+        n: CHANCE * run.channels[n].rms('after') if n[-1] in run.unrepeated_axes else 0.0
+        for n in run.floors
     }
-    sides = {n: channel.sides(chance[n], lesser[n]) for n, channel in run.channels.items()}
+    sides = {
+        n: channel.sides(max(chance[n], run.floors[n]), lesser[n])
+        for n, channel in run.channels.items()
+    }
     encoders = [c for n, c in run.channels.items() if n.startswith('encoder')]
     calm = {c.name for c in encoders if not shows(np.concatenate(c.after), run.floors[c.name])}
     if misreads(name):
@@ -154,9 +158,12 @@ def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
 
 
 def _told_by_balance(name: str, part: Part, shrink: Shrink, run: Run) -> bool:
-    """Whether an effect beside a swing is most of what the balance shows, and no loop tells it."""
+    """Whether an effect is most of what the balance shows, on an axis whose loop does not tell it.
+
+    That is one with an effect that no second run repeats.
+    """
     clear = part.selection.evidence[name].share > LEAST_SHARE
-    return part.name[-1] in run.axes_apart and clear and not shrink.matters
+    return part.name[-1] in run.unrepeated_axes and clear and not shrink.matters
 
 
 def _in_balance(name: str, part: Part, seed: int) -> Shrink:

@@ -73,7 +73,8 @@ def _excluded_by_tracker(result: Diagnosis) -> str | None:
 def _misread_wave(result: Diagnosis, prepared: Prepared) -> str | None:
     """A wave of the table that is what the encoder reads."""
     floors = {n: judge.channel_floor(prepared.seen, n) for n in result.channels}
-    return misread(result.records, result.twin, result.parameters, result.channels, floors)
+    run = {n: v for n, v in result.parameters.items() if n not in result.unrepeated}
+    return misread(result.records, result.twin, run, result.channels, floors)
 
 
 def explained_better(parts: Sequence[Part], least: dict[str, float]) -> list[str]:

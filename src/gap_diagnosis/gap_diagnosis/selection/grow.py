@@ -25,7 +25,7 @@ def grow(selector: Selector, fit: Fit, names: list[str]) -> Fit:
     terms = selector.problem.terms
     for name in names:
         plain, theta, lost = terms[name], fit.thetas[name], False
-        while terms[name].deepens(theta) and (richer := terms[name].next) is not None:
+        while terms[name].deepens(fit.thetas[name]) and (richer := terms[name].next) is not None:
             terms[name] = richer
             if lost or richer.own or len(richer.lower) > len(theta):
                 others = {n: t for n, t in fit.thetas.items() if n != name}

@@ -42,21 +42,18 @@ def with_harmonics(
 ) -> Term:
     """A term of as many harmonics, richer by one each; `columns` takes their number and θ.
 
-    The `richest` one follows on all of them.
+    The `richest` one, which has all of them, stands for the last.
     """
+    if harmonics == HARMONICS and richest is not None:
+        return richest
     following = partial(with_harmonics, plain, columns, richest, harmonics + 1)
-    shape = replace(
+    return replace(
         plain,
         columns=lambda theta: columns(harmonics, theta),
         nuisances=tuple(range(2 * harmonics)),
         phase=True,
-        richer=following,
+        richer=following if harmonics < HARMONICS else None,
     )
-    if harmonics < HARMONICS:
-        return shape
-    if richest is None:
-        return replace(shape, richer=None)
-    return replace(shape, richer=lambda: richest, deepens=richest.deepens)
 
 
 def along_the_travel(
@@ -64,13 +61,13 @@ def along_the_travel(
     make: Callable[[Callable[[Array], list[Array]]], Array],
     path: Array,
     lead: float,
-    own: Rows = ALL,
+    rows: Rows = ALL,
 ) -> Term:
     """A term of θ = (frequency,) with all harmonics, whose richer shapes are no mere repetition.
 
     First the amplitude grows along the path (n,), then there are waves of other periods. Both
     follow on a wave of `LEAST_TURNS` or more: they would make any curve of a slower one. `make`
-    gives the columns (m, k) of some functions of the position, `own` are the rows of the path.
+    gives the columns (m, k) of some functions of the position, `rows` are those of the path.
     """
 
     def columns(theta: Theta) -> Array:
@@ -79,9 +76,9 @@ def along_the_travel(
     def growing(theta: Theta) -> Array:
         return make(lambda p: [grown(p, theta[1], *where) * w for w in waves(p, theta[0])])
 
-    where = travel(path)
-    whole = replace(plain, columns=columns, phase=True, deepens=_often(plain))
-    several = with_waves(whole, path, lead, own)
+    turning, where = own_or_turning(path, math.inf), travel(path)
+    whole = replace(plain, columns=columns, phase=True, deepens=lambda theta: turning(theta[0]))
+    several = with_waves(whole, path, lead, rows)
     grows = _growing(several, growing, where)
     return replace(several, richer=lambda: grows)
 
@@ -91,7 +88,6 @@ def _growing(plain: Term, columns: Callable[[Theta], Array], where: tuple[float,
     propose, parameters = plain.propose, plain.parameters
     assert propose is not None
     place = dict(zip(('centre', 'half_range'), where, strict=True))
-    often = _often(plain)
     return replace(
         plain,
         columns=columns,
@@ -100,16 +96,9 @@ def _growing(plain: Term, columns: Callable[[Theta], Array], where: tuple[float,
         propose=lambda residual: tuple((*theta, 0.0) for theta in propose(residual)),
         lower=(*plain.lower, -1.0),
         upper=(*plain.upper, 1.0),
-        admissible=lambda theta, c: often(theta) and plain.admissible(theta, c),
+        admissible=lambda theta, c: plain.deepens(theta) and plain.admissible(theta, c),
         steps=(*plain.steps, GROWTH_STEP),
     )
-
-
-def _often(plain: Term) -> Callable[[Theta], bool]:
-    """Whether the frequency of θ turns often over the travel."""
-    least = LEAST_TURNS * plain.lower[0]
-    # Three turns of the reference are a little less of what was travelled.
-    return lambda theta: theta[0] > 0.97 * least
 
 
 def travel(path: Array) -> tuple[float, float]:
@@ -210,18 +199,18 @@ def others(position: Array, frequencies: Theta) -> list[Array]:
     return [f(2.0 * np.pi * own * position) for own in frequencies for f in (np.sin, np.cos)]
 
 
-def with_waves(plain: Term, path: Array, lead: float, own: Rows = ALL, number: int = 0) -> Term:
+def with_waves(plain: Term, path: Array, lead: float, rows: Rows, number: int = 0) -> Term:
     """A term of θ = (frequency,) that may have waves of other frequencies beside it, to `WAVES`.
 
-    Each start is that with the highest peak of what the others leave at the path's own rows.
+    Each start is that with the highest peak of what the others leave at the `rows` of the path.
     """
     (low,), (high,) = plain.lower[:1], plain.upper[:1]
     assert plain.propose is not None
-    proposed, often = starts(path, (), lead), _often(plain)
+    proposed = starts(path, (), lead)
 
     def propose(residual: Array) -> tuple[Theta, ...]:
         assert plain.propose is not None
-        residual, thetas = residual[own], plain.propose(residual)
+        residual, thetas = residual[rows], plain.propose(residual)
         first, left = _best(path, thetas, residual)
         theta = first
         for _ in range(number):
@@ -233,7 +222,8 @@ def with_waves(plain: Term, path: Array, lead: float, own: Rows = ALL, number: i
     def admissible(theta: Theta, c: Array) -> bool:
         known = [k * theta[0] for k in range(1, HARMONICS + 1)] + list(theta[1:])
         apart = np.diff(np.sort(known))
-        return often(theta) and plain.admissible(theta, c) and float(apart.min()) > 0.5 * low
+        near = float(apart.min()) <= 0.5 * low
+        return not near and plain.deepens(theta) and plain.admissible(theta, c)
 
     slowest = (LEAST_TURNS * low,) * number
     more = number < WAVES and LEAST_TURNS * low < high
@@ -247,7 +237,7 @@ def with_waves(plain: Term, path: Array, lead: float, own: Rows = ALL, number: i
         admissible=admissible if number else plain.admissible,
         nuisances=tuple(range(2 * (HARMONICS + number))),
         own=number == 1,
-        richer=partial(with_waves, plain, path, lead, own, number + 1) if more else None,
+        richer=partial(with_waves, plain, path, lead, rows, number + 1) if more else None,
     )
 
 
