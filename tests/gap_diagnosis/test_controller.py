@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 from benchmarks.experiment.machine import START, as_session
-from benchmarks.experiment.machine import session as run_of
 from gap_diagnosis.__main__ import main
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.input.noise import AxisNoise, Noise
 from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.report.document import as_dict
-from gap_diagnosis.residuals import commands
 from gap_diagnosis.residuals.commands import controller_findings
 from gap_diagnosis.residuals.controller import (
     force_increments,
@@ -284,50 +282,6 @@ def test_a_filter_and_a_mass_that_are_wrong_alike_are_no_other_unit(planted: Mak
     }
     verdict = diagnose([planted(truth)], [], other_gains({})).verdict
     assert sorted(verdict) == sorted(truth)
-
-
-@pytest.mark.parametrize('step', [0.1e-6, 4e-6])
-@pytest.mark.parametrize(('limit', 'named'), [(3.0, True), (6.0, True), (250.0, False)])
-def test_a_limit_shows_although_the_effort_is_noisy(
-    limit: float, named: bool, step: float
-) -> None:
-    """Beside coarse steps of the encoder [m] the force reaches its limit for a few ticks each."""
-    axis = replace(nominal().servo('x'), encoder_resolution=step)
-    twin = replace(nominal(), axes={'x': axis})
-    machine = replace(twin, axes={'x': replace(axis, force_limit=limit)})
-    path = reference(14.0, twin.control_period, 1)
-    made = run_of(machine, machine, path, np.full(len(path), 20.0), 0)
-    old = made.series[topics.COMMAND]
-    effort = old.values['effort.x'] + np.random.default_rng(4).normal(0.0, 0.02, len(old))
-    series = Series(topics.COMMAND, old.stamps, {**old.values, 'effort.x': effort})
-    record = load_record(replace(made, series={**made.series, topics.COMMAND: series}), twin)
-    told, _ = controller_findings([record], twin)
-    assert ('force_saturation.x' in told) is named
-    if named:
-        assert told['force_saturation.x']['limit'][0] == pytest.approx(limit, abs=0.02)
-
-
-def test_a_limit_stands_beside_gains_that_explain_slow_increments_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A force that mostly stands at its limit: other gains explain its mean, and no tick of it."""
-    twin = nominal()
-    machine = replace(twin, axes={'x': replace(twin.servo('x'), force_limit=3.0)})
-    path = reference(14.0, twin.control_period, 1)
-    made = run_of(machine, machine, path, np.full(len(path), 20.0), 0)
-    old = made.series[topics.COMMAND]
-    effort = old.values['effort.x'] + np.random.default_rng(4).normal(0.0, 0.02, len(old))
-    series = Series(topics.COMMAND, old.stamps, {**old.values, 'effort.x': effort})
-    record = load_record(replace(made, series={**made.series, topics.COMMAND: series}), twin)
-    slow = {'velocity_gain_error': (-0.5, 0.01), 'integral_gain_error': (-0.9, 0.01)}
-    # Noise of the encoder above its steps leaves the slow increments alone to be asked.
-    monkeypatch.setattr(
-        commands, 'mismatch', lambda records, i, axis: slow if axis.force_limit > 3.0 else {}
-    )
-    monkeypatch.setattr(commands, 'follows', lambda *asked: True)
-    told, _ = controller_findings([record], twin)
-    assert set(told) == {'force_saturation.x'}
-    assert told['force_saturation.x']['limit'][0] == pytest.approx(3.0, abs=0.02)
 
 
 @pytest.mark.parametrize(('grows', 'noise'), [(0.0, 0.0), (0.0, 0.05), (0.5, 0.0), (0.5, 0.05)])

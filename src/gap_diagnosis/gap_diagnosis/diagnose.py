@@ -255,8 +255,7 @@ def _conclude(
     seed: int,
     progress: Progress,
 ) -> Diagnosis:
-    twin, seen = prepared.twin, prepared.seen
-    scored = judging(records)
+    twin, seen, scored = prepared.twin, prepared.seen, judging(records)
     progress('closed-loop replay of the nominal and of the corrected twin')
     effects = plain_values(parameters)
     unrepeated = _unrepeated(records, twin, parts, effects)
