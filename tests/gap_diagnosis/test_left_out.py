@@ -8,17 +8,25 @@ from typing import Any
 import pytest
 
 from gap_diagnosis.evidence.left_out import FAR_MORE, explained_better
+from gap_diagnosis.selection.parts import SERVO_RULES
 
 TERMS = {'current_loop_lag.x': None, 'actuation_delay.x': None}
 
 
-def balance(left: float, accepted: list[str], floor: float = 0.1, name: str = 'servo.x') -> Any:
-    """A force balance of which effects leave a mean square, beside the noise."""
+def balance(
+    left: float,
+    accepted: list[str],
+    floor: float = 0.1,
+    name: str = 'servo.x',
+    gap: float = 1.0,
+) -> Any:
+    """A force balance of which effects leave a mean square of the gap's, beside the noise."""
     return SimpleNamespace(
         name=name,
         structure=SimpleNamespace(mean_square=left),
         problem=SimpleNamespace(floor=floor, terms=TERMS),
         selection=SimpleNamespace(accepted=accepted),
+        selector=SimpleNamespace(rules=SERVO_RULES, gap=gap),
     )
 
 
@@ -37,6 +45,13 @@ def test_what_is_left_below_the_noise_is_noise() -> None:
     least: dict[str, float] = {}
     assert explained_better([balance(1e-9, ['actuation_delay.x'])], least) == []
     assert explained_better([balance(0.02, ['current_loop_lag.x'])], least) == []
+
+
+def test_a_difference_that_matters_of_no_effect_is_none() -> None:
+    least: dict[str, float] = {}
+    assert explained_better([balance(0.01, ['viscous_friction.x'], gap=1e3)], least) == []
+    assert explained_better([balance(0.5, ['viscous_friction.x'], gap=1e3)], least) == []
+    assert explained_better([balance(0.7, ['viscous_friction.x'], gap=1e3)], least) == list(TERMS)
 
 
 def test_the_tracker_is_no_balance_and_other_axes_count_alone() -> None:

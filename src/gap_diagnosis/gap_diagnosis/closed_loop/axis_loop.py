@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.polish import closest, polish
-from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.replay import encoder_gap, replay
 from gap_diagnosis.closed_loop.steps import stepless, unrepeated_steps, without_steps
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
@@ -78,14 +78,8 @@ class AxisLoop:
 
     def gap(self, effects: Effects) -> float:
         """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""
-        try:
-            gaps = [
-                replay(r, self.twin, effects)[self.channel][scored_ticks(r)]
-                for r in judging(self.records)
-            ]
-        except StageError:
-            return math.inf
-        return float(np.sqrt(np.mean(np.concatenate(gaps) ** 2)))
+        ticks = scored_ticks
+        return encoder_gap(judging(self.records), self.twin, effects, self.axis, ticks)
 
     def window_gaps(self, found: Parameters) -> Array:
         """RMS (w,) of the gap in each held-out window [m], of a loop without encoder steps.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.replay import encoder_gap, replay
 from gap_diagnosis.closed_loop.steps import stepless, without_steps
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.calibrated import SPREAD
@@ -118,13 +118,6 @@ class _Loop:
             [g[fitted_ticks(r)] for g, r in zip(gaps, self.records, strict=True)]
         )
 
-    def left(self) -> float:
-        """RMS of the gap at the start [m]; infinite where no machine could run."""
-        try:
-            return float(np.sqrt(np.mean(self.gap(np.zeros(len(self.names))) ** 2)))
-        except StageError:
-            return math.inf
-
     def blocks(self) -> NDArray[np.int64]:
         """Number (n,) of the block of time of each of these ticks."""
         marks, offset = [], 0
@@ -206,14 +199,17 @@ def polish(
     """
     fitted = _fitting(records, axis, {**fixed, **found})
     floor = channel_floor(with_noise(twin, fitted), f'encoder.{axis}')
-    least = _Loop.at(fitted, twin, axis, found, fixed).left()
+
+    def left(effects: Parameters) -> float:
+        return encoder_gap(fitted, twin, plain_values({**fixed, **effects}), axis, fitted_ticks)
+
+    least = left(found)
     for effect, key, value in _tried(found):
         # How far the force balance was from it is all that is known of its deviation.
         apart = abs(value - found[effect][key][0])
         other = {**found, effect: {**found[effect], key: (value, apart)}}
-        left = _Loop.at(fitted, twin, axis, other, fixed).left()
-        if left < MUCH_BETTER * least:
-            found, least = other, left
+        if (gap := left(other)) < MUCH_BETTER * least:
+            found, least = other, gap
     loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed))
     return _refined(loop, found, floor, least) if loop.names else found
 
@@ -252,7 +248,8 @@ def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Para
     except StageError:
         # A step left the range in which the twin is a machine: the warm start stands.
         return found
-    first, left = loop.left(), float(np.sqrt(np.mean(residual**2)))
+    first = encoder_gap(loop.records, loop.twin, loop.effects, loop.axis, fitted_ticks)
+    left = float(np.sqrt(np.mean(residual**2)))
     if left > least or left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
         # The slopes of such a loop say nothing.
         return found

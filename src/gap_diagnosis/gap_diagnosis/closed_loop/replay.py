@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +14,7 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.recording import CONVENTION
+from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ForceAxis, TwinFile
 from stage_twin.effects import link_of
@@ -60,6 +63,21 @@ def replay(
         for name, gap in gaps.items()
         if split_effect(name)[1] not in record.untold
     }
+
+
+def encoder_gap(
+    records: Iterable[Record],
+    twin: TwinFile,
+    effects: Effects,
+    axis: str,
+    ticks: Callable[[Record], NDArray[np.bool_]],
+) -> float:
+    """RMS [m] of the gap of an encoder on some ticks; infinite where no machine could run."""
+    try:
+        gaps = [replay(r, twin, effects)[f'encoder.{axis}'][ticks(r)] for r in records]
+    except StageError:
+        return math.inf
+    return float(np.sqrt(np.mean(np.concatenate(gaps) ** 2)))
 
 
 def _finite(gap: Array) -> Array:

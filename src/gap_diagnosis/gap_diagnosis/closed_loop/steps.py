@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-import numpy as np
-
 from gap_diagnosis.closed_loop.dither import STEPLESS
-from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.replay import encoder_gap
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import fitted_ticks
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.nominal import QUANTISATION
-from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 
@@ -46,21 +42,14 @@ def unrepeated_steps(
     to them.
     """
     untold = {axis for record in records for axis in record.untold}
+    fitted = [record for record in records if not record.held_out_session]
+
+    def gap(name: str, effects: Effects) -> float:
+        return encoder_gap(fitted, twin, effects, name[-1], fitted_ticks)
+
     coarse = [n for n in effects if split_effect(n)[0] == QUANTISATION and n[-1] not in untold]
     return tuple(
         name
         for name in coarse
-        if _gap(records, twin, effects, name)
-        >= _gap(records, twin, {n: v for n, v in effects.items() if n != name}, name)
+        if gap(name, effects) >= gap(name, {n: v for n, v in effects.items() if n != name})
     )
-
-
-def _gap(records: Sequence[Record], twin: TwinFile, effects: Effects, name: str) -> float:
-    """RMS [m] of the gap of an axis' encoder where it is fitted; infinite without a machine."""
-    channel = f'encoder.{split_effect(name)[1]}'
-    fitted = [record for record in records if not record.held_out_session]
-    try:
-        gaps = [replay(r, twin, effects)[channel][fitted_ticks(r)] for r in fitted]
-    except StageError:
-        return math.inf
-    return float(np.sqrt(np.mean(np.concatenate(gaps) ** 2)))

@@ -82,13 +82,15 @@ def explained_better(parts: Sequence[Part], least: dict[str, float]) -> list[str
 
     What that pass named the loop has refuted; but no other effect is the right one, either, that
     explains far less. These are all that such a balance could name. `least` is the least mean
-    square that the passes left of each balance, by its name; it is brought up to date.
+    square that the passes left of each balance, by its name; it is brought up to date. What would
+    matter of no effect (`Rules.of_gap`) is not far.
     """
     names: list[str] = []
     for part in (p for p in parts if p.name.startswith('servo')):
         left = max(part.structure.mean_square, part.problem.floor**2)
         before = least.get(part.name, math.inf)
-        if part.selection.accepted and left > FAR_MORE * before:
+        matters = part.selector.rules.of_gap * part.selector.gap
+        if part.selection.accepted and left > max(FAR_MORE * before, before + matters):
             names += part.problem.terms
         least[part.name] = min(left, before)
     return names

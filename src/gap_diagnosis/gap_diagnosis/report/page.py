@@ -94,7 +94,8 @@ def _less(diagnosis: Diagnosis) -> str:
     """By how much the gap shrinks, with the interval."""
     sides = [c.sides(0.0) for c in diagnosis.channels.values() if c.unit == 'm']
     low, high = (100.0 * value for value in shrink_interval(sides, 0))
-    return f'{100.0 * diagnosis.shrink:.0f} % less (95 %: {span(low, high, "%")})'
+    # Not "-0 %".
+    return f'{round(100.0 * diagnosis.shrink)} % less (95 %: {span(low, high, "%")})'
 
 
 def _travel(diagnosis: Diagnosis) -> str:
