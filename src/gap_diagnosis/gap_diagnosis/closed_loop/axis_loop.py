@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.polish import closest, polish
-from gap_diagnosis.closed_loop.replay import encoder_gap, replay
+from gap_diagnosis.closed_loop.replay import mean_square, replayed_gap, replays
 from gap_diagnosis.closed_loop.steps import stepless, unrepeated_steps, without_steps
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
@@ -78,8 +78,8 @@ class AxisLoop:
 
     def gap(self, effects: Effects) -> float:
         """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""
-        ticks = scored_ticks
-        return encoder_gap(judging(self.records), self.twin, effects, self.axis, ticks)
+        scored = judging(self.records)
+        return replayed_gap(scored, self.twin, effects, self.channel, scored_ticks)
 
     def window_gaps(self, found: Parameters) -> Array:
         """RMS (w,) of the gap in each held-out window [m], of a loop without encoder steps.
@@ -91,11 +91,11 @@ class AxisLoop:
         out = []
         for record in judging(self.records):
             try:
-                gap = replay(record, twin, effects)[self.channel]
+                squares = mean_square(replays(record, twin, effects), self.channel)
             except StageError:
-                gap = np.full(len(record.time), math.inf)
+                squares = np.full(len(record.time), math.inf)
             for window in held_out_windows(record):
                 rows = inside(record.time, [window]) & record.whole(record.time)
                 if np.any(rows):
-                    out.append(float(np.sqrt(np.mean(gap[rows] ** 2))))
+                    out.append(float(np.sqrt(np.mean(squares[rows]))))
         return np.array(out)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.replay import mean_square, replay, replays
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import FAR, Sides
 from gap_diagnosis.input.data import Record
@@ -23,23 +23,36 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Channel:
-    """One channel on the held-out rows: time [s] per record, gap before and after."""
+    """One channel on the held-out rows.
+
+    Attributes
+    ----------
+    time : of each record [s]
+    before, after : gap of each record without the effects and with them, of one draw of the noise
+    drawn : squares of both (`before` and `after`), mean over several draws, where there are some
+    """
 
     name: str
     unit: str
     time: list[Array]
     before: list[Array]
     after: list[Array]
+    drawn: dict[str, list[Array]] = field(default_factory=dict)
+
+    def squares(self, which: str) -> list[Array]:
+        """Squared gap of each record, `before` or `after`."""
+        return self.drawn.get(which) or [gap**2 for gap in getattr(self, which)]
 
     def rms(self, which: str) -> float:
         """Root mean square over the held-out rows of all records."""
-        values = np.concatenate(getattr(self, which))
-        return float(np.sqrt(np.mean(values**2)))
+        return float(np.sqrt(np.mean(np.concatenate(self.squares(which)))))
 
     def sides(self, floor: float, without: list[Array] | None = None) -> Sides:
-        """Its squares with all effects, and without some: their gap, by default without any."""
-        lesser = self.before if without is None else without
-        without_it, with_it = (np.concatenate(gap) ** 2 for gap in (lesser, self.after))
+        """Its squares with all effects, and those without some, by default without any."""
+        lesser = self.squares('before') if without is None else without
+        without_it, with_it = (
+            np.concatenate(squares) for squares in (lesser, self.squares('after'))
+        )
         return Sides(without_it, with_it, self.unit, floor, self.rms('before') ** 2)
 
 
@@ -72,15 +85,16 @@ def gap_channels(
     scored = judging(records)
     channels: dict[str, Channel] = {}
     for record in scored:
-        before = replay(record, twin, {})
-        after = replay(record, twin, _in_session(record, records, effects, parts))
+        own = _in_session(record, records, effects, parts)
+        before, after = (replays(record, twin, some) for some in ({}, own))
         mask = scored_ticks(record)
-        for name in before:
+        for name in before[0]:
             unit = 'N' if name.startswith('force') else 'm'
             channel = channels.setdefault(name, Channel(name, unit, [], [], []))
             channel.time.append(record.time[mask])
-            channel.before.append(before[name][mask])
-            channel.after.append(after[name][mask])
+            for which, runs in (('before', before), ('after', after)):
+                getattr(channel, which).append(runs[0][name][mask])
+                channel.drawn.setdefault(which, []).append(mean_square(runs, name)[mask])
     for part in parts:
         if part.name != 'tracker':
             continue
@@ -180,22 +194,26 @@ def without_cause(
     parts: list[Part],
     channels: dict[str, Channel],
 ) -> dict[str, list[Array]]:
-    """Gap of every channel with one cause taken out of the corrected twin, not refitted.
+    """Squared gap of every channel with one cause taken out of the corrected twin, not refitted.
 
     `parts` are those that show the cause: an axis, the tracker, both, or none where it was read
     from the record itself.
     """
-    out = {c.name: list(c.after) for c in channels.values()}
+    gaps = {c.name: list(c.after) for c in channels.values()}
     for part in parts:
         if part.name == 'tracker':
-            _give_back(name, part, scored[0].axes, out)
+            _give_back(name, part, scored[0].axes, gaps)
+    out = {
+        c.name: list(c.squares('after')) if c.drawn else [gap**2 for gap in gaps[c.name]]
+        for c in channels.values()
+    }
     if [part.name for part in parts] == ['tracker'] and not misreads(name):
         return out  # the loop knows nothing of it
     for j, record in enumerate(scored):
-        gaps = replay(record, twin, rest)
+        runs = replays(record, twin, rest)
         mask = scored_ticks(record)
-        for channel, gap in gaps.items():
-            out[channel][j] = gap[mask]
+        for channel in runs[0]:
+            out[channel][j] = mean_square(runs, channel)[mask]
     return out
 
 

@@ -10,6 +10,7 @@ measured. What the loop without effects answers to the same draw is no gap, and 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -18,7 +19,6 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.parameters import Effects
 from stage_core.twin_file import ServoAxis, TwinFile
 from stage_twin.effects.shared import filtered
 from stage_twin.simulate import simulate
@@ -29,12 +29,17 @@ Axes = tuple[tuple[str, ServoAxis], ...]
 #: Step [m] of an encoder that does not round.
 STEPLESS = 1e-12
 #: Draws and answers that are kept: of both axes together and of each alone.
-KEPT = 6
+KEPT = 12
 
 
-def sticks(effects: Effects) -> bool:
+def sticks(effects: Iterable[str]) -> bool:
     """Whether one of the effects is a friction that holds an axis at rest."""
     return any(model_of(name) == 'friction' for name in effects)
+
+
+def shakes(record: Record) -> bool:
+    """Whether an encoder has noise beyond its steps."""
+    return any(_noise(record))
 
 
 def shaking(record: Record, twin: TwinFile, draw: int = 0) -> Array:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.closed_loop.replay import encoder_gap, replay
+from gap_diagnosis.closed_loop.replay import replay, replayed_gap
 from gap_diagnosis.closed_loop.steps import stepless, without_steps
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.calibrated import SPREAD
@@ -201,7 +201,8 @@ def polish(
     floor = channel_floor(with_noise(twin, fitted), f'encoder.{axis}')
 
     def left(effects: Parameters) -> float:
-        return encoder_gap(fitted, twin, plain_values({**fixed, **effects}), axis, fitted_ticks)
+        values = plain_values({**fixed, **effects})
+        return replayed_gap(fitted, twin, values, f'encoder.{axis}', fitted_ticks, draws=1)
 
     least = left(found)
     for effect, key, value in _tried(found):
@@ -248,7 +249,8 @@ def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Para
     except StageError:
         # A step left the range in which the twin is a machine: the warm start stands.
         return found
-    first = encoder_gap(loop.records, loop.twin, loop.effects, loop.axis, fitted_ticks)
+    channel = f'encoder.{loop.axis}'
+    first = replayed_gap(loop.records, loop.twin, loop.effects, channel, fitted_ticks, draws=1)
     left = float(np.sqrt(np.mean(residual**2)))
     if left > least or left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
         # The slopes of such a loop say nothing.

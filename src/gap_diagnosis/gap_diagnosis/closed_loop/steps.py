@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from gap_diagnosis.closed_loop.dither import STEPLESS
-from gap_diagnosis.closed_loop.replay import encoder_gap
+from gap_diagnosis.closed_loop.replay import replayed_gap
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import fitted_ticks
 from gap_diagnosis.parameters import Effects
@@ -45,7 +45,7 @@ def unrepeated_steps(
     fitted = [record for record in records if not record.held_out_session]
 
     def gap(name: str, effects: Effects) -> float:
-        return encoder_gap(fitted, twin, effects, name[-1], fitted_ticks)
+        return replayed_gap(fitted, twin, effects, f'encoder.{name[-1]}', fitted_ticks)
 
     coarse = [n for n in effects if split_effect(n)[0] == QUANTISATION and n[-1] not in untold]
     return tuple(

@@ -170,7 +170,7 @@ def sentence(diagnosis: Diagnosis) -> str:
         effect_words(name) + (f' (p {probability_words(sure[name])})' if name in sure else '')
         for name in diagnosis.verdict
     )
-    if diagnosis.shrink == 0.0:
+    if round(100.0 * diagnosis.shrink) == 0:
         return (
             f'{names}: the held-out gap stays at {diagnosis.after * micro:.2f} µm RMS (floor '
             f'{diagnosis.noise_floor * micro:.2f} µm)'
