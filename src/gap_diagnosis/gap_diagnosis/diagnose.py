@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from operator import is_
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ from gap_diagnosis.closed_loop.channels import (
     position_rms,
     session_rms,
 )
+from gap_diagnosis.closed_loop.hidden_noise import with_hidden_noise
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import far_from_explained
@@ -111,6 +114,11 @@ def diagnose(
                 prepared, memory, barred = other, Memory(), list(other.without)
                 least.clear()
                 continue
+        records = with_hidden_noise(prepared.records, prepared.twin, result.run_effects)
+        if not all(map(is_, records, prepared.records)):
+            prepared, memory = replace(prepared, records=records), Memory()
+            least.clear()
+            continue
         out, why = left_out(result, prepared, least, seed)
         if not out:
             if result.structured or not result.accepted:

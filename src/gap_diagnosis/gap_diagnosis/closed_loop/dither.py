@@ -38,7 +38,7 @@ def sticks(effects: Iterable[str]) -> bool:
 
 
 def shakes(record: Record) -> bool:
-    """Whether an encoder has noise beyond its steps."""
+    """Whether an encoder is known to have more noise than its steps."""
     return any(_noise(record))
 
 
@@ -63,11 +63,13 @@ def _loop(record: Record, twin: TwinFile) -> tuple[Axes, tuple[float, ...], int,
 
 
 def _noise(record: Record) -> tuple[float, ...]:
-    """Standard deviation [m] of each encoder's noise beyond that of its steps."""
+    """Standard deviation [m] of each encoder's noise beyond that of its steps, or within them."""
     if record.noise is None:
         return (0.0,) * len(record.axes)
     return tuple(
-        math.sqrt(max(own.position**2 - own.quantum**2 / 12.0, 0.0)) if own.beyond_steps else 0.0
+        math.sqrt(max(own.position**2 - own.quantum**2 / 12.0, 0.0))
+        if own.beyond_steps
+        else own.hidden
         for own in record.noise.axes
     )
 

@@ -117,6 +117,9 @@ class Shrink:
             noise = min(self.floor, self.after)
             seen = self.clear or closed > LEAST_SEEN * noise**2
             return self.own.matters and (self.least > 0.0 or seen)
+        if self.explained and self.balance > LACKING:
+            # No error of another model is left that it could have taken up.
+            return self.interval[0] > 0.0
         small = self.closes < LEAST_CLOSED and max(self.lacking, self.balance) < LACKING
         if self.least > 0.0 and small and not self.explained:
             return False

@@ -50,6 +50,7 @@ class AxisNoise:
     jitter: float
     effort: float
     quantum: float  # stated step [m]
+    hidden: float = 0.0  # of the position, below its steps: only a loop that sticks tells [m]
 
     def std(self, velocity: Array | float) -> float:
         """Standard deviation [m] of a position over some velocities [m/s]."""
