@@ -6,7 +6,6 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from operator import is_
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from gap_diagnosis.closed_loop.channels import (
     position_rms,
     session_rms,
 )
-from gap_diagnosis.closed_loop.hidden_noise import with_hidden_noise
+from gap_diagnosis.closed_loop.rests import with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import far_from_explained
@@ -99,7 +98,7 @@ def diagnose(
     pack(twin)  # refuses effects that there are not
     memory = Memory()
     prepared = prepare(sessions, holdout, twin, without, simulated)
-    barred, least, asked = list(prepared.without), dict[str, float](), set[str]()
+    barred, least, asked, again = list(prepared.without), dict[str, float](), set[str](), False
     while True:
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
         refuted = {c.effect for c in result.causes if c.refuted}
@@ -114,11 +113,12 @@ def diagnose(
                 prepared, memory, barred = other, Memory(), list(other.without)
                 least.clear()
                 continue
-        records = with_hidden_noise(prepared.records, prepared.twin, result.run_effects)
-        if not all(map(is_, records, prepared.records)):
-            prepared, memory = replace(prepared, records=records), Memory()
-            least.clear()
-            continue
+        if not again:
+            again = True
+            records = with_rests(prepared.records, prepared.twin, result.run_effects)
+            if [r.noise for r in records] != [r.noise for r in prepared.records]:
+                prepared, memory = replace(prepared, records=records), Memory()
+                continue
         out, why = left_out(result, prepared, least, seed)
         if not out:
             if result.structured or not result.accepted:
@@ -216,11 +216,20 @@ def _far(
     whole = session_rms(records, prepared.twin, told, axes)
     step = judge.noise_floor(prepared.seen, encoders, effects, speeds) if encoders else floor
     chance = chance_rms(records, prepared.twin, told, axes)
-    floor = math.hypot(floor, chance * math.sqrt(len(encoders) / len(calm)))
-    step = math.hypot(step, chance)
-    return any(
-        far_from_explained(*gap, bool(effects)) for gap in ((before, after, floor), (*whole, step))
-    )
+    share = math.sqrt(len(encoders) / len(calm))
+    floor, step = math.hypot(floor, chance * share), math.hypot(step, chance)
+    stated = _without_stated(records, prepared.twin, axes)
+    return far_from_explained(
+        before, after, floor, bool(effects), share * stated
+    ) or far_from_explained(*whole, step, bool(effects), stated)
+
+
+def _without_stated(records: list[Record], twin: TwinFile, axes: list[str]) -> float:
+    """RMS [m] of the encoders' gap without servo effects that the twin states; 0 if it has none."""
+    kept = {n: v for n, v in twin.effects.items() if link_of(n) != 'servo'}
+    if len(kept) == len(twin.effects):
+        return 0.0
+    return session_rms(records, replace(twin, effects=kept), {}, axes)[0]
 
 
 def _unrepeated(

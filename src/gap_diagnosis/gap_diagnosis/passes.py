@@ -10,7 +10,7 @@ import numpy as np
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.held_out import with_windows
-from gap_diagnosis.closed_loop.hidden_noise import with_hidden_noise
+from gap_diagnosis.closed_loop.rests import with_rests
 from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simulated
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.input.checks import EXCITATION_HINT, check_duration
@@ -180,7 +180,7 @@ def prepare(
     if simulated:
         runs = [_checked(run) for run in _load(simulated, twin)]
         records = [beside(r, run, twin) for r, run in zip(records, runs, strict=True)]
-    records = with_hidden_noise(records, twin, {})
+    records = with_rests(records, twin, {})
     counted = twin.kind == 'stepper' or 'encoder_quantisation' in without
     quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
     stepped = with_steps(counted_twin, quantisation)

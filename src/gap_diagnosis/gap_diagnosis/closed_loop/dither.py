@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.noise import AxisNoise
 from stage_core.twin_file import ServoAxis, TwinFile
 from stage_twin.effects.shared import filtered
 from stage_twin.simulate import simulate
@@ -38,7 +39,7 @@ def sticks(effects: Iterable[str]) -> bool:
 
 
 def shakes(record: Record) -> bool:
-    """Whether an encoder is known to have more noise than its steps."""
+    """Whether the loop is run with noise."""
     return any(_noise(record))
 
 
@@ -63,15 +64,18 @@ def _loop(record: Record, twin: TwinFile) -> tuple[Axes, tuple[float, ...], int,
 
 
 def _noise(record: Record) -> tuple[float, ...]:
-    """Standard deviation [m] of each encoder's noise beyond that of its steps, or within them."""
+    """Standard deviation [m] of the noise of each encoder with which the loop is run."""
     if record.noise is None:
         return (0.0,) * len(record.axes)
     return tuple(
-        math.sqrt(max(own.position**2 - own.quantum**2 / 12.0, 0.0))
-        if own.beyond_steps
-        else own.hidden
-        for own in record.noise.axes
+        _beyond_steps(own) if own.at_rest is None else own.at_rest for own in record.noise.axes
     )
+
+
+def _beyond_steps(own: AxisNoise) -> float:
+    """Standard deviation [m] of what an encoder's noise is more than that of its steps."""
+    beyond = max(own.position**2 - own.quantum**2 / 12.0, 0.0)
+    return math.sqrt(beyond) if own.beyond_steps else 0.0
 
 
 @lru_cache(maxsize=KEPT)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop import dither
+from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.nominal import merged
@@ -121,7 +122,7 @@ def _replay(
         for n, v in twin.effects.items()
         if split_effect(n)[1] in (None, *record.axes) and split_effect(n)[0] != CONVENTION
     }
-    machine = merged(replace(machine, effects=own), mine)
+    machine = merged(replace(machine, effects={**own, **_dry(record, own)}), mine)
     if twin.kind == 'measured_force':
         units = [axis.effort_unit for axis in machine.axes.values() if isinstance(axis, ForceAxis)]
         result = simulate_measured_force(machine, record.encoder, record.force / np.array(units))
@@ -143,6 +144,18 @@ def _replay(
         noise=False,
     )
     return by_channel(record.axes, encoder - simulated.encoder, force - simulated.force)
+
+
+def _dry(record: Record, stated: Effects) -> dict[str, dict[str, float]]:
+    """Frictions that the twin states, without presliding where the machine rests so."""
+    if record.noise is None:
+        return {}
+    dry = [a for a, own in zip(record.axes, record.noise.axes, strict=True) if own.dry]
+    return {
+        n: {**v, 'presliding': 0.0}
+        for n, v in stated.items()
+        if model_of(n) == 'friction' and split_effect(n)[1] in dry
+    }
 
 
 def by_channel(axes: tuple[str, ...], encoder: Array, force: Array) -> dict[str, Array]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.evidence.calibrated import SPREAD
 from gap_diagnosis.evidence.describe import model_of
+from gap_diagnosis.evidence.judgement import SERVO_STRUCTURE
 from gap_diagnosis.input.noise import CLEARLY, white_part
 from gap_diagnosis.selection.forward import LACKING
 from gap_diagnosis.selection.gains import weights
@@ -327,7 +328,9 @@ def shows(after: Array, floor: float) -> bool:
     return square > 1.05**2 * (1.0 + CLEARLY) * floor**2 and square > ANSWERED * white**2
 
 
-def far_from_explained(before: float, after: float, floor: float, named: bool) -> bool:
+def far_from_explained(
+    before: float, after: float, floor: float, named: bool, stated: float = 0.0
+) -> bool:
     """Whether the twin as it is run leaves a gap that the named effects cannot be said to explain.
 
     Parameters
@@ -335,7 +338,12 @@ def far_from_explained(before: float, after: float, floor: float, named: bool) -
     before, after : RMS of the held-out gap without and with the named effects [m]
     floor : noise floor of the same channels [m]
     named : whether any effect is named
+    stated : RMS of that gap without the servo effects that the twin states [m]: of these, too,
+        models are approximations
     """
+    left = (after if named else before) ** 2 - floor**2
+    if left <= SERVO_STRUCTURE * stated**2:
+        return False
     if not named:
         return before > FAR * floor
-    return after > FAR_BESIDE * floor and after**2 - floor**2 > SHARE_BESIDE * before**2
+    return after > FAR_BESIDE * floor and left > SHARE_BESIDE * before**2

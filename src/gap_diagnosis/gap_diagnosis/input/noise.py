@@ -50,7 +50,8 @@ class AxisNoise:
     jitter: float
     effort: float
     quantum: float  # stated step [m]
-    hidden: float = 0.0  # of the position, below its steps: only a loop that sticks tells [m]
+    at_rest: float | None = None  # with which a loop that sticks is run [m]; None: as measured
+    dry: bool = False  # whether the twin's friction holds the axis without presliding
 
     def std(self, velocity: Array | float) -> float:
         """Standard deviation [m] of a position over some velocities [m/s]."""

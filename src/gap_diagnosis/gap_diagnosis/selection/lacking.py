@@ -57,6 +57,7 @@ def _candidates(part: Part) -> list[Trial]:
         for t in trials
         if t.evidence.admissible and t.evidence.interval[0] > 0.0
         if not t.odd and not effect_of(t.evidence.name).swings
+        if not selector.as_stated(t.evidence.name, t.evidence.gain)
     ]
     return sorted(good, key=lambda t: (-t.evidence.gain, t.evidence.name))[:MOST]
 
