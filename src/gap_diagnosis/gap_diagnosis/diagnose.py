@@ -225,7 +225,7 @@ def _far(
 
 
 def _without_stated(records: list[Record], twin: TwinFile, axes: list[str]) -> float:
-    """RMS [m] of the encoders' gap without servo effects that the twin states; 0 if it has none."""
+    """RMS [m] of the encoders' gap without servo effects that the twin states; 0 without."""
     kept = {n: v for n, v in twin.effects.items() if link_of(n) != 'servo'}
     if len(kept) == len(twin.effects):
         return 0.0

@@ -60,7 +60,8 @@ class AxisLoop:
         def fit() -> Parameters:
             return polish(self.records, self.twin, self.axis, found, own)
 
-        return self.memory.once(('polish', self.axis, repr((found, own))), fit)
+        rests = [record.noise for record in self.records]
+        return self.memory.once(('polish', self.axis, repr((found, own, rests))), fit)
 
     def closest(self, found: Parameters) -> float:
         """Least RMS of the gap that effects leave where they are fitted [m] (`polish.closest`)."""
