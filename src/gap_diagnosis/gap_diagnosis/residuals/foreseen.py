@@ -39,8 +39,9 @@ def variances(
     total.ravel()[:: len(total) + 1] = np.maximum(np.diag(total), 0.0)
     scale = np.sqrt(np.diag(total))
     scale[scale == 0.0] = 1.0
-    root = np.linalg.cholesky(total / np.outer(scale, scale) + RIDGE * np.eye(len(scale)))
-    inverse = np.linalg.inv(root)  # of the scaled matrix: inverse.T @ inverse
+    values, vectors = np.linalg.eigh(total / np.outer(scale, scale))
+    # Of the scaled matrix: inverse.T @ inverse.
+    inverse = vectors.T / np.sqrt(np.maximum(values, 0.0) + RIDGE)[:, None]
     halves = inverse @ (rows / scale).T  # (k, n)
     told = 1.0 - penalty / scale**2 * np.sum(inverse**2, axis=0)
     # A curve is about as rough where the rows do not tell it as where they do.
