@@ -8,8 +8,8 @@ import sys
 from calibrator import online, outliers, places, prepare, temperatures, thermal, training
 from calibrator.models import domain, selection
 from gap_diagnosis import passes
-from gap_diagnosis.closed_loop import held_out, misread, polish, swing
-from gap_diagnosis.evidence import acceptance, left_out
+from gap_diagnosis.closed_loop import held_out, misread, polish, replay, rests, swing
+from gap_diagnosis.evidence import acceptance, judgement, left_out
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, rest_places, windows
 from gap_diagnosis.law import judged, search
@@ -36,11 +36,12 @@ MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
                    drive_play, foreseen, forward, grid, held_out, imitations, inbox_backend,
-                   judged, kinematics, knots, lacking, left_out, library, loops, machine, misread,
-                   motions, online, outliers, pairs, passes, periodic, places, polish, prepare,
-                   propose, rest_places, rivals, scene, search, selection, separation,
-                   servo_clocks, servo_part, shape, shared, slow_rows, straightness, swing,
-                   swinging, temperatures, thermal, told, training, unrecorded, windows)
+                   judged, judgement, kinematics, knots, lacking, left_out, library, loops,
+                   machine, misread, motions, online, outliers, pairs, passes, periodic, places,
+                   polish, prepare, propose, replay, rest_places, rests, rivals, scene, search,
+                   selection, separation, servo_clocks, servo_part, shape, shared, slow_rows,
+                   straightness, swing, swinging, temperatures, thermal, told, training,
+                   unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -111,6 +112,10 @@ gap of a far loop beside which an alternative's takes its place, at most | {told
 force balance that is left, over what others left that the loop refuted | {left_out.FAR_MORE:g}
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
+draws of the noise of a loop that sticks | {replay.DRAWS}
+noise below the steps of an encoder that is tried, over that of rounding | {rests.HIDDEN:.0%}
+gap that another way to rest leaves, at most | {rests.CLOSER:.0%}
+share of models that may stay structured | {judgement.SERVO_STRUCTURE:.0%}
 gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
 the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}
 what is left above the noise and an effect that was lacking explains, from | {forward.LACKING:.0%}

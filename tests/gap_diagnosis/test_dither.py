@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop import dither
 from gap_diagnosis.closed_loop.channels import chance_rms
-from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.replay import DRAWS, mean_square, replay, replays
+from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import Record, load_record
 from stage_core import topics
@@ -26,23 +27,33 @@ Maker = Callable[..., Session]
 COULOMB, PRESLIDING, NOISE, SUBSTEPS = 15.0, 4e-6, 0.8e-6, 10
 
 
-def rough() -> TwinFile:
+def rough(
+    resolution: float = 1e-8, coulomb: float = COULOMB, presliding: float = PRESLIDING
+) -> TwinFile:
     """A nominal twin that states a friction, with a fine encoder."""
     twin = nominal()
-    fine = replace(twin.servo('x'), encoder_resolution=1e-8)
-    known = {'coulomb': COULOMB, 'presliding': PRESLIDING}
+    fine = replace(twin.servo('x'), encoder_resolution=resolution)
+    known = {'coulomb': coulomb, 'presliding': presliding}
     return replace(twin, axes={'x': fine}).with_effects({'coulomb_friction.x': known})
 
 
-def run(twin: TwinFile, wanted: Array, rate: Array, noise: Array) -> tuple[Array, Array, Array]:
+def run(
+    twin: TwinFile,
+    wanted: Array,
+    rate: Array,
+    noise: Array,
+    presliding: float,
+) -> tuple[Array, Array, Array]:
     """Readings, velocity commands and forces (n,) of the loop of interfaces.md, step by step."""
     axis, period = twin.servo('x'), twin.control_period
+    coulomb = twin.effects['coulomb_friction.x']['coulomb']
     keep, short = np.exp(-period * axis.velocity_filter), period / SUBSTEPS
     position, speed, bristle = float(wanted[0]), 0.0, 0.0
     last, filtered, integral = position, 0.0, 0.0
     out = np.zeros((3, len(wanted)))
     for k in range(len(wanted)):
-        reading = position + noise[k]
+        step = axis.encoder_resolution
+        reading = step * np.round((position + noise[k]) / step)
         filtered = keep * filtered + (1.0 - keep) * (reading - last) / period
         last = reading
         command = axis.position_gain * (wanted[k] - reading) + axis.velocity_feedforward * rate[k]
@@ -50,23 +61,21 @@ def run(twin: TwinFile, wanted: Array, rate: Array, noise: Array) -> tuple[Array
         integral += axis.integral_gain * period * (command - filtered)
         out[:, k] = reading, command, force
         for _ in range(SUBSTEPS):
-            still = np.exp(-short * abs(speed) / PRESLIDING)
-            bristle = still * bristle + (1.0 - still) * np.copysign(PRESLIDING, speed)
-            friction = COULOMB * bristle / PRESLIDING
+            still = np.exp(-short * abs(speed) / presliding)
+            bristle = still * bristle + (1.0 - still) * np.copysign(presliding, speed)
+            friction = coulomb * bristle / presliding
             speed += short * (force - axis.viscous * speed - friction) / axis.mass
             position += short * speed
     return out[0], out[1], out[2]
 
 
-@pytest.fixture(scope='module')
-def noisy(planted: Maker) -> Session:
+def recorded(planted: Maker, twin: TwinFile, std: float, presliding: float) -> Session:
     """A session of that machine whose controller reads noise, made without the simulation."""
-    twin = rough()
     path = reference(12.0, twin.control_period, 1)[:, 0]
     rate = np.gradient(path, twin.control_period)
-    noise = NOISE * np.random.default_rng(5).standard_normal(len(path))
+    noise = std * np.random.default_rng(5).standard_normal(len(path))
     noise[0] = 0.0
-    readings, commands, forces = run(twin, path, rate, noise)
+    readings, commands, forces = run(twin, path, rate, noise, presliding)
     session = planted({})
     del session.series[topics.TRACKER_POINT]
     state, command = session.series[topics.JOINT_STATES], session.series[topics.COMMAND]
@@ -77,6 +86,12 @@ def noisy(planted: Maker) -> Session:
     asked = Series(command.topic, command.stamps, {**command.values, **told})
     series = {topics.JOINT_STATES: changed, topics.COMMAND: asked}
     return replace(session, series={**session.series, **series})
+
+
+@pytest.fixture(scope='module')
+def noisy(planted: Maker) -> Session:
+    """Its encoder shows the noise."""
+    return recorded(planted, rough(), NOISE, PRESLIDING)
 
 
 def left(record: Record, draw: int | None) -> float:
@@ -123,6 +138,37 @@ def test_two_runs_of_a_loop_that_sticks_differ_by_chance(noisy: Session) -> None
     # As the machine differs from its own twin, up to the noise of its readings.
     assert 0.2 * NOISE < apart < 1.5 * left(record, 0)
     assert chance_rms([record], replace(rough(), effects={}), {}, ['x']) == 0.0
+
+
+def test_the_gap_of_a_loop_that_sticks_is_the_mean_over_draws(noisy: Session) -> None:
+    record = load_record(noisy, rough())
+    runs = replays(record, rough(), {})
+    assert len(runs) == DRAWS
+    squares = [run['encoder.x'] ** 2 for run in runs]
+    np.testing.assert_allclose(mean_square(runs, 'encoder.x'), np.mean(squares, axis=0))
+    assert not np.array_equal(squares[0], squares[1])
+    assert len(replays(record, replace(rough(), effects={}), {})) == 1
+
+
+def test_a_machine_that_rests_without_presliding(planted: Maker) -> None:
+    """Its twin's friction creeps under the noise of the encoder."""
+    session = recorded(planted, rough(), 0.4 * NOISE, 0.005 * PRESLIDING)
+    (record,) = with_rests([load_record(session, rough())], rough(), {})
+    assert record.noise is not None and record.noise.axes[0].dry
+    found = diagnose([session], [], rough())
+    assert found.verdict == []
+    assert any('as with a dry friction' in note for note in found.warnings)
+
+
+def test_noise_that_the_steps_of_an_encoder_hide(planted: Maker) -> None:
+    firm, light = rough(0.5e-6, 40.0, 1e-6), rough(1e-6, 15.0, 0.5e-6)
+    for twin, noise, hidden in ((firm, 0.05e-6, True), (light, 0.0, False)):
+        presliding = twin.effects['coulomb_friction.x']['presliding']
+        record = load_record(recorded(planted, twin, noise, presliding), twin)
+        (own,) = with_rests([record], twin, {})
+        assert own.noise is not None and not own.noise.axes[0].beyond_steps
+        assert bool(own.noise.axes[0].at_rest) is hidden
+        assert bool(rest_notes(own)) is hidden
 
 
 def test_a_twin_that_diverges_is_far_from_the_record_and_no_infinity(

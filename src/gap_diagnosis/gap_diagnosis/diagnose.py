@@ -21,7 +21,7 @@ from gap_diagnosis.closed_loop.channels import (
     position_rms,
     session_rms,
 )
-from gap_diagnosis.closed_loop.rests import with_rests
+from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import far_from_explained
@@ -258,6 +258,7 @@ def _notes(
         *(rested.few() if rested is not None else []),
         *dict.fromkeys(warning for record in records for warning in record.warnings),
         *prepared.notes,
+        *rest_notes(records[0]),
         *unrepeated_notes(unrepeated),
         *noise_notes(records, prepared.twin, told, channels),
     ]

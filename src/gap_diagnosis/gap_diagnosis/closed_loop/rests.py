@@ -46,6 +46,30 @@ def with_rests(records: Sequence[Record], twin: TwinFile, effects: Effects) -> l
     return whole
 
 
+def rest_notes(record: Record) -> list[str]:
+    """What a reader has to know of axes whose twin is not run as its file says."""
+    if record.noise is None:
+        return []
+    notes: list[str] = []
+    for axis, own in zip(record.axes, record.noise.axes, strict=True):
+        if own.at_rest:
+            notes.append(
+                f'axis {axis}: noise that the steps of the encoder hide lets the machine creep at '
+                f'rest; its twin is run with {1e9 * own.at_rest:.2g} nm of it'
+            )
+        elif own.at_rest == 0.0:
+            notes.append(
+                f'axis {axis}: at rest the noise of the encoder moves the machine less than its '
+                'twin, which is run without that noise'
+            )
+        if own.dry:
+            notes.append(
+                f'axis {axis}: the machine rests as with a dry friction; the twin is run without '
+                'the presliding that it states, set it to 0'
+            )
+    return notes
+
+
 def _ways(
     record: Record, i: int, twin: TwinFile, effects: Effects
 ) -> list[tuple[float | None, bool]]:
