@@ -37,6 +37,7 @@ from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.rest_places import rest_places
 from gap_diagnosis.input.windows import held_out_windows, judging
+from gap_diagnosis.law.judged import Law
 from gap_diagnosis.law.learn import learn
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Parameters, plain_values
@@ -98,7 +99,7 @@ def diagnose(
     pack(twin)  # refuses effects that there are not
     memory = Memory()
     prepared = prepare(sessions, holdout, twin, without, simulated)
-    barred, least, asked, again = list(prepared.without), dict[str, float](), set[str](), False
+    barred, least, asked, again = list(prepared.without), dict[str, float](), set[str](), True
     while True:
         result = _diagnose(prepared, twin_name, seed, progress, barred, memory)
         refuted = {c.effect for c in result.causes if c.refuted}
@@ -113,29 +114,33 @@ def diagnose(
                 prepared, memory, barred = other, Memory(), list(other.without)
                 least.clear()
                 continue
-        if not again:
-            again = True
-            records = with_rests(prepared.records, prepared.twin, result.run_effects)
-            if [r.noise for r in records] != [r.noise for r in prepared.records]:
-                prepared, memory = replace(prepared, records=records), Memory()
-                continue
+        rested, again = _rested(prepared, result) if again else prepared, False
+        if rested is not prepared:
+            prepared, memory = rested, Memory()
+            continue
         out, why = left_out(result, prepared, least, seed)
         if not out:
             if result.structured or not result.accepted:
                 progress('a law of what remains')
-                result.laws = learn(
-                    result.records,
-                    result.twin,
-                    result.parts,
-                    result.run_effects,
-                    result.channels,
-                    seed,
-                )
+                result.laws = _laws(result, seed)
             result.started = sessions[0].recorded_ns
             judge.name_beside_unknown(result.causes, result.parts, barred[len(without) :])
             return result
         progress(why)
         barred += out
+
+
+def _laws(result: Diagnosis, seed: int) -> list[Law]:
+    """Laws of what the effects leave."""
+    effects, channels = result.run_effects, result.channels
+    return learn(result.records, result.twin, result.parts, effects, channels, seed)
+
+
+def _rested(prepared: Prepared, result: Diagnosis) -> Prepared:
+    """The same, but for how the twin with the effects that were found rests best."""
+    records = with_rests(prepared.records, prepared.twin, result.run_effects)
+    same = [r.noise for r in records] == [r.noise for r in prepared.records]
+    return prepared if same else replace(prepared, records=records)
 
 
 def _diagnose(

@@ -153,15 +153,7 @@ def prepare(
     records = declared_terms(_load(sessions, twin) + _load(holdout, twin, held_out=True), twin)
     if twin.kind == 'servo' and twin.gains_stated and not simulated:
         records = [with_windows(r, twin) for r in records]
-    check_duration(records)
-    if twin.kind != 'stepper' and not any(
-        moves_while_judged(records, i) for i in range(len(records[0].axes))
-    ):
-        raise StageError(
-            f'{records[0].name}: no axis moves in the windows that judge it; {EXCITATION_HINT}'
-        )
-    if any(r.axes != records[0].axes for r in records):
-        raise StageError('the sessions have different axes: diagnose them one by one')
+    _check_records(records, twin)
     laws: dict[str, DriveLaw] = {}
     apart: list[str] = []
     if not all(r.effort_recorded for r in records):
@@ -190,6 +182,19 @@ def prepare(
     return _moving(
         Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart), unlike)
     )
+
+
+def _check_records(records: list[Record], twin: TwinFile) -> None:
+    """Refuse records that are too short, of a machine at rest, or of different axes."""
+    check_duration(records)
+    if twin.kind != 'stepper' and not any(
+        moves_while_judged(records, i) for i in range(len(records[0].axes))
+    ):
+        raise StageError(
+            f'{records[0].name}: no axis moves in the windows that judge it; {EXCITATION_HINT}'
+        )
+    if any(r.axes != records[0].axes for r in records):
+        raise StageError('the sessions have different axes: diagnose them one by one')
 
 
 def _moving(before: Prepared) -> Prepared:

@@ -306,11 +306,6 @@ class Selector:
         least = min(least, self.noise) if lacking else least
         return least if term.base is None else max(least, rules.of_gap * self.problem.stated)
 
-    def as_stated(self, name: str, gain: float) -> bool:
-        """Whether an effect gains no more than the error of a model that the twin states of it."""
-        stated = self.problem.terms[name].base is not None
-        return stated and gain < self.rules.of_gap * self.problem.stated
-
     def _simplify(self, accepted: list[str], base: Fit) -> tuple[list[str], Fit]:
         """Drop plain effects that a later, richer one holds as special cases."""
         for name in list(accepted):

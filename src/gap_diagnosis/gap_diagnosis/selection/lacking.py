@@ -57,9 +57,16 @@ def _candidates(part: Part) -> list[Trial]:
         for t in trials
         if t.evidence.admissible and t.evidence.interval[0] > 0.0
         if not t.odd and not effect_of(t.evidence.name).swings
-        if not selector.as_stated(t.evidence.name, t.evidence.gain)
+        if not _as_stated(part, t)
     ]
     return sorted(good, key=lambda t: (-t.evidence.gain, t.evidence.name))[:MOST]
+
+
+def _as_stated(part: Part, trial: Trial) -> bool:
+    """Whether an effect gains no more than the error of a model that the twin states of it."""
+    problem, evidence = part.problem, trial.evidence
+    stated = problem.terms[evidence.name].base is not None
+    return stated and evidence.gain < part.selector.rules.of_gap * problem.stated
 
 
 def _with_trial(part: Part, trial: Trial) -> Part:
