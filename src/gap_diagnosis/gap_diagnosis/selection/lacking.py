@@ -7,6 +7,7 @@ delay or a lag explains a small share of it. The loop follows the record far bet
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
@@ -36,7 +37,7 @@ def with_lacking(part: Part, loop: AxisLoop) -> Part:
     if before < FOLLOWS * loop.floor or math.isinf(before):
         return part
     best, least = part, LEFT * before
-    for trial in _candidates(part):
+    for trial in _candidates(part, loop.twin.effects):
         other = _with_trial(part, trial)
         if not all(
             part.selector.admissible(other.selection.fit, n) for n in other.selection.accepted
@@ -48,8 +49,12 @@ def with_lacking(part: Part, loop: AxisLoop) -> Part:
     return best
 
 
-def _candidates(part: Part) -> list[Trial]:
-    """Effects that explain something of the remainder for certain, the largest first."""
+def _candidates(part: Part, stated: Collection[str]) -> list[Trial]:
+    """Effects that explain something of the remainder for certain, the largest first.
+
+    Other values of those that the twin has `stated` have to explain more than a model's error.
+    """
+    error = part.selector.rules.of_gap * part.problem.stated
     selector, selection = part.selector, part.selection
     trials = selector.trials(selection.fit, selection.accepted).values()
     good = [
@@ -57,16 +62,9 @@ def _candidates(part: Part) -> list[Trial]:
         for t in trials
         if t.evidence.admissible and t.evidence.interval[0] > 0.0
         if not t.odd and not effect_of(t.evidence.name).swings
-        if not _as_stated(part, t)
+        if t.evidence.name not in stated or t.evidence.gain > error
     ]
     return sorted(good, key=lambda t: (-t.evidence.gain, t.evidence.name))[:MOST]
-
-
-def _as_stated(part: Part, trial: Trial) -> bool:
-    """Whether an effect gains no more than the error of a model that the twin states of it."""
-    problem, evidence = part.problem, trial.evidence
-    stated = problem.terms[evidence.name].base is not None
-    return stated and evidence.gain < part.selector.rules.of_gap * problem.stated
 
 
 def _with_trial(part: Part, trial: Trial) -> Part:
