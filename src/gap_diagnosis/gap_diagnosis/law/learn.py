@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.channels import Channel, position_rms
-from gap_diagnosis.closed_loop.replay import replay
+from gap_diagnosis.closed_loop.replay import mean_square, replays
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import judging, scored_ticks
 from gap_diagnosis.law.judged import Law, law_of
@@ -180,14 +180,21 @@ def _gap(
     now, axis = position_rms(dict(channels), 'after'), law.channel[-1]
     if law.unit == 'm':
         name, gaps = f'tracker.{axis}', [np.full(1, law.after)]
-        return now, position_rms({**channels, name: replace(channels[name], after=gaps)}, 'after')
+        return now, _with(channels, name, gaps)
     name = f'encoder.{axis}'
     others = {n: v for n, v in effects.items() if n not in law.instead}
     try:
-        gaps = [
-            replay(r, twin, {**others, law.effect: law.values})[name][scored_ticks(r)]
+        runs = [
+            (replays(r, twin, {**others, law.effect: law.values}), scored_ticks(r))
             for r in judging(records)
         ]
     except StageError:
         return now, float('inf')
-    return now, position_rms({**channels, name: replace(channels[name], after=gaps)}, 'after')
+    gaps = [np.sqrt(mean_square(own, name)[ticks]) for own, ticks in runs]
+    return now, _with(channels, name, gaps)
+
+
+def _with(channels: Mapping[str, Channel], name: str, gaps: list[Array]) -> float:
+    """RMS gap of all position channels with other gaps of one of them."""
+    other = replace(channels[name], after=gaps, drawn={})
+    return position_rms({**channels, name: other}, 'after')

@@ -304,6 +304,7 @@ class Selector:
         term = self.problem.terms[name]
         lacking = term.propose is None and gain > LACKING * rest > LACKING * self.noise
         least = min(least, self.noise) if lacking else least
+        # What the twin states of an effect is right up to the error of its model.
         return least if term.base is None else max(least, rules.of_gap * self.problem.stated)
 
     def _simplify(self, accepted: list[str], base: Fit) -> tuple[list[str], Fit]:
