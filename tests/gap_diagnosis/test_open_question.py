@@ -20,6 +20,8 @@ from stage_core.pages import Page
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 
+from .conftest import nominal
+
 
 @pytest.fixture(scope='module')
 def open_question(planted: Callable[..., Session]) -> Diagnosis:
@@ -65,3 +67,12 @@ def test_what_no_run_can_confirm_stands_beside_unknown(open_question: Diagnosis)
     shown = Page('test')
     file.section(shown, replace(open_question, causes=causes))
     assert 'drive_play.x would explain the force' in shown.render()
+
+
+def test_a_force_law_is_judged_by_its_own_run(planted: Callable[..., Session]) -> None:
+    spring = {'stiffness': 400.0, 'hardening': 0.0, 'centre': 0.0}
+    record = planted({'cable_force.x': spring})
+    barred = ('cable_force', 'position_force', 'force_ripple')
+    (law,) = diagnose([record], [], nominal(), without=barred).laws
+    assert law.unit == 'N' and law.runs
+    assert law.gap[1] < 0.5 * law.gap[0]
