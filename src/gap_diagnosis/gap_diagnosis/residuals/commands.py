@@ -12,17 +12,8 @@ from scipy.ndimage import maximum_filter1d
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import GAUSS
 from gap_diagnosis.parameters import Estimates, Parameters
-from gap_diagnosis.residuals.controller import (
-    EDGE,
-    MISMATCH,
-    follows,
-    force_increments,
-    is_plain,
-    mismatch,
-    quiet,
-    velocity_law,
-    with_found,
-)
+from gap_diagnosis.residuals.control_law import EDGE, force_increments, quiet, velocity_law
+from gap_diagnosis.residuals.controller import MISMATCH, follows, is_plain, mismatch, with_found
 from stage_core.twin_file import ServoAxis, TwinFile
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.residuals.controller import filtered, velocity_law
+from gap_diagnosis.residuals.control_law import filtered, velocity_law
 from gap_diagnosis.residuals.operators import central_difference, smooth
 from stage_core.twin_file import ServoAxis
 

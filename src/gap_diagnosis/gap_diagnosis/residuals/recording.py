@@ -19,13 +19,14 @@ from gap_diagnosis.input.checks import check_controller
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import LEAST_JITTER, jitter_finding
 from gap_diagnosis.parameters import Estimates, Parameters, plain_values
-from gap_diagnosis.residuals.controller import (
-    MISMATCH,
+from gap_diagnosis.residuals.control_law import (
+    NO_WORSE,
     fit_law,
     force_increments,
     quiet,
     velocity_law,
 )
+from gap_diagnosis.residuals.controller import MISMATCH, beside_noise
 from gap_diagnosis.residuals.operators import (
     central_difference,
     centred_hold,
@@ -223,8 +224,8 @@ def _convention(
     if factor < 0.0:
         return values, True
     rounding = ROUNDED * float(np.sqrt(np.mean(written**2)))
-    most = rounding + ANOTHER_LAW * _left_by_any_law(judged, i, axis, efforts)
-    if not math.sqrt(left) <= most:  # not a number where each tick that fits is clipped
+    read = _with_efforts(judged, i, efforts)
+    if not _is_one_factor(read, i, _unclipped(axis, efforts), factor, math.sqrt(left) - rounding):
         return {}, False
     moved = math.log(max(_moved_by(judged, i, axis, efforts), 1e-300))
     told = abs(moved - math.log(factor)) < NEARER * abs(moved)
@@ -256,17 +257,36 @@ def _factor(written: Array, law: Array) -> tuple[float, float]:
     return factor, float(np.mean((written - factor * law) ** 2))
 
 
-def _left_by_any_law(
-    records: list[Record], i: int, axis: ServoAxis, efforts: list[Array]
-) -> float:
-    """RMS of the increments [N] that the best gains of any controller leave of efforts."""
+def _is_one_factor(
+    records: list[Record], i: int, axis: ServoAxis, factor: float, left: float
+) -> bool:
+    """Whether no controller of other gains explains efforts better than the twin's times a factor.
+
+    `left` is the RMS of the increments [N] that the factor leaves beyond rounding.
+    """
+    law = fit_law(records, i, axis)
+    if not law.noisy:
+        return left <= ANOTHER_LAW * law.left  # not a number where each tick that fits is clipped
+    gains = {
+        'velocity_gain': factor * axis.velocity_gain,
+        'integral_gain': factor * axis.integral_gain,
+    }
+    unit = beside_noise(records, i, replace(axis, **gains))
+    return unit <= NO_WORSE * beside_noise(records, i, law.gains)
+
+
+def _with_efforts(records: list[Record], i: int, efforts: list[Array]) -> list[Record]:
+    """The records with other efforts of one axis."""
     column = np.arange(records[0].force.shape[1]) == i
-    read = [
+    return [
         replace(r, force=np.where(column, e[:, None], r.force))
         for r, e in zip(records, efforts, strict=True)
     ]
-    peak = max(float(np.abs(effort).max()) for effort in efforts)
-    return fit_law(read, i, replace(axis, force_limit=peak)).left
+
+
+def _unclipped(axis: ServoAxis, efforts: list[Array]) -> ServoAxis:
+    """The axis with the largest of its efforts as its limit, whatever their unit."""
+    return replace(axis, force_limit=max(float(np.abs(effort).max()) for effort in efforts))
 
 
 def _increments(record: Record, i: int, axis: ServoAxis, effort: Array) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ from scipy.ndimage import minimum_filter1d
 from scipy.optimize import least_squares, minimize_scalar
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.residuals.controller import position_loop
+from gap_diagnosis.residuals.control_law import position_loop
 from gap_diagnosis.residuals.drive_law import DriveLaw, apart, errors_of, followed, force_of
 from gap_diagnosis.residuals.operators import centred_hold
 from gap_diagnosis.residuals.problem import Problem
