@@ -155,6 +155,12 @@ def test_a_machine_that_rests_without_presliding(planted: Maker) -> None:
     session = recorded(planted, rough(), 0.4 * NOISE, 0.005 * PRESLIDING)
     (record,) = with_rests([load_record(session, rough())], rough(), {})
     assert record.noise is not None and record.noise.axes[0].dry
+    # Nobody asked for this axis, and without its friction it is run as usual.
+    (other,) = with_rests([record], rough(), {}, ['y'])
+    assert other.noise == record.noise
+    (calm,) = with_rests([record], replace(rough(), effects={}), {})
+    assert calm.noise is not None
+    assert (calm.noise.axes[0].dry, calm.noise.axes[0].at_rest) == (False, None)
     found = diagnose([session], [], rough())
     assert found.verdict == []
     assert any('as with a dry friction' in note for note in found.warnings)

@@ -21,6 +21,7 @@ from gap_diagnosis.closed_loop.channels import (
     position_rms,
     session_rms,
 )
+from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
 from gap_diagnosis.evidence import judgement as judge
@@ -113,6 +114,7 @@ def diagnose(
                 # What was refuted beside the wrong unit may be there beside the right one.
                 prepared, memory, barred = other, Memory(), list(other.without)
                 least.clear()
+                again = True
                 continue
         rested, again = _rested(prepared, result) if again else prepared, False
         if rested is not prepared:
@@ -230,11 +232,12 @@ def _far(
 
 
 def _without_stated(records: list[Record], twin: TwinFile, axes: list[str]) -> float:
-    """RMS [m] of the encoders' gap without servo effects that the twin states; 0 without."""
-    kept = {n: v for n, v in twin.effects.items() if link_of(n) != 'servo'}
+    """RMS [m] of the encoders' gap without frictions that the twin states; 0 without."""
+    kept = {n: v for n, v in twin.effects.items() if not sticks([n])}
     if len(kept) == len(twin.effects):
         return 0.0
-    return session_rms(records, replace(twin, effects=kept), {}, axes)[0]
+    without, _ = session_rms(records, replace(twin, effects=kept), {}, axes)
+    return without if math.isfinite(without) else 0.0
 
 
 def _unrepeated(

@@ -3,8 +3,9 @@
 The controller answers the noise of each reading with a force, and an axis that is shaken creeps
 where one without noise stands still (dither: Armstrong-Hélouvry, Dupont and Canudas de Wit, "A
 survey of models, analysis tools and compensation methods for the control of machines with
-friction", Automatica 30, 1994). So a twin with a friction is run with a draw of the noise that was
-measured. What the loop without effects answers to the same draw is no gap, and is taken out again.
+friction", Automatica 30, 1994). So a twin with a friction is run with draws of the noise that was
+measured, or of that with which it rests as the machine does (`rests`). What the loop without
+effects answers to the same draw is no gap, and is taken out again.
 """
 
 from __future__ import annotations
@@ -29,8 +30,9 @@ Axes = tuple[tuple[str, ServoAxis], ...]
 
 #: Step [m] of an encoder that does not round.
 STEPLESS = 1e-12
-#: Draws and answers that are kept: of both axes together and of each alone.
-KEPT = 12
+#: Draws and answers that are kept: four of both axes together and of each alone, with two noises,
+#: of two sessions.
+KEPT = 48
 
 
 def sticks(effects: Iterable[str]) -> bool:

@@ -18,7 +18,6 @@ from dataclasses import replace
 from gap_diagnosis.closed_loop import dither
 from gap_diagnosis.closed_loop.replay import replayed_gap
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.noise import AxisNoise
 from gap_diagnosis.input.windows import fitted_ticks
 from gap_diagnosis.parameters import Effects
 from stage_core.quantities import split_effect
@@ -32,17 +31,24 @@ HIDDEN = 0.3
 CLOSER = 0.7
 
 
-def with_rests(records: Sequence[Record], twin: TwinFile, effects: Effects) -> list[Record]:
-    """The records, each axis with the noise and the presliding with which the twin rests alike."""
+def with_rests(
+    records: Sequence[Record], twin: TwinFile, effects: Effects, axes: Sequence[str] | None = None
+) -> list[Record]:
+    """The records with the noise and the presliding with which the twin's `axes` (all) rest alike.
+
+    An axis without a friction is run as usual.
+    """
     whole = list(records)
     for i, axis in enumerate(records[0].axes):
-        if whole[0].noise is None or axis in whole[0].untold:
+        if axis in whole[0].untold or (axes is not None and axis not in axes):
             continue
-        ways = [[_run(r, i, *way) for r in whole] for way in _ways(records[0], i, twin, effects)]
+        ways = [[_run(r, i, *way) for r in whole] for way in _ways(axis, twin, effects)]
+        best = 0
         if len(ways) > 1:
             gaps = [_gap(way, twin, effects, axis) for way in ways]
             best = gaps.index(min(gaps))
-            whole = ways[best] if gaps[best] < CLOSER * gaps[0] else ways[0]
+            best = best if gaps[best] < CLOSER * gaps[0] else 0
+        whole = ways[best]
     return whole
 
 
@@ -70,29 +76,25 @@ def rest_notes(record: Record) -> list[str]:
     return notes
 
 
-def _ways(
-    record: Record, i: int, twin: TwinFile, effects: Effects
-) -> list[tuple[float | None, bool]]:
-    """Noise [m] (None: as measured) and dryness of the twin's friction; the usual way first."""
-    axis = record.axes[i]
+def _ways(axis: str, twin: TwinFile, effects: Effects) -> list[tuple[bool, bool]]:
+    """Whether an axis has another noise, and a dry friction; the usual way first."""
     sticking = [n for n in (*twin.effects, *effects) if split_effect(n)[1] == axis]
-    if twin.kind != 'servo' or not dither.sticks(sticking) or record.noise is None:
-        return []
-    own = record.noise.axes[i]
-    other = 0.0 if own.beyond_steps else HIDDEN * own.quantum / math.sqrt(12.0)
+    if twin.kind != 'servo' or not dither.sticks(sticking):
+        return [(False, False)]
     stated = [n for n in sticking if n in twin.effects and n not in effects]
     dry = (False, True) if dither.sticks(stated) else (False,)
-    return list(itertools.product((None, other), dry))
+    return list(itertools.product((False, True), dry))
 
 
-def _run(record: Record, i: int, noise: float | None, dry: bool) -> Record:
-    assert record.noise is not None
-
-    def own(axis: AxisNoise) -> AxisNoise:
-        return replace(axis, at_rest=noise, dry=dry)
-
-    axes = tuple(own(a) if k == i else a for k, a in enumerate(record.noise.axes))
-    return replace(record, noise=replace(record.noise, axes=axes))
+def _run(record: Record, i: int, other: bool, dry: bool) -> Record:
+    """The record with the measured noise of an axis, or the `other` one."""
+    if record.noise is None:
+        return record
+    axes = list(record.noise.axes)
+    own = axes[i]
+    hidden = 0.0 if own.beyond_steps else HIDDEN * own.quantum / math.sqrt(12.0)
+    axes[i] = replace(own, at_rest=hidden if other else None, dry=dry)
+    return replace(record, noise=replace(record.noise, axes=tuple(axes)))
 
 
 def _gap(records: list[Record], twin: TwinFile, effects: Effects, axis: str) -> float:

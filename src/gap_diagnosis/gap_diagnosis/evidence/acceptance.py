@@ -338,7 +338,7 @@ def far_from_explained(
     before, after : RMS of the held-out gap without and with the named effects [m]
     floor : noise floor of the same channels [m]
     named : whether any effect is named
-    stated : RMS of that gap without the servo effects that the twin states [m]: of these, too,
+    stated : RMS of that gap without the frictions that the twin states [m]: of these, too,
         models are approximations
     """
     left = (after if named else before) ** 2 - floor**2

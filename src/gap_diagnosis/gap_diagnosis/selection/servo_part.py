@@ -11,7 +11,7 @@ from gap_diagnosis.closed_loop.rests import with_rests
 from gap_diagnosis.closed_loop.swing import LEAST_SHARE, swings_as_much
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.describe import describe, model_of
-from gap_diagnosis.parameters import Parameters, plain_values
+from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.lacking import with_lacking
@@ -52,7 +52,7 @@ def fit_servo(
             return replace(part, unconfirmed=unconfirmed)
         found = describe(part.selection, part.selector.regression)
         # How the twin rests best hangs on what acts on it.
-        rests = with_rests(loop.records, loop.twin, plain_values({**found, **loop.known}))
+        rests = with_rests(loop.records, loop.twin, loop.with_known(found), [loop.axis])
         loop = replace(loop, records=rests)
         contradicted = _contradicted(accepted, found, loop)
         if contradicted:
