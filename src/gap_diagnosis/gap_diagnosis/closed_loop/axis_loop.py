@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.polish import closest, polish
-from gap_diagnosis.closed_loop.replay import mean_square, replayed_gap, replays
+from gap_diagnosis.closed_loop.replay import mean_square, of_axis, replayed_gap, replays
 from gap_diagnosis.closed_loop.steps import stepless, unrepeated_steps, without_steps
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
@@ -92,7 +92,8 @@ class AxisLoop:
         out = []
         for record in judging(self.records):
             try:
-                squares = mean_square(replays(record, twin, effects), self.channel)
+                own = of_axis(record, twin, effects, self.axis)
+                squares = mean_square(replays(own, twin, effects), self.channel)
             except StageError:
                 squares = np.full(len(record.time), math.inf)
             for window in held_out_windows(record):

@@ -8,12 +8,12 @@ They are kept only if the gap on these windows shrinks.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.closed_loop.replay import replay, replayed_gap
+from gap_diagnosis.closed_loop.replay import of_axis, replay, replayed_gap
 from gap_diagnosis.closed_loop.steps import stepless, without_steps
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.calibrated import SPREAD
@@ -27,7 +27,6 @@ from stage_core.errors import StageError
 from stage_core.metrics import SIGMAS
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-from stage_twin import hooks
 from stage_twin.effects import EFFECTS
 
 Array = NDArray[np.float64]
@@ -43,33 +42,6 @@ MOVED = 0.03  # in `_Loop.scale`, of a parameter by which the gap is differentia
 #: value where the other one is true, and 0.67 where the force balance is right.
 MUCH_BETTER = 0.4
 BLOCK = 2.0  # s, left out at a time
-
-
-def one_axis(record: Record, axis: str) -> Record:
-    """A record of one axis alone, without tracker."""
-    i = record.column(axis)
-    columns = {
-        name: getattr(record, name)[:, [i]]
-        for name in (
-            'reference',
-            'reference_velocity',
-            'velocity_command',
-            'force',
-            'encoder',
-        )
-    }
-    warm = None if record.temperature is None else record.temperature[:, [i]]
-    noise = record.noise and replace(record.noise, axes=(record.noise.axes[i],))
-    return replace(
-        record,
-        axes=(axis,),
-        noise=noise,
-        moving=(record.moving[i],),
-        temperature=warm,
-        tracker=None,
-        tracker_time=None,
-        **columns,
-    )
 
 
 @dataclass(frozen=True)
@@ -197,7 +169,7 @@ def polish(
     from a moment on, and where it needs the steps of its encoder to follow it. Elsewhere they
     are the mean of both estimates, each with the weight of its certainty.
     """
-    fitted = _fitting(records, axis, {**fixed, **found})
+    fitted = _fitting(records, twin, axis, {**fixed, **found})
     floor = channel_floor(with_noise(twin, fitted), f'encoder.{axis}')
 
     def left(effects: Parameters) -> float:
@@ -222,7 +194,7 @@ def closest(
 
     Infinite where no machine could run.
     """
-    fitted = _fitting(records, axis, {**fixed, **found})
+    fitted = _fitting(records, twin, axis, {**fixed, **found})
     loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed))
     try:
         _, residual, _ = loop.lowest()
@@ -231,12 +203,11 @@ def closest(
     return float(np.sqrt(np.mean(residual**2)))
 
 
-def _fitting(records: list[Record], axis: str, effects: Parameters) -> list[Record]:
+def _fitting(
+    records: list[Record], twin: TwinFile, axis: str, effects: Parameters
+) -> list[Record]:
     """The records to which effects are fitted, of the axis alone where none couples them."""
-    fitted = [r for r in records if not r.held_out_session]
-    if any(hooks.couples(split_effect(e)[0]) for e in effects):
-        return fitted
-    return [one_axis(r, axis) for r in fitted]
+    return [of_axis(r, twin, effects, axis) for r in records if not r.held_out_session]
 
 
 def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Parameters:

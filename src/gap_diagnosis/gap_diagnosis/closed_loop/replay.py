@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from gap_diagnosis.residuals.recording import CONVENTION
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ForceAxis, TwinFile
+from stage_twin import hooks
 from stage_twin.effects import link_of
 from stage_twin.measured_force import simulate_measured_force, smooth_motion
 from stage_twin.simulate import simulate
@@ -78,6 +79,40 @@ def replays(
     return [replay(record, twin, effects, draw) for draw in range(draws if shaken else 1)]
 
 
+def of_axis(record: Record, twin: TwinFile, effects: Collection[str], axis: str) -> Record:
+    """The record of one axis, where no effect of the twin or of `effects` couples the axes."""
+    if any(hooks.couples(split_effect(name)[0]) for name in (*twin.effects, *effects)):
+        return record
+    return _one_axis(record, axis)
+
+
+def _one_axis(record: Record, axis: str) -> Record:
+    """A record of one axis alone, without tracker."""
+    i = record.column(axis)
+    columns = {
+        name: getattr(record, name)[:, [i]]
+        for name in (
+            'reference',
+            'reference_velocity',
+            'velocity_command',
+            'force',
+            'encoder',
+        )
+    }
+    warm = None if record.temperature is None else record.temperature[:, [i]]
+    noise = record.noise and replace(record.noise, axes=(record.noise.axes[i],))
+    return replace(
+        record,
+        axes=(axis,),
+        noise=noise,
+        moving=(record.moving[i],),
+        temperature=warm,
+        tracker=None,
+        tracker_time=None,
+        **columns,
+    )
+
+
 def mean_square(runs: Sequence[Mapping[str, Array]], channel: str) -> Array:
     """Squared gap (n,) of a channel, mean over the runs."""
     return np.asarray(np.mean([run[channel] ** 2 for run in runs], axis=0))
@@ -92,8 +127,12 @@ def replayed_gap(
     draws: int = DRAWS,
 ) -> float:
     """RMS of the gap of a channel on some ticks; infinite where no machine could run."""
+    axis = channel[-1]
     try:
-        runs = [(replays(r, twin, effects, draws), ticks(r)) for r in records]
+        runs = [
+            (replays(of_axis(r, twin, effects, axis), twin, effects, draws), ticks(r))
+            for r in records
+        ]
         squares = [mean_square(own, channel)[rows] for own, rows in runs]
     except StageError:
         return math.inf

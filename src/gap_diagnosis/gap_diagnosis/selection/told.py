@@ -27,14 +27,18 @@ Array = NDArray[np.float64]
 #: stays far from the record with either. On two seeds of foreign simulators a right delay or lag
 #: left 0.60 and 0.63 of what the wrong one did, wrong alternatives 1.07 and more.
 MUCH_CLOSER = 0.7
+#: The same below which one of more parameters does, where the loop follows the record: a torque
+#: that sags at once is a gain of the drive, and left 0.95 of what the right gain did.
+RICHER = 0.7
 
 
 def told_by_loop(part: Part, loop: AxisLoop) -> Selection:
     """The selection in which the loop decides between accepted effects and their alternatives.
 
     One with which the loop follows the held-out record worse for certain is no alternative, nor
-    is one beside which no machine has the others. A loop that swings decides nothing. One that
-    stays far from the record says which comes much closer with the parameters that suit it best.
+    is one beside which no machine has the others. One with more parameters has to follow it much
+    closer. A loop that swings decides nothing. One that stays far from the record says which comes
+    much closer with the parameters that suit it best.
     """
     selector, selection = part.selector, part.selection
 
@@ -56,7 +60,7 @@ def told_by_loop(part: Part, loop: AxisLoop) -> Selection:
             low, high = bootstrap_interval(mine - its, selector.seed, level=selector.rules.level)
             if not possible or high < 0.0:
                 selection.evidence[name].alternatives.remove(rival)
-            elif low > 0.0:
+            elif low > 0.0 and (not _richer(other, selection) or _rms(its) < RICHER * _rms(mine)):
                 selection = other
                 break
     return selection
@@ -68,6 +72,11 @@ def _much_closer(
     """Whether another set comes much closer to a record that neither follows."""
     its, mine = (loop.closest(describe(s, selector.regression)) for s in (other, selection))
     return its < MUCH_CLOSER * mine
+
+
+def _richer(other: Selection, selection: Selection) -> bool:
+    """Whether another set has more parameters."""
+    return other.fit.size > selection.fit.size
 
 
 def _rms(gaps: Array) -> float:
