@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,8 @@ from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.report.document import as_dict
 from gap_diagnosis.residuals.commands import controller_findings
 from gap_diagnosis.residuals.control_law import force_increments, velocity_law
-from gap_diagnosis.residuals.recording import _path, in_another_unit, in_newtons
+from gap_diagnosis.residuals.effort_signs import likeliest
+from gap_diagnosis.residuals.recording import in_another_unit, in_newtons
 from gap_diagnosis.result import Diagnosis
 from session_bags.writer import write_session
 from stage_core import topics
@@ -226,6 +228,18 @@ def test_an_effort_without_sign_is_told_although_noise_takes_it_below_zero(
     assert result.verdict == ['effort_convention.x']
 
 
+def test_noise_that_is_most_of_the_increments_of_an_effort_hides_no_unit(planted: Maker) -> None:
+    twin = other_gains({})
+    record = load_record(planted({}, duration=10.0), twin)
+    size, step = 0.7, twin.servo('x').encoder_resolution
+    noise = np.random.default_rng(4).normal(0.0, size, record.force.shape)
+    known = Noise((AxisNoise(step / math.sqrt(12.0), 0.0, 0.1 * size, step),), None)
+    made = replace(record, force=0.1 * (record.force + noise), noise=known)
+    (told,) = in_newtons([made], twin, ())[1].values()
+    assert told['factor'][0] == pytest.approx(0.1, abs=3.0 * told['factor'][1])
+    assert told['factor'][1] < 0.001
+
+
 def test_an_effort_of_the_wrong_sign_that_is_all_noise_has_lost_none(planted: Maker) -> None:
     twin = other_gains({})
     record = load_record(planted({}, duration=10.0), twin)
@@ -238,7 +252,7 @@ def test_an_effort_of_the_wrong_sign_that_is_all_noise_has_lost_none(planted: Ma
 
 def test_the_signs_of_magnitudes_are_those_whose_increments_follow_the_law() -> None:
     force = 3.0 * np.sin(np.arange(1.0, 60.0))
-    np.testing.assert_array_equal(_path(np.abs(force), np.diff(force)), np.sign(force))
+    np.testing.assert_array_equal(likeliest(np.abs(force), np.diff(force)), np.sign(force))
 
 
 def test_an_effort_that_the_twin_says_of_itself_is_no_finding(planted: Maker) -> None:

@@ -23,10 +23,12 @@ from gap_diagnosis.residuals.control_law import (
     NO_WORSE,
     fit_law,
     force_increments,
+    levels,
     quiet,
     velocity_law,
 )
 from gap_diagnosis.residuals.controller import MISMATCH, beside_noise
+from gap_diagnosis.residuals.effort_signs import signs_of
 from gap_diagnosis.residuals.operators import (
     central_difference,
     centred_hold,
@@ -65,7 +67,6 @@ SHOWN = 5.0
 BELOW_ZERO = 5.0
 #: Share of ticks of the other sign, from which on a record without signs has lost them.
 BOTH_SIGNS = 0.01
-ROUNDS = 3  # of signs and unit in turn
 
 
 def in_newtons(
@@ -175,7 +176,7 @@ def _converted(
             continue
         force[:, i] /= values['factor']
         if values['magnitude'] > 0.5:
-            force[:, i] *= _signs(record, i, twin.servo(axis), force[:, i])
+            force[:, i] *= signs_of(record, i, twin.servo(axis), force[:, i])
         if noises:
             noises[i] = replace(noises[i], effort=noises[i].effort / abs(values['factor']))
     noise = None if record.noise is None else replace(record.noise, axes=tuple(noises))
@@ -204,16 +205,20 @@ def _convention(
     exact = left < ROUNDED**2 * float(np.mean(written**2))
     unsigned = not exact and all(e.min() >= low for e, low in zip(efforts, least, strict=True))
     if unsigned:
-        signs = [_signs(r, i, axis, e) for r, e in zip(judged, efforts, strict=True)]
+        signs = [signs_of(r, i, axis, e) for r, e in zip(judged, efforts, strict=True)]
         unsigned = float(np.mean(np.concatenate(signs) < 0.0)) > BOTH_SIGNS
     if unsigned:
         efforts = [e * s for e, s in zip(efforts, signs, strict=True)]
         written, law = _all_increments(judged, i, axis, efforts)
         factor, left = _factor(written, law)
+    read, unclipped = _with_efforts(judged, i, efforts), _unclipped(axis, efforts)
     noise = _noise_of_increments(judged, i) if own_gains else 0.0
-    shown = float(np.mean(written**2)) - noise
+    if not _followed(written, left, noise) and fit_law(read, i, unclipped).noisy:
+        # That noise is most of the increments, and little of the effort.
+        written, law = _all_increments(judged, i, axis, efforts, whole=True)
+        (factor, left), noise = _factor(written, law), 0.0
     deviation = math.sqrt(left / float(law @ law))
-    if left - noise > (1.0 - FOLLOWED) * max(shown, 0.0) or abs(factor) < SHOWN * deviation:
+    if not _followed(written, left, noise) or abs(factor) < SHOWN * deviation:
         return {}, False
     if abs(factor - 1.0) < max(LEAST_UNIT, 3.0 * deviation):
         return (
@@ -224,8 +229,7 @@ def _convention(
     if factor < 0.0:
         return values, True
     rounding = ROUNDED * float(np.sqrt(np.mean(written**2)))
-    read = _with_efforts(judged, i, efforts)
-    if not _is_one_factor(read, i, _unclipped(axis, efforts), factor, math.sqrt(left) - rounding):
+    if not _is_one_factor(read, i, unclipped, factor, math.sqrt(left) - rounding):
         return {}, False
     moved = math.log(max(_moved_by(judged, i, axis, efforts), 1e-300))
     told = abs(moved - math.log(factor)) < NEARER * abs(moved)
@@ -233,10 +237,16 @@ def _convention(
     return values, told and any(r.moving[i] for r in judged)
 
 
+def _followed(written: Array, left: float, noise: float) -> bool:
+    """Whether a factor leaves little of what was written (n,) beyond a noise (mean squares)."""
+    shown = float(np.mean(written**2)) - noise
+    return left - noise <= (1.0 - FOLLOWED) * max(shown, 0.0)
+
+
 def _all_increments(
-    records: list[Record], i: int, axis: ServoAxis, efforts: list[Array]
+    records: list[Record], i: int, axis: ServoAxis, efforts: list[Array], whole: bool = False
 ) -> tuple[Array, Array]:
-    pairs = [_increments(r, i, axis, e) for r, e in zip(records, efforts, strict=True)]
+    pairs = [_increments(r, i, axis, e, whole) for r, e in zip(records, efforts, strict=True)]
     written, law = (np.concatenate(side) for side in zip(*pairs, strict=True))
     return written, law
 
@@ -289,13 +299,20 @@ def _unclipped(axis: ServoAxis, efforts: list[Array]) -> ServoAxis:
     return replace(axis, force_limit=max(float(np.abs(effort).max()) for effort in efforts))
 
 
-def _increments(record: Record, i: int, axis: ServoAxis, effort: Array) -> tuple[Array, Array]:
-    """Increments of the effort and those of the law's force [N], where neither is clipped."""
+def _increments(
+    record: Record, i: int, axis: ServoAxis, effort: Array, whole: bool
+) -> tuple[Array, Array]:
+    """Increments of the effort and those of the law's force [N], where neither is clipped.
+
+    As a `whole` they are summed up again.
+    """
     law = force_increments(record, i, axis, velocity_law(record, i, axis))
     size = np.abs(effort)
     use = (size < 0.999 * size.max()) & record.whole(record.time)
     use[:5] = False
     both = use[1:] & use[:-1]
+    if whole:
+        return levels(record, i, np.diff(effort), both), levels(record, i, law, both)
     return quiet(record, i, np.diff(effort))[both], quiet(record, i, law)[both]
 
 
@@ -312,39 +329,3 @@ def _moved_by(records: list[Record], i: int, axis: ServoAxis, efforts: list[Arra
         rows.append(smooth(signals, period, CORNER)[whole])
         target.append(smooth(centred_hold(effort, axis.delay / period), period, CORNER)[whole])
     return float(np.linalg.lstsq(np.concatenate(rows), np.concatenate(target), rcond=None)[0][0])
-
-
-def _signs(record: Record, i: int, axis: ServoAxis, effort: Array) -> Array:
-    """Sign (n,) of the force of which an effort is the magnitude.
-
-    Of the two signs of each tick those whose increments follow the law best (Viterbi, IEEE Trans.
-    Information Theory 13, 1967).
-    """
-    law = force_increments(record, i, axis, velocity_law(record, i, axis))
-    size = np.abs(effort)
-    # In most ticks the sign stays.
-    unit = math.sqrt(float(law @ law) / max(float(np.sum(np.diff(size) ** 2)), 1e-300))
-    for _ in range(ROUNDS):
-        signs = _path(unit * size, law)
-        written = np.diff(signs * size)
-        unit = float(law @ law) / max(float(written @ law), 1e-300)
-    return signs
-
-
-def _path(size: Array, law: Array) -> Array:
-    """Signs (n,) of sizes (n,) [N] whose increments follow those of a law (n - 1,) best."""
-    before, after = size[:-1], size[1:]
-    # Columns: the sign after is + or -.
-    same = np.column_stack([(after - before - law) ** 2, (before - after - law) ** 2])
-    crossed = np.column_stack([(after + before - law) ** 2, (-after - before - law) ** 2])
-    costs, turned = np.zeros(2), np.zeros((len(law), 2), dtype=bool)
-    for k in range(len(law)):
-        stay, turn = costs + same[k], costs[::-1] + crossed[k]
-        turned[k] = turn < stay
-        costs = np.where(turned[k], turn, stay)
-    signs, state = np.empty(len(size)), int(np.argmin(costs))
-    for k in range(len(law), 0, -1):
-        signs[k] = 1.0 - 2.0 * state
-        state = 1 - state if turned[k - 1, state] else state
-    signs[0] = 1.0 - 2.0 * state
-    return signs
