@@ -127,6 +127,19 @@ def test_what_was_most_of_what_was_lacking_may_be_little_of_the_gap(
     assert found.matters is stands
 
 
+@pytest.mark.parametrize(('balance', 'stands'), [(0.3, False), (0.95, True)])
+def test_what_explains_the_balance_of_an_axis_without_other_gaps_may_move_it_little(
+    balance: float, stands: bool
+) -> None:
+    """A lag in the steps of an encoder: the gap shrinks for certain, but by 4 % only."""
+    after = np.full(6000, 1e-12)
+    encoder = Sides(1.08 * after, after, 'm', 1e-6, 1.08e-12)
+    found = shrink_of(
+        'current_loop_lag.x', {'encoder.x': encoder}, 0, ['encoder.x'], False, balance
+    )
+    assert found.matters is stands
+
+
 @pytest.mark.parametrize(('closed', 'stands'), [(0.05, False), (0.3, True)])
 def test_what_the_noise_hides_is_no_error_of_the_table(closed: float, stands: bool) -> None:
     left = np.full(6000, 1e-12)

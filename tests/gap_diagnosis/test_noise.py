@@ -262,3 +262,6 @@ def test_a_gap_far_above_its_floor_is_not_explained_by_a_name_either() -> None:
     assert not far_from_explained(9e-6, 3e-6, 1e-6, named=True)
     assert not far_from_explained(90e-6, 7e-6, 1e-6, named=True)
     assert far_from_explained(3e-6, 3e-6, 1e-6, named=False)
+    # Beside a friction that the twin states it is the error of that friction's model.
+    assert not far_from_explained(3e-6, 3e-6, 1e-6, named=False, stated=20e-6)
+    assert far_from_explained(5e-6, 5e-6, 1e-6, named=False, stated=20e-6)

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from benchmarks.experiment.machine import draw, poor_motion, record
 from benchmarks.experiment.machine import nominal as plane
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
-from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.diagnose import diagnose, silent
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.parameters import Effects
+from gap_diagnosis.memory import Memory
+from gap_diagnosis.parameters import Effects, Parameters
+from gap_diagnosis.passes import prepare, servo_part
 from gap_diagnosis.selection.servo_part import _contradicted
-from gap_diagnosis.selection.told import MUCH_CLOSER
+from gap_diagnosis.selection.told import MUCH_CLOSER, told_by_loop
+from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
 
 from .conftest import nominal
+
+Array = NDArray[np.float64]
 
 DELAY, LAG = 'actuation_delay.x', 'current_loop_lag.x'
 
@@ -83,6 +90,28 @@ def test_a_loop_that_is_far_from_the_record_tells_which_comes_closer(
     right = loop.closest({planted: {key: (1.8e-3, 1e-5)}})
     wrong = loop.closest({rival: {other: (1.8e-3, 1e-5)}})
     assert FAR_BESIDE * loop.floor < right < MUCH_CLOSER * wrong
+
+
+@pytest.mark.parametrize(('share', 'exchanged'), [(0.95, False), (0.5, True)])
+def test_a_richer_alternative_has_to_follow_much_closer(
+    planted: Callable[..., Session], share: float, exchanged: bool
+) -> None:
+    """A torque that sags within a second is a gain of the drive with parameters more."""
+    gain, sag = 'drive_gain.x', 'torque_sag.x'
+
+    class Loop(AxisLoop):
+        """One whose gap is by a share less with the richer effect, for certain."""
+
+        def window_gaps(self, found: Parameters) -> Array:
+            return np.full(12, 2.0 * self.floor * (share if sag in found else 1.0))
+
+    before = prepare([planted({gain: {'error': -0.11}})], [], nominal(), ())
+    part = servo_part(before, 'x', before.direct, 0, [], Memory(), silent)
+    assert part.selection.accepted == [gain]
+    own = replace(part.selection.evidence[gain], alternatives=[sag])
+    part = replace(part, selection=replace(part.selection, evidence={gain: own}))
+    told = told_by_loop(part, Loop(before.records, before.twin, 'x', before.direct))
+    assert told.accepted == [sag if exchanged else gain]
 
 
 def test_of_effects_that_are_refuted_together_the_one_that_alone_fits_is_kept() -> None:
