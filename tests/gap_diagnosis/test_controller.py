@@ -228,10 +228,12 @@ def test_an_effort_without_sign_is_told_although_noise_takes_it_below_zero(
     assert result.verdict == ['effort_convention.x']
 
 
-def test_noise_that_is_most_of_the_increments_of_an_effort_hides_no_unit(planted: Maker) -> None:
+@pytest.mark.parametrize('size', [0.7, 0.1, 0.01])
+def test_noise_of_an_effort_hides_no_unit(planted: Maker, size: float) -> None:
+    """The largest [N] is most of the increments of the effort."""
     twin = other_gains({})
     record = load_record(planted({}, duration=10.0), twin)
-    size, step = 0.7, twin.servo('x').encoder_resolution
+    step = twin.servo('x').encoder_resolution
     noise = np.random.default_rng(4).normal(0.0, size, record.force.shape)
     known = Noise((AxisNoise(step / math.sqrt(12.0), 0.0, 0.1 * size, step),), None)
     made = replace(record, force=0.1 * (record.force + noise), noise=known)

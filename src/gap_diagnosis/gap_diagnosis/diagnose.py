@@ -237,7 +237,9 @@ def _without_stated(records: list[Record], twin: TwinFile, axes: list[str]) -> f
     if len(kept) == len(twin.effects):
         return 0.0
     without, _ = session_rms(records, replace(twin, effects=kept), {}, axes)
-    return without if math.isfinite(without) else 0.0
+    # A loop that runs away without them tells nothing of them.
+    travel = max(float(np.ptp(r.reference, axis=0).max()) for r in records)
+    return without if without < travel else 0.0
 
 
 def _unrepeated(

@@ -40,9 +40,11 @@ def with_rests(
     """
     whole = list(records)
     for i, axis in enumerate(records[0].axes):
-        if axis in whole[0].untold or (axes is not None and axis not in axes):
+        noises = [r.noise.axes[i] for r in whole if r.noise is not None]
+        if axis in whole[0].untold or not noises or (axes is not None and axis not in axes):
             continue
-        ways = [[_run(r, i, *way) for r in whole] for way in _ways(axis, twin, effects)]
+        shown = any(noise.beyond_steps for noise in noises)
+        ways = [[_run(r, i, shown, *way) for r in whole] for way in _ways(axis, twin, effects)]
         best = 0
         if len(ways) > 1:
             gaps = [_gap(way, twin, effects, axis) for way in ways]
@@ -86,13 +88,16 @@ def _ways(axis: str, twin: TwinFile, effects: Effects) -> list[tuple[bool, bool]
     return list(itertools.product((False, True), dry))
 
 
-def _run(record: Record, i: int, other: bool, dry: bool) -> Record:
-    """The record with the measured noise of an axis, or the `other` one."""
+def _run(record: Record, i: int, shown: bool, other: bool, dry: bool) -> Record:
+    """The record with the measured noise of an axis, or the `other` one, and a dry friction.
+
+    The other one is none where sessions have `shown` noise beyond the steps of the encoder.
+    """
     if record.noise is None:
         return record
     axes = list(record.noise.axes)
     own = axes[i]
-    hidden = 0.0 if own.beyond_steps else HIDDEN * own.quantum / math.sqrt(12.0)
+    hidden = 0.0 if shown else HIDDEN * own.quantum / math.sqrt(12.0)
     axes[i] = replace(own, at_rest=hidden if other else None, dry=dry)
     return replace(record, noise=replace(record.noise, axes=tuple(axes)))
 

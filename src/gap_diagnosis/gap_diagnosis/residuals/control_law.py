@@ -166,12 +166,13 @@ def _best_law(
         ticks = sum(int(fit_ticks(r, i, axis).sum()) for r in records)
         step = CORNER_STEP * corner
         before, after = velocity_loop(corner - step), velocity_loop(corner + step)
-        bend = max(before[2] ** 2 + after[2] ** 2 - 2.0 * cost**2, 1e-300)
-        std = own['velocity_filter'] = step * cost * math.sqrt(2.0 / (ticks * bend))
-        # What both gains follow of the corner's error.
-        for k, name in enumerate(('velocity_gain', 'integral_gain')):
-            slope = (after[0][k] - before[0][k]) / (2.0 * step)
-            own[name] = math.hypot(own[name], slope * std)
+        bend = before[2] ** 2 + after[2] ** 2 - 2.0 * cost**2
+        if bend > 0.0:
+            std = own['velocity_filter'] = step * cost * math.sqrt(2.0 / (ticks * bend))
+            # What both gains follow of the corner's error.
+            for k, name in enumerate(('velocity_gain', 'integral_gain')):
+                slope = (after[0][k] - before[0][k]) / (2.0 * step)
+                own[name] = math.hypot(own[name], slope * std)
     return Law(gains, deviations | own, cost)
 
 

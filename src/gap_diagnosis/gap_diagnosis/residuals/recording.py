@@ -21,13 +21,14 @@ from gap_diagnosis.input.noise import LEAST_JITTER, jitter_finding
 from gap_diagnosis.parameters import Estimates, Parameters, plain_values
 from gap_diagnosis.residuals.control_law import (
     NO_WORSE,
+    Law,
     fit_law,
     force_increments,
     levels,
     quiet,
     velocity_law,
 )
-from gap_diagnosis.residuals.controller import MISMATCH, beside_noise
+from gap_diagnosis.residuals.controller import MISMATCH
 from gap_diagnosis.residuals.effort_signs import signs_of
 from gap_diagnosis.residuals.operators import (
     central_difference,
@@ -53,7 +54,8 @@ NO_GAIN = 3.0
 #: 0.002 of it.
 LEAST_UNIT = 0.02
 #: RMS that a unit may leave of the recorded increments over what a controller with other gains
-#: leaves: 0.9 to 1.1 of records in another unit, 3000 and more of controllers with other gains.
+#: leaves, where the effort has no noise of its own: 0.9 to 1.1 of records in another unit, 3000
+#: and more of controllers with other gains.
 ANOTHER_LAW = 2.0
 #: Share of the recorded increments that rounding may leave: 1e-14 of records in another unit, 6e-3
 #: and more of controllers with other gains.
@@ -211,16 +213,18 @@ def _convention(
         efforts = [e * s for e, s in zip(efforts, signs, strict=True)]
         written, law = _all_increments(judged, i, axis, efforts)
         factor, left = _factor(written, law)
-    read, unclipped = _with_efforts(judged, i, efforts), _unclipped(axis, efforts)
     noise = _noise_of_increments(judged, i) if own_gains else 0.0
-    if not _followed(written, left, noise) and fit_law(read, i, unclipped).noisy:
-        # That noise is most of the increments, and little of the effort.
-        written, law = _all_increments(judged, i, axis, efforts, whole=True)
-        (factor, left), noise = _factor(written, law), 0.0
+    own = None
+    if not _followed(written, left, noise) or abs(factor - 1.0) >= LEAST_UNIT:
+        own = fit_law(_with_efforts(judged, i, efforts), i, _unclipped(axis, efforts))
+        if own.noisy:
+            # That noise is much of the increments, and little of the effort.
+            written, law = _all_increments(judged, i, axis, efforts, whole=True)
+            (factor, left), noise = _factor(written, law), 0.0
     deviation = math.sqrt(left / float(law @ law))
     if not _followed(written, left, noise) or abs(factor) < SHOWN * deviation:
         return {}, False
-    if abs(factor - 1.0) < max(LEAST_UNIT, 3.0 * deviation):
+    if own is None or abs(factor - 1.0) < max(LEAST_UNIT, 3.0 * deviation):
         return (
             {'factor': (1.0, deviation), 'magnitude': (1.0, deviation)} if unsigned else {}
         ), True
@@ -228,13 +232,25 @@ def _convention(
     # A loop whose gain has the other sign would run away.
     if factor < 0.0:
         return values, True
-    rounding = ROUNDED * float(np.sqrt(np.mean(written**2)))
-    if not _is_one_factor(read, i, unclipped, factor, math.sqrt(left) - rounding):
+    if not math.sqrt(left) <= _most_left(judged, i, own, efforts, written):
         return {}, False
     moved = math.log(max(_moved_by(judged, i, axis, efforts), 1e-300))
     told = abs(moved - math.log(factor)) < NEARER * abs(moved)
     told = told or abs(math.log(factor)) > math.log(NO_GAIN)
     return values, told and any(r.moving[i] for r in judged)
+
+
+def _most_left(
+    records: list[Record], i: int, own: Law, efforts: list[Array], written: Array
+) -> float:
+    """RMS [N] that a unit may leave of what was written (n,) beside the best law of any gains.
+
+    It is not a number where each tick that fits is clipped.
+    """
+    if own.noisy:
+        _, best = _all_increments(records, i, own.gains, efforts, whole=True)
+        return NO_WORSE * float(np.sqrt(np.mean((written - best) ** 2)))
+    return ROUNDED * float(np.sqrt(np.mean(written**2))) + ANOTHER_LAW * own.left
 
 
 def _followed(written: Array, left: float, noise: float) -> bool:
@@ -265,24 +281,6 @@ def _factor(written: Array, law: Array) -> tuple[float, float]:
     """Factor of the law's increments that is nearest to the recorded ones, and what it leaves."""
     factor = float(written @ law / (law @ law))
     return factor, float(np.mean((written - factor * law) ** 2))
-
-
-def _is_one_factor(
-    records: list[Record], i: int, axis: ServoAxis, factor: float, left: float
-) -> bool:
-    """Whether no controller of other gains explains efforts better than the twin's times a factor.
-
-    `left` is the RMS of the increments [N] that the factor leaves beyond rounding.
-    """
-    law = fit_law(records, i, axis)
-    if not law.noisy:
-        return left <= ANOTHER_LAW * law.left  # not a number where each tick that fits is clipped
-    gains = {
-        'velocity_gain': factor * axis.velocity_gain,
-        'integral_gain': factor * axis.integral_gain,
-    }
-    unit = beside_noise(records, i, replace(axis, **gains))
-    return unit <= NO_WORSE * beside_noise(records, i, law.gains)
 
 
 def _with_efforts(records: list[Record], i: int, efforts: list[Array]) -> list[Record]:
