@@ -109,6 +109,7 @@ increments of a noisy effort at a limit that the law leaves, at least | {command
 the same of an effort whose noise is its own, at least | {commands.STANDS:.0f} times
 what an effect explains that an alternative explains, at least | {rivals.LEAST_OF_ITS_GAIN:.0%}
 gap of a far loop beside which an alternative's takes its place, at most | {told.MUCH_CLOSER:.0%}
+gap in the loop beside which a richer alternative takes its place, at most | {told.RICHER:.0%}
 force balance that is left, over what others left that the loop refuted | {left_out.FAR_MORE:g}
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
