@@ -25,6 +25,7 @@ from gap_diagnosis.selection import (
     slow_rows,
     swinging,
     told,
+    trials,
 )
 from stage_core import clocks
 from stage_driver import inbox_backend, servo_clocks
@@ -41,7 +42,7 @@ MODULES = {
                    polish, prepare, propose, replay, rest_places, rests, rivals, scene, search,
                    selection, separation, servo_clocks, servo_part, shape, shared, slow_rows,
                    straightness, swing, swinging, temperatures, thermal, told, training,
-                   unrecorded, windows)
+                   trials, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -120,6 +121,7 @@ share of models that may stay structured | {judgement.SERVO_STRUCTURE:.0%}
 gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
 the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}
 what is left above the noise and an effect that was lacking explains, from | {forward.LACKING:.0%}
+effect that is not searched: it changes at its start, of the least gain or noise, below | {trials.HOPELESS:.0%}
 gap that an effect explains which is impossible alone, and a pair, from | {pairs.NEARLY_ALL:.0%}
 loop's gap that a refinement leaves where the balance was wrong, at most | {polish.MUCH_BETTER:.0%}
 mean square curvature of a guide, beside that of what it leaves | {shared.ROUGH:g} times

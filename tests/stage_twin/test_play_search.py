@@ -29,9 +29,9 @@ class Rows:
     def position(self):
         return [self.path]
 
-    def columns(self, signals):
+    def columns(self, *signals):
         slow = np.exp(-0.5 * (np.arange(-15, 16) / 5.0) ** 2)
-        return np.column_stack([np.convolve(s, slow / slow.sum(), 'same') for s in signals])
+        return np.column_stack([np.convolve(s, slow / slow.sum(), 'same') for (s,) in signals])
 
     def residual(self):
         needed = np.zeros_like(self.path)

@@ -153,13 +153,11 @@ class ForceRows:
 
     def columns(self, *signals: list[Array]) -> Array:
         """Columns (n, k): each per-session signal low-passed, sliding rows only."""
-        kept = [np.flatnonzero(keep) for keep in self.keep]
-        ends = np.cumsum([len(rows) for rows in kept])
-        out = np.empty((ends[-1], len(signals)))
-        for j, signal in enumerate(signals):
-            for end, one, record, rows in zip(ends, signal, self.records, kept, strict=True):
-                out[end - len(rows) : end, j] = self.passed(one, record.period)[rows]
-        return out
+        parts = []
+        for record, keep, *own in zip(self.records, self.keep, *signals, strict=True):
+            passed = self.passed(np.column_stack(own), record.period)
+            parts.append(passed[keep])
+        return np.concatenate(parts)
 
     def used(self, signal: list[Array]) -> Array:
         """A per-session signal (n,) at the sliding rows, as it is."""

@@ -26,23 +26,21 @@ def smooth(signal: Array, period: float, corner: float) -> Array:
     Its roll-off of f⁻² makes the noise of a twice differentiated position white above the
     corner [Hz]. `signal` has shape (n,) or (n, k).
     """
-    decay = math.exp(-2.0 * math.pi * corner * period)
-    columns = np.array(np.transpose(signal), dtype=np.float64, order='C')
-    for column in columns.reshape(-1, len(signal)):
-        _both_ways(column, decay)
-    return columns.T
+    out = np.array(signal, dtype=np.float64, order='C')
+    _both_ways(out.reshape(len(out), -1), math.exp(-2.0 * math.pi * corner * period))
+    return out
 
 
 @njit(cache=True, fastmath={'contract'})
-def _both_ways(column: Array, decay: float) -> None:
-    """Smooth a column (n,) in place, forwards and then backwards, each from its first value."""
-    new, value = 1.0 - decay, column[0]
-    for i in range(1, len(column)):
-        value = decay * value + (new * column[i] + TINY)
-        column[i] = value
-    for i in range(len(column) - 2, -1, -1):
-        value = decay * value + (new * column[i] + TINY)
-        column[i] = value
+def _both_ways(columns: Array, decay: float) -> None:
+    """Smooth columns (n, k) in place, forwards and then backwards, each from its first value."""
+    new, (count, width) = 1.0 - decay, columns.shape
+    for i in range(1, count):
+        for j in range(width):
+            columns[i, j] = decay * columns[i - 1, j] + (new * columns[i, j] + TINY)
+    for i in range(count - 2, -1, -1):
+        for j in range(width):
+            columns[i, j] = decay * columns[i + 1, j] + (new * columns[i, j] + TINY)
 
 
 def second_difference(position: Array, period: float) -> Array:
@@ -90,24 +88,13 @@ def band_limited(signal: Array, period: float, corner: float = 90.0) -> Array:
     """Zero-phase Butterworth low-pass (n,) or (n, k), flat to about 0.8 of the corner [Hz].
 
     Keeps the encoder's noise out of a regressor that the target shares it with. It is SciPy's
-    `sosfiltfilt`, compiled for one column after the other: what they are in at a time stays near
-    the processor.
+    `sosfiltfilt`, compiled for all columns at once.
     """
     sections, start = _sections(min(2.0 * corner * period, 0.9))
-    out = np.empty(np.shape(signal)[::-1])
-    columns = np.transpose(signal).reshape(-1, len(signal))
-    for column, limited in zip(columns, out.reshape(columns.shape), strict=True):
-        limited[:] = _limited(column, sections, start)
-    return out.T
-
-
-def _limited(column: Array, sections: Array, start: Array) -> Array:
-    first, last = 2.0 * column[0], 2.0 * column[-1]
-    before, after = column[PADDING:0:-1], column[-2 : -PADDING - 2 : -1]
-    padded = np.concatenate([first - before, column, last - after])
-    _pass_sections(padded, sections, start)
-    _pass_sections(padded[::-1], sections, start)
-    return padded[len(before) : len(before) + len(column)]
+    before, after = signal[PADDING:0:-1], signal[-2 : -PADDING - 2 : -1]
+    padded = np.concatenate([2.0 * signal[:1] - before, signal, 2.0 * signal[-1:] - after])
+    _pass_sections(padded.reshape(len(padded), -1), sections, start)
+    return padded[len(before) : len(before) + len(signal)]
 
 
 @lru_cache
@@ -118,21 +105,26 @@ def _sections(corner: float) -> tuple[Array, Array]:
 
 
 @njit(cache=True, fastmath={'contract'})
-def _pass_sections(column: Array, sections: Array, start: Array) -> None:
-    """Filter a column (n,) in place, from its first value on."""
+def _pass_sections(columns: Array, sections: Array, start: Array) -> None:
+    """Filter columns (n, k) in place, forwards and then backwards, each from its first value."""
     b0, b1, b2, _, a1, a2 = sections[0]
     d0, d1, d2, _, c1, c2 = sections[1]
-    s0, s1 = start[0, 0] * column[0], start[0, 1] * column[0]
-    t0, t1 = start[1, 0] * column[0], start[1, 1] * column[0]
-    for i in range(len(column)):
-        u = column[i] + TINY
-        v = b0 * u + s0
-        s0 = (b1 * u + s1) - a1 * v
-        s1 = b2 * u - a2 * v
-        w = d0 * v + t0
-        t0 = (d1 * v + t1) - c1 * w
-        t1 = d2 * v - c2 * w
-        column[i] = w
+    count, width = columns.shape
+    state = np.empty((4, width))
+    for step in (1, -1):
+        begin, end = (0, count) if step > 0 else (count - 1, -1)
+        for k in range(4):
+            state[k] = start[k // 2, k % 2] * columns[begin]
+        for i in range(begin, end, step):
+            for j in range(width):
+                u = columns[i, j] + TINY
+                v = b0 * u + state[0, j]
+                state[0, j] = (b1 * u + state[1, j]) - a1 * v
+                state[1, j] = b2 * u - a2 * v
+                w = d0 * v + state[2, j]
+                state[2, j] = (d1 * v + state[3, j]) - c1 * w
+                state[3, j] = d2 * v - c2 * w
+                columns[i, j] = w
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ physical, and while what it gains matters beside the noise and the gap.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,8 +21,8 @@ from gap_diagnosis.selection.model import Evidence, Passed, Rules, Selection, Tr
 from gap_diagnosis.selection.pairs import pair
 from gap_diagnosis.selection.possible import refined, too_few_places
 from gap_diagnosis.selection.simpler import merge, plain
+from gap_diagnosis.selection.trials import best_shape
 from stage_twin.effects import EFFECTS, effect_of
-from stage_twin.effects.term import Term
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ class Selector:
             good = [
                 (trial.evidence.gain, name)
                 for name, trial in trials.items()
-                if self._counts(trial.evidence, base)
+                if self.counts(trial.evidence, base)
             ]
             if not good:
                 rejected.update({n: t.evidence for n, t in trials.items()})
@@ -184,36 +184,9 @@ class Selector:
             *('trial', self.problem.terms[name], tuple(accepted), tuple(base.thetas.items())),
             *(float(base.residual @ base.residual), self.gap, self.rules, self.problem.whitening),
         )
-        found = self.problem.tried.once(key, lambda: self._best_shape(base, name, accepted))
+        found = self.problem.tried.once(key, lambda: best_shape(self, base, name, accepted))
         self.problem.terms[name] = found.shape
         return found._replace(evidence=replace(found.evidence, alternatives=[]))
-
-    def _best_shape(self, base: Fit, name: str, accepted: list[str]) -> Trial:
-        """An effect in its plain shape or, where that shows nothing, a curve in a richer one.
-
-        It is the one that predicts best, if the richest of all counts. A shape that finds its
-        place in the residual (`Term.propose`) is left to `grow`.
-        """
-        shape = self.problem.terms[name]
-        plain = self._shaped(base, name, shape, accepted)
-        shapes: list[Term] = []
-        richer = shape.next if shape.propose is None else None
-        while richer is not None and richer.propose is None:
-            shapes.append(richer)
-            richer = richer.next
-        if not shapes or self._counts(plain.evidence, base):
-            return plain
-        richest = self._shaped(base, name, shapes[-1], accepted)
-        if not self._counts(richest.evidence, base):
-            return plain
-        found = [self._shaped(base, name, s, accepted) for s in shapes[:-1]]
-        return max([richest, *found], key=lambda trial: trial.evidence.gain)
-
-    def _shaped(self, base: Fit, name: str, shape: Term, accepted: list[str]) -> Trial:
-        """An effect in one shape, which it has from now on."""
-        self.problem.terms[name] = shape
-        fit = self.with_effect(base, name, self.replaced(name, accepted))
-        return Trial(self._evidence(name, base, fit), fit.thetas, shape)
 
     def _simplest(self, good: list[tuple[float, str]], trials: dict[str, Trial]) -> str:
         """Of the effects that gain about as much as the best one, that with fewest parameters.
@@ -235,12 +208,13 @@ class Selector:
         linear = 0 if term.fixed else self.regression.columns(name, term.grid[0]).shape[1]
         return linear + len(term.lower)
 
-    def with_effect(self, base: Fit, name: str, without: tuple[str, ...] = ()) -> Fit:
+    def without(self, base: Fit, names: Collection[str]) -> Fit:
+        """The set less some effects, all others at their nonlinear parameters."""
+        left = {n: t for n, t in base.thetas.items() if n not in names}
+        return self.regression.linear(left) if names else base
+
+    def with_effect(self, base: Fit, name: str) -> Fit:
         """The set with one more effect: its θ refined, and that of what was taken out before."""
-        if without:
-            base = self.regression.linear(
-                {n: t for n, t in base.thetas.items() if n not in without}
-            )
         theta = self.regression.warm_start(base, name)
         free = [n for n in self.rules.kept if n in base.thetas and n != name]
         return refined(self, {**base.thetas, name: theta}, [name, *free], rounds=8)
@@ -279,7 +253,8 @@ class Selector:
             for p in effect_of(name).parameters
         )
 
-    def _evidence(self, name: str, base: Fit, fit: Fit) -> Evidence:
+    def evidence(self, name: str, base: Fit, fit: Fit) -> Evidence:
+        """What a set with one more effect gains on held-out rows."""
         gain = float(block_gains(self.problem, base, fit).mean())
         rest = max(base.mean_square(self.problem) - self.noise, 0.1 * self.noise)
         gains = block_rms_gains(self.problem, base, fit)
@@ -291,7 +266,8 @@ class Selector:
             self.admissible(fit, name),
         )
 
-    def _counts(self, evidence: Evidence, base: Fit) -> bool:
+    def counts(self, evidence: Evidence, base: Fit) -> bool:
+        """Whether a possible effect gains for certain, and enough beside noise and gap."""
         rest = max(base.mean_square(self.problem) - self.noise, 0.0)
         least = max(self.least(evidence.name, evidence.gain, rest), self.rules.of_rest * rest)
         return evidence.admissible and evidence.interval[0] > 0.0 and evidence.gain > least
@@ -333,13 +309,13 @@ class Selector:
         """Leave one out, the weakest first, until each one counts."""
         while accepted:
             less = {n: self.without_effect(fit, n) for n in accepted}
-            evidence = {n: self._evidence(n, less[n], fit) for n in accepted}
+            evidence = {n: self.evidence(n, less[n], fit) for n in accepted}
             for name in accepted:
                 evidence[name].admissible = self.admissible(fit, name)
             weak = [
                 (evidence[n].gain, n)
                 for n in accepted
-                if n not in self.rules.kept and not self._counts(evidence[n], less[n])
+                if n not in self.rules.kept and not self.counts(evidence[n], less[n])
             ]
             if not weak:
                 return accepted, fit, evidence
