@@ -113,6 +113,28 @@ def test_a_name_beside_an_unknown_is_less_probable(
     assert name.probability == evidence.FIRST_SEEN[kind]
 
 
+def test_a_name_that_is_not_told_from_another_leaves_it_the_rest(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(evidence, 'WEIGHTS', {k: {'1': 6.0} for k in evidence.WEIGHTS})
+    evidence.WEIGHTS['passed']['1'] = -6.0
+    named, sure = (
+        Cause(n, 0.0, {}, 5.0, 1.0, (0.7, 0.9), 'accepted')
+        for n in ('actuation_delay.x', 'backlash.y')
+    )
+    named.alternatives = ['current_loop_lag.x']
+    others = [
+        Cause(n, 0.0, {}, 1.0, 1.0, (0.0, 0.0), 'rejected')
+        for n in ('current_loop_lag.x', 'drive_gain.x')
+    ]
+    with_probabilities([named, sure], others, Scene(5.0, 1.0, 0.0, False, {'x': 9}))
+    assert named.probability == evidence.FIRST_SEEN[evidence.NOT_TOLD]
+    assert sure.probability == evidence.FIRST_SEEN['named'] > named.probability
+    alternative, passed = others
+    assert alternative.probability == pytest.approx(1.0 - named.probability)
+    assert passed.probability < 0.01
+
+
 def test_truths_are_put_in_the_terms_of_a_report() -> None:
     twin = TwinFile.nominal_servo()
     mass = twin.servo('x').mass

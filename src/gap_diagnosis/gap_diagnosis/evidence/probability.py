@@ -22,6 +22,8 @@ Features = dict[str, float]
 
 #: A name in a verdict that holds `unknown`, too: what is not explained may have feigned it.
 BESIDE_UNKNOWN = 'beside unknown'
+#: A name with an alternative, which the data cannot tell from it.
+NOT_TOLD = 'not told from another'
 
 #: Features are cut off here: beyond it a session of the calibration shows no more.
 LARGEST = 5.0
@@ -30,7 +32,7 @@ LARGEST = 5.0
 #: What statements were worth in the blind rows of simulators first seen, see "What statements were
 #: worth" of docs/results/foreign_machines.md. The sessions of the fit come from machines that the
 #: diagnosis was developed on: there it is 0.97 and 0.89.
-FIRST_SEEN = {'named': 0.97, BESIDE_UNKNOWN: 0.86, UNKNOWN: 0.56}
+FIRST_SEEN = {'named': 0.97, BESIDE_UNKNOWN: 0.86, NOT_TOLD: 0.70, UNKNOWN: 0.56}
 
 
 @dataclass(frozen=True)
@@ -83,25 +85,34 @@ def features(cause: Cause, causes: list[Cause], scene: Scene) -> Features:
 
 
 def probability(kind: str, values: Features, beside_unknown: bool = False) -> float:
-    """Probability that a statement of a kind is true; `1` has the weight of the constant."""
+    """Probability that a statement of a kind is true; `1` has the weight of the constant.
+
+    It is no more than what such statements were worth on machines first seen.
+    """
     weights = WEIGHTS[kind]
     total = weights['1'] + sum(w * values[n] for n, w in weights.items() if n != '1')
     fitted = 1.0 / (1.0 + math.exp(-total))
-    seen = BESIDE_UNKNOWN if beside_unknown and kind == 'named' else kind
-    return min(fitted, FIRST_SEEN.get(seen, 1.0))
+    kinds = [kind]
+    if kind == 'named':
+        kinds += [BESIDE_UNKNOWN] * beside_unknown + [NOT_TOLD] * (values.get('rivals', 0.0) > 0.0)
+    return min(fitted, *(FIRST_SEEN.get(kind, 1.0) for kind in kinds))
 
 
 def with_probabilities(causes: list[Cause], others: list[Cause], scene: Scene) -> list[Cause]:
     """Fill in the probabilities and order the list: accepted first, then by probability.
 
-    Where at most one cause is at work the candidates exclude each other: what the statement
-    leaves is dealt out to the others in proportion.
+    What a name with alternatives lacks is theirs. Where at most one cause is at work the
+    candidates exclude each other: what the statement leaves is dealt out in proportion.
     """
     everything = causes + others
     kinds = [kind_of(cause) for cause in everything]
     for cause, kind in zip(everything, kinds, strict=True):
         cause.features = features(cause, causes, scene)
         cause.probability = probability(kind, cause.features, UNKNOWN in kinds)
+    for cause in causes:
+        for other in (o for o in others if o.effect in cause.alternatives):
+            share = (1.0 - cause.probability) / len(cause.alternatives)
+            other.probability = max(other.probability, share)
     said = [c for c in everything if c.status == 'accepted']
     if len(said) == 1:
         rest = sum(c.probability for c in everything if c is not said[0])
