@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel, without_cause
+from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.swing import LEAST_SHARE
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import (
@@ -160,10 +161,18 @@ def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
 def _told_by_balance(name: str, part: Part, shrink: Shrink, run: Run) -> bool:
     """Whether an effect is most of what the balance shows, on an axis whose loop does not tell it.
 
-    That is one with an effect that no second run repeats.
+    That is one with an effect that no second run repeats. It is also one that a friction holds,
+    as it rests where chance has it, if nothing but noise is left of the balance.
     """
-    clear = part.selection.evidence[name].share > LEAST_SHARE
-    return part.name[-1] in run.unrepeated_axes and clear and not shrink.matters
+    if shrink.matters or not part.selection.evidence[name].share > LEAST_SHARE:
+        return False
+    if part.name[-1] in run.unrepeated_axes:
+        return True
+    axis = part.name[-1]
+    held = sticks(n for n in (*run.twin.effects, *run.parameters) if split_effect(n)[1] == axis)
+    noise, fit = part.selector.noise, part.selection.fit
+    alone = fit.mean_square(part.problem) < noise < part.selection.evidence[name].gain
+    return held and alone and not shrink.worse
 
 
 def _in_balance(name: str, part: Part, seed: int) -> Shrink:
