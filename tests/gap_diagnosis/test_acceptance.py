@@ -16,7 +16,7 @@ from gap_diagnosis.evidence.acceptance import (
     shrink_of,
     untold,
 )
-from gap_diagnosis.evidence.causes import _refuted
+from gap_diagnosis.evidence.causes import _refuted, _told_by_balance
 
 from .conftest import nominal
 
@@ -214,3 +214,38 @@ def test_a_yaw_whose_arm_may_be_of_any_length_is_none(
 ) -> None:
     values = {'linear': (4e-5, 1e-6), 'quadratic': (0.0, 1e-6), 'arm': arm}
     assert untold('angular_error.x', values) is none
+
+
+@pytest.mark.parametrize(
+    ('stated', 'left', 'gain', 'worse', 'told'),
+    [
+        ({'coulomb_friction.x': {}}, 0.8, 20.0, (), True),
+        ({'coulomb_friction.y': {}}, 0.8, 20.0, (), False),
+        ({'coulomb_friction.x': {}}, 1.3, 20.0, (), False),
+        ({'coulomb_friction.x': {}}, 0.8, 0.5, (), False),
+        ({'coulomb_friction.x': {}}, 0.8, 20.0, ('tracker.x',), False),
+    ],
+    ids=['held', 'another axis', 'more than noise left', 'less than noise', 'a channel is worse'],
+)
+def test_an_axis_that_a_friction_holds_is_judged_by_a_balance_that_leaves_noise(
+    stated: dict[str, dict[str, float]],
+    left: float,
+    gain: float,
+    worse: tuple[str, ...],
+    told: bool,
+) -> None:
+    name = 'inertia_mismatch.x'
+    fit = SimpleNamespace(mean_square=lambda problem: left)
+    evidence = {name: SimpleNamespace(share=1.0, gain=gain)}
+    part = SimpleNamespace(
+        name='servo.x',
+        problem=None,
+        selector=SimpleNamespace(noise=1.0),
+        selection=SimpleNamespace(fit=fit, evidence=evidence),
+    )
+    run = SimpleNamespace(
+        twin=SimpleNamespace(effects=stated), parameters={name: {}}, unrepeated_axes=set()
+    )
+    shrink = Shrink('m', 3.7e-6, 3.1e-6, (-0.02, 0.34), 1.4e-6, 0.1, worse)
+    assert not shrink.matters
+    assert _told_by_balance(name, part, shrink, run) == told
