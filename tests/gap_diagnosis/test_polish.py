@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from benchmarks.experiment.machine import session
-from gap_diagnosis.closed_loop.polish import polish
+from gap_diagnosis.closed_loop.polish import _Loop, polish
 from gap_diagnosis.input.data import load_record
 from stage_core.session import Session
 from stage_twin.effects.friction import DRY
@@ -77,3 +79,18 @@ def test_a_resonance_that_coarse_counts_hide_is_found_within_its_deviation() -> 
     for name in ('frequency', 'mass_ratio'):
         distance = abs(refined[name][0] - true[name])
         assert distance < min(3.0 * refined[name][1], 0.1 * abs(wrong[name][0] - true[name])), name
+
+
+@given(
+    st.floats(0.4, 3.0),
+    st.floats(1e-9, 10.0),
+    st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=1),
+)
+def test_no_step_leaves_the_range_of_a_parameter_even_by_a_rounding(
+    start: float, deviation: float, z: float
+) -> None:
+    found = {'stribeck_friction.x': {'exponent': (start, deviation)}}
+    loop = _Loop.at([], nominal(), 'x', found, {})
+    for place in (np.array([z]), *loop.bounds()):
+        (value,) = loop.values(place)
+        assert 0.4 <= value <= 3.0

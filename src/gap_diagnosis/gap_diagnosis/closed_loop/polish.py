@@ -76,14 +76,23 @@ class _Loop:
 
     def bounds(self) -> tuple[Array, Array]:
         """The least and the largest z (k,)."""
-        known = [EFFECTS[split_effect(e)[0]].parameter(key) for e, key in self.names]
-        low, high = ([getattr(b, end) for b in known] for end in ('minimum', 'maximum'))
+        low, high = self._ends()
         return (low - self.start) / self.scale, (high - self.start) / self.scale
+
+    def values(self, z: Array) -> Array:
+        """Parameters (k,) at z, none beyond its bounds, not even by a rounding."""
+        return np.clip(self.start + self.scale * z, *self._ends())
+
+    def _ends(self) -> tuple[Array, Array]:
+        """The least and the largest parameters (k,)."""
+        known = [EFFECTS[split_effect(e)[0]].parameter(key) for e, key in self.names]
+        low, high = (np.array([getattr(b, end) for b in known]) for end in ('minimum', 'maximum'))
+        return low, high
 
     def gap(self, z: Array) -> Array:
         """Gap (n,) of the encoder on the ticks that fit [m]."""
         effects = {e: dict(p) for e, p in self.effects.items()}
-        for (effect, key), value in zip(self.names, self.start + self.scale * z, strict=True):
+        for (effect, key), value in zip(self.names, self.values(z), strict=True):
             effects[effect][key] = float(value)
         gaps = [replay(r, self.twin, effects)[f'encoder.{self.axis}'] for r in self.records]
         return np.concatenate(
@@ -232,7 +241,7 @@ def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Para
     if left > min(FAR_BESIDE * floor, MUCH_BETTER * first):
         # The loop does not refute the force balance, whose doubt counts on.
         deviations = np.hypot(deviations, own)
-    values = loop.start + loop.scale * np.clip(z, *loop.bounds())
+    values = loop.values(z)
     refined: Parameters = {e: dict(p) for e, p in found.items()}
     for (effect, key), value, std in zip(loop.names, values, loop.scale * deviations, strict=True):
         refined[effect][key] = (float(value), float(std))

@@ -16,7 +16,7 @@ from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.lacking import with_lacking
 from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_of
-from gap_diagnosis.selection.rivals import find_rivals
+from gap_diagnosis.selection.rivals import errors_of_stated, find_rivals
 from gap_diagnosis.selection.swinging import swinging_part
 from gap_diagnosis.selection.told import told_by_loop
 from stage_twin.effects import effect_of
@@ -62,6 +62,10 @@ def fit_servo(
             part = with_lacking(part, loop)
             find_rivals(part.selector, part.selection)
             selection = told_by_loop(part, loop)
+            errors = errors_of_stated(part.selector, selection)
+            if errors:
+                barred += errors
+                continue
             residual = residual_of(problem, selection)
             part = replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)
             return hunting(part, loop)
