@@ -311,7 +311,9 @@ def _increments(
     both = use[1:] & use[:-1]
     if whole:
         return levels(record, i, np.diff(effort), both), levels(record, i, law, both)
-    return quiet(record, i, np.diff(effort))[both], quiet(record, i, law)[both]
+    # What is clipped follows no law: a filter would spread it over the ticks beside it.
+    written, law = (np.where(both, rows, 0.0) for rows in (np.diff(effort), law))
+    return quiet(record, i, written)[both], quiet(record, i, law)[both]
 
 
 def _moved_by(records: list[Record], i: int, axis: ServoAxis, efforts: list[Array]) -> float:
