@@ -86,6 +86,7 @@ def cause_of(name: str, run: Run) -> judge.Cause:
     if link_of(name) == 'servo':
         # Models of forces have errors, so that their effects are judged with them.
         own = with_model_error(name, own)
+    excused = _excused(name, showing)
     return judge.Cause(
         effect=name,
         probability=0.0,
@@ -94,7 +95,8 @@ def cause_of(name: str, run: Run) -> judge.Cause:
         gap_after=shrink.after,
         interval=shrink.interval,
         unit=shrink.unit,
-        refuted=_refuted(name, showing, shrink, own, run.twin) or _excused(name, showing),
+        refuted=excused or _refuted(name, showing, shrink, own, run.twin),
+        excused=excused,
         status='accepted',
         alternatives=_alternatives(name, stated, found),
         strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
