@@ -121,7 +121,7 @@ share of models that may stay structured | {judgement.SERVO_STRUCTURE:.0%}
 gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
 the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}
 what is left above the noise and an effect that was lacking explains, from | {forward.LACKING:.0%}
-effect that is not searched: it changes at its start, of the least gain or noise, below | {trials.HOPELESS:.0%}
+what an effect changes where its search starts, of gain or noise, at least | {trials.HOPELESS:.0%}
 gap that an effect explains which is impossible alone, and a pair, from | {pairs.NEARLY_ALL:.0%}
 loop's gap that a refinement leaves where the balance was wrong, at most | {polish.MUCH_BETTER:.0%}
 mean square curvature of a guide, beside that of what it leaves | {shared.ROUGH:g} times

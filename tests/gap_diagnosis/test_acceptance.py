@@ -16,7 +16,7 @@ from gap_diagnosis.evidence.acceptance import (
     shrink_of,
     untold,
 )
-from gap_diagnosis.evidence.causes import _excused, _refuted, _told_by_balance
+from gap_diagnosis.evidence.causes import _refuted, _told_by_balance
 
 from .conftest import nominal
 
@@ -249,32 +249,3 @@ def test_an_axis_that_a_friction_holds_is_judged_by_a_balance_that_leaves_noise(
     shrink = Shrink('m', 3.7e-6, 3.1e-6, (-0.02, 0.34), 1.4e-6, 0.1, worse)
     assert not shrink.matters
     assert _told_by_balance(name, part, shrink, run) == told
-
-
-@pytest.mark.parametrize(
-    ('left', 'share', 'structured', 'excused'),
-    [
-        (30.0, 0.13, False, True),
-        (30.0, 0.63, False, False),
-        (1.5, 0.13, False, False),
-        (30.0, 0.13, True, False),
-    ],
-    ids=['little of a large rest', 'most of it', 'noise is left', 'an unknown is left'],
-)
-def test_what_is_little_of_what_models_leave_may_be_their_error(
-    left: float, share: float, structured: bool, excused: bool
-) -> None:
-    name = 'drive_gain.x'
-    part = SimpleNamespace(
-        name='servo.x',
-        problem=None,
-        structure=SimpleNamespace(structured=structured),
-        selector=SimpleNamespace(noise=1.0),
-        selection=SimpleNamespace(
-            fit=SimpleNamespace(mean_square=lambda problem: left),
-            evidence={name: SimpleNamespace(share=share)},
-        ),
-    )
-    assert _excused(name, [part]) == excused
-    # No error of a model of forces makes the tracker swing.
-    assert not _excused(name, [part, part])

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.forward import Selector
-from gap_diagnosis.selection.model import Evidence, Rules, Selection
+from gap_diagnosis.selection.model import Rules
 from gap_diagnosis.selection.other_ways import select_best
-from gap_diagnosis.selection.rivals import errors_of_stated, find_rivals
+from gap_diagnosis.selection.rivals import find_rivals
 from stage_twin.effects.term import Array, Term, constant
 
 ROWS = 4000
@@ -54,24 +52,3 @@ def test_what_has_the_effect_as_a_special_case_is_no_rival() -> None:
     place = np.sin(TIME)
     columns = {SQUARE: place[:, None], BOW: np.column_stack([place, place**2])}
     assert rivals(5.0 * place, columns) == ([SQUARE], [])
-
-
-@pytest.mark.parametrize(
-    ('gain', 'alternatives', 'errors'),
-    [(0.5, [RIVAL], [TRUE]), (0.7, [RIVAL], []), (0.5, [], [])],
-    ids=['less than the error', 'more than the error', 'not replaced'],
-)
-def test_what_other_values_of_a_stated_effect_explain_is_more_than_its_error(
-    gain: float, alternatives: list[str], errors: list[str]
-) -> None:
-    every = np.ones(ROWS, dtype=bool)
-    column = Term(constant(np.sin(TIME)[:, None]), lambda theta, k: {})
-    terms = {TRUE: column, RIVAL: replace(column, base=np.sin(TIME))}
-    problem = Problem(
-        np.sin(TIME), every, every, np.arange(ROWS) // 50, TIME,
-        np.zeros(ROWS, dtype=np.int64), terms, NOISE, stated=1000.0,
-    )  # fmt: skip
-    selector = Selector(problem, Rules(of_gap=6e-4), 0)  # 0.6 of the stated squares of 1000
-    evidence = Evidence(TRUE, gain, (0.1, 1.0), 1.0, True, alternatives)
-    fit = selector.regression.linear({TRUE: ()})
-    assert errors_of_stated(selector, Selection([TRUE], fit, {TRUE: evidence}, {})) == errors

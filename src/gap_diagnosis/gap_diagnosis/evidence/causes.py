@@ -28,7 +28,6 @@ from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.nominal import QUANTISATION
 from gap_diagnosis.selection.contained import contained
-from gap_diagnosis.selection.forward import LACKING
 from gap_diagnosis.selection.model import Evidence
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
@@ -86,7 +85,6 @@ def cause_of(name: str, run: Run) -> judge.Cause:
     if link_of(name) == 'servo':
         # Models of forces have errors, so that their effects are judged with them.
         own = with_model_error(name, own)
-    excused = _excused(name, showing)
     return judge.Cause(
         effect=name,
         probability=0.0,
@@ -95,8 +93,7 @@ def cause_of(name: str, run: Run) -> judge.Cause:
         gap_after=shrink.after,
         interval=shrink.interval,
         unit=shrink.unit,
-        refuted=excused or _refuted(name, showing, shrink, own, run.twin),
-        excused=excused,
+        refuted=_refuted(name, showing, shrink, own, run.twin),
         status='accepted',
         alternatives=_alternatives(name, stated, found),
         strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
@@ -207,19 +204,6 @@ def shown_by_encoder(
         left = encoder.rms('after') ** 2 - floor**2
         return left > judge.SERVO_STRUCTURE * encoder.rms('before') ** 2
     return shows(np.concatenate(encoder.after), floor)
-
-
-def _excused(name: str, parts: list[Part]) -> bool:
-    """Whether an effect explains little of what the errors of models leave in a force balance.
-
-    They may as well have left what it explains. Where the tracker shows it, too, they have not.
-    """
-    if len(parts) != 1 or not parts[0].name.startswith('servo') or parts[0].structure.structured:
-        return False
-    part = parts[0]
-    noise = part.selector.noise
-    left = part.selection.fit.mean_square(part.problem) - noise
-    return left > noise and part.selection.evidence[name].share < LACKING
 
 
 def _refuted(name: str, parts: list[Part], shrink: Shrink, values: Values, twin: TwinFile) -> bool:

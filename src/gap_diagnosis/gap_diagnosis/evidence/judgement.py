@@ -79,7 +79,6 @@ class Cause:
     contains: list[Rung] = field(default_factory=list)
     unit: str = 'm'  # of the gap: N where the controller takes the force up
     refuted: bool = False  # by the twin as it is run
-    excused: bool = False  # errors of models may have left what it and its alternatives explain
     features: dict[str, float] = field(default_factory=dict)  # of the probability
 
     @property

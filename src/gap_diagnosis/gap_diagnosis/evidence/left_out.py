@@ -42,23 +42,21 @@ def _first_out(
 ) -> list[str]:
     """The refuted effect that shrinks the gap least, or all of its axis that nothing needs.
 
-    What errors of models may have left its alternatives explain as well: they go with it. All of
-    its axis are the servo effects if each of them is refuted, and together they close nothing
-    either. Two that stand for one another are refuted, too, but not together.
+    These are the servo effects of an axis if each of them is refuted, and all together close
+    nothing either. Two that stand for one another are refuted, too, but not together.
     """
-    least = min(failed, key=lambda c: c.interval[0])
-    worst, axis = least.effect, split_effect(least.effect)[1]
-    alone = [worst, *least.alternatives] if least.excused else [worst]
+    worst = min(failed, key=lambda c: c.interval[0]).effect
+    axis = split_effect(worst)[1]
     own = [n for n in result.accepted if link_of(n) == 'servo' and split_effect(n)[1] == axis]
     if worst not in own or not set(own) <= {c.effect for c in failed}:
-        return alone
+        return [worst]
     sides = {
         n: c.sides(judge.channel_floor(seen, n))
         for n, c in result.channels.items()
         if n in (f'encoder.{axis}', f'force.{axis}')
     }
     # Of a machine that is seen by a tracker alone no channel of the axis says anything.
-    return alone if not sides or shrink_of(worst, sides, seed).matters else own
+    return [worst] if not sides or shrink_of(worst, sides, seed).matters else own
 
 
 def _excluded_by_tracker(result: Diagnosis) -> str | None:

@@ -33,21 +33,6 @@ def find_rivals(selector: Selector, selection: Selection) -> None:
     selector.regression.forget()
 
 
-def errors_of_stated(selector: Selector, selection: Selection) -> list[str]:
-    """Effects that other values of a stated effect can replace, and that its model may have wrong.
-
-    As those values would have to, they have to explain more than the error of that model.
-    """
-    problem = selector.problem
-    error = selector.rules.of_gap * problem.stated
-    return [
-        name
-        for name in selection.accepted
-        if selection.evidence[name].gain < error
-        and any(problem.terms[a].base is not None for a in selection.evidence[name].alternatives)
-    ]
-
-
 def _replaces(selector: Selector, less: Fit, fit: Fit, evidence: Evidence, rival: str) -> bool:
     """Whether a rival, added to the set without the effect, does as well as the effect.
 

@@ -15,8 +15,9 @@ from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.lacking import with_lacking
+from gap_diagnosis.selection.model_errors import model_errors
 from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_of
-from gap_diagnosis.selection.rivals import errors_of_stated, find_rivals
+from gap_diagnosis.selection.rivals import find_rivals
 from gap_diagnosis.selection.swinging import swinging_part
 from gap_diagnosis.selection.told import told_by_loop
 from stage_twin.effects import effect_of
@@ -62,7 +63,7 @@ def fit_servo(
             part = with_lacking(part, loop)
             find_rivals(part.selector, part.selection)
             selection = told_by_loop(part, loop)
-            errors = errors_of_stated(part.selector, selection)
+            errors = model_errors(part, selection)
             if errors:
                 barred += errors
                 continue

@@ -1,0 +1,68 @@
+"""Drives that seem weaker, and masses larger, by the errors of other models."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gap_diagnosis.selection.model import Evidence
+from gap_diagnosis.selection.model_errors import model_errors
+from stage_twin.effects.term import Term, constant
+
+GAIN, SAG, PLAY = 'drive_gain.x', 'torque_sag.x', 'drive_play.x'
+FRICTION, RIPPLE = 'coulomb_friction.x', 'force_ripple.x'
+
+
+def errors(
+    name: str = GAIN,
+    left: float = 30.0,
+    share: float = 0.13,
+    structured: bool = False,
+    gain: float = 50.0,
+    stated: float = 0.0,
+    base: Any = None,
+) -> list[str]:
+    """What goes of a balance with noise of 1 that leaves `left`, with one effect.
+
+    Its alternative has a `base` where the twin states it, with so many squares of its force.
+    """
+    plain = Term(constant(np.ones((4, 1))), lambda theta, c: {})
+    terms = {name: plain, FRICTION: replace(plain, base=base), SAG: plain, RIPPLE: plain}
+    evidence = {name: Evidence(name, gain, (0.1, 1.0), share, True, [FRICTION])}
+    fit = SimpleNamespace(mean_square=lambda problem: left)
+    part: Any = SimpleNamespace(
+        problem=SimpleNamespace(terms=terms, stated=stated),
+        structure=SimpleNamespace(structured=structured),
+        selector=SimpleNamespace(noise=1.0, rules=SimpleNamespace(of_gap=6e-4)),
+    )
+    selection: Any = SimpleNamespace(accepted=[name], evidence=evidence, fit=fit)
+    return model_errors(part, selection)
+
+
+def test_a_drive_gain_that_is_little_of_what_models_leave_goes_with_other_scales() -> None:
+    assert errors() == [GAIN, FRICTION, SAG]
+
+
+@pytest.mark.parametrize(
+    'shown',
+    [{'share': 0.63}, {'left': 1.5}, {'structured': True}, {'name': PLAY}],
+    ids=['it is most of it', 'noise is left', 'an unknown is left', 'no scale'],
+)
+def test_what_no_error_of_a_model_can_be_stays(shown: dict[str, Any]) -> None:
+    assert errors(**shown) == []
+
+
+@pytest.mark.parametrize(
+    ('gain', 'base', 'gone'),
+    [(0.5, np.ones(4), [GAIN, FRICTION]), (0.7, np.ones(4), []), (0.5, None, [])],
+    ids=['less than its error', 'more than its error', 'not stated'],
+)
+def test_what_other_values_of_a_stated_effect_explain_is_more_than_its_error(
+    gain: float, base: Any, gone: list[str]
+) -> None:
+    # The error of the stated model is 6e-4 of its squares: 0.6.
+    assert errors(left=1.0, share=1.0, gain=gain, stated=1000.0, base=base) == gone
