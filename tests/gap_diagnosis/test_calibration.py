@@ -123,6 +123,7 @@ def test_a_name_that_is_not_told_from_another_leaves_it_the_rest(
         for n in ('actuation_delay.x', 'backlash.y')
     )
     named.alternatives = ['current_loop_lag.x']
+    sure.alternatives = ['cyclic_pitch_error.y']  # no servo effect
     others = [
         Cause(n, 0.0, {}, 1.0, 1.0, (0.0, 0.0), 'rejected')
         for n in ('current_loop_lag.x', 'drive_gain.x')

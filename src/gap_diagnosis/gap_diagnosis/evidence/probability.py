@@ -22,7 +22,7 @@ Features = dict[str, float]
 
 #: A name in a verdict that holds `unknown`, too: what is not explained may have feigned it.
 BESIDE_UNKNOWN = 'beside unknown'
-#: A name with an alternative, which the data cannot tell from it.
+#: A servo effect with an alternative, which the data cannot tell from it.
 NOT_TOLD = 'not told from another'
 
 #: Features are cut off here: beyond it a session of the calibration shows no more.
@@ -94,7 +94,8 @@ def probability(kind: str, values: Features, beside_unknown: bool = False) -> fl
     fitted = 1.0 / (1.0 + math.exp(-total))
     kinds = [kind]
     if kind == 'named':
-        kinds += [BESIDE_UNKNOWN] * beside_unknown + [NOT_TOLD] * (values.get('rivals', 0.0) > 0.0)
+        untold = values.get('servo', 0.0) * values.get('rivals', 0.0) > 0.0
+        kinds += [BESIDE_UNKNOWN] * beside_unknown + [NOT_TOLD] * untold
     return min(fitted, *(FIRST_SEEN.get(kind, 1.0) for kind in kinds))
 
 
