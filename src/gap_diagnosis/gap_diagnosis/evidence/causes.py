@@ -166,9 +166,9 @@ def _told_by_balance(name: str, part: Part, shrink: Shrink, run: Run) -> bool:
     """
     if shrink.matters or not part.selection.evidence[name].share > LEAST_SHARE:
         return False
-    if part.name[-1] in run.unrepeated_axes:
-        return True
     axis = part.name[-1]
+    if axis in run.unrepeated_axes:
+        return True
     held = sticks(n for n in (*run.twin.effects, *run.parameters) if split_effect(n)[1] == axis)
     noise, fit = part.selector.noise, part.selection.fit
     alone = fit.mean_square(part.problem) < noise < part.selection.evidence[name].gain
