@@ -19,7 +19,7 @@ from gap_diagnosis.input.noise import AxisNoise, Noise
 from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.report.document import as_dict
 from gap_diagnosis.residuals.commands import controller_findings
-from gap_diagnosis.residuals.control_law import force_increments, velocity_law
+from gap_diagnosis.residuals.control_law import filtered, force_increments, velocity_law
 from gap_diagnosis.residuals.effort_signs import likeliest
 from gap_diagnosis.residuals.recording import in_another_unit, in_newtons
 from gap_diagnosis.result import Diagnosis
@@ -70,19 +70,25 @@ def test_other_gains_are_named_with_their_values(planted: Maker, change: dict[st
         assert stated['std'] == 0.0 or stated['std'] > 4e-9 * abs(stated['value'])
 
 
-def noisy(session: Session, twin: TwinFile, reads_it: bool = True, effort: float = 0.0) -> Record:
-    """A record with noise of its encoder of 5 µm, commanded by the nominal law; of its effort [N].
+def noisy(
+    session: Session,
+    twin: TwinFile,
+    reads_it: bool = True,
+    effort: float = 0.0,
+    size: float = 5e-6,
+) -> Record:
+    """A record with noise of its encoder [m], commanded by the nominal law; of its effort [N].
 
     The controller `reads_it`, or another draw of the noise.
     """
     record = load_record(session, twin)
-    draws = np.random.default_rng(1).normal(0.0, 5e-6, (2, *record.encoder.shape))
+    draws = np.random.default_rng(1).normal(0.0, size, (2, *record.encoder.shape))
     read, recorded = record.encoder + draws[0], record.encoder + draws[1 - reads_it]
     true, reading = TwinFile.nominal_servo().servo('x'), replace(record, encoder=read)
     speeds = velocity_law(replace(reading, velocity_command=np.full_like(read, np.nan)), 0, true)
     forces = np.cumsum(np.append(0.0, force_increments(reading, 0, true, speeds)))
     forces += np.random.default_rng(2).normal(0.0, effort, len(forces)) if effort else 0.0
-    own = AxisNoise(5e-6, 0.0, effort, true.encoder_resolution)
+    own = AxisNoise(size, 0.0, effort, true.encoder_resolution)
     return replace(
         record,
         encoder=recorded,
@@ -344,3 +350,19 @@ def test_a_gain_that_grows_with_the_error_is_no_law_of_the_twin(
     told, unlike = controller_findings([made], nominal())
     assert set(told) == {'controller_mismatch.x'}
     assert unlike == (('x',) if grows else ())
+
+
+@pytest.mark.parametrize('falls', [0.0, 0.7])
+def test_gains_that_fall_with_the_error_are_no_law_of_the_twin(
+    planted: Maker, falls: float
+) -> None:
+    """What they leave of the forces is as fast as the noise that the controller read."""
+    made = noisy(planted({}, duration=10.0), nominal(), size=1e-6)
+    true = nominal().servo('x')
+    error = made.velocity_command[:, 0] - filtered(made, 0, true.velocity_filter)
+    scale = float(np.sqrt(np.mean(error**2)))
+    error *= 0.8 * (1.0 - falls * np.tanh(np.abs(error) / scale))
+    forces = true.velocity_gain * error + true.integral_gain * made.period * np.cumsum(error)
+    told, unlike = controller_findings([replace(made, force=forces[:, None])], nominal())
+    assert set(told) == {'controller_mismatch.x'}
+    assert unlike == (('x',) if falls else ())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.polish import closest, polish
-from gap_diagnosis.closed_loop.replay import mean_square, of_axis, replayed_gap, replays
+from gap_diagnosis.closed_loop.replay import AWAY, mean_square, of_axis, replayed_gap, replays
 from gap_diagnosis.closed_loop.steps import stepless, unrepeated_steps, without_steps
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
@@ -85,7 +84,8 @@ class AxisLoop:
     def window_gaps(self, found: Parameters) -> Array:
         """RMS (w,) of the gap in each held-out window [m], of a loop without encoder steps.
 
-        The effects `found` are refined on the other windows.
+        The effects `found` are refined on the other windows. Where no machine could run with
+        them, the gap is `AWAY`.
         """
         twin = stepless(self.twin, self.axis)
         effects = plain_values({**without_steps(self.known), **self.refined(found)})
@@ -95,7 +95,7 @@ class AxisLoop:
                 own = of_axis(record, twin, effects, self.axis)
                 squares = mean_square(replays(own, twin, effects), self.channel)
             except StageError:
-                squares = np.full(len(record.time), math.inf)
+                squares = np.full(len(record.time), AWAY**2)
             for window in held_out_windows(record):
                 rows = inside(record.time, [window]) & record.whole(record.time)
                 if np.any(rows):

@@ -339,11 +339,10 @@ def far_from_explained(
     floor : noise floor of the same channels [m]
     named : whether any effect is named
     stated : RMS of that gap without the frictions that the twin states [m]: of these, too,
-        models are approximations
+        models are approximations, which excuse what named effects leave
     """
-    left = (after if named else before) ** 2 - floor**2
-    if left <= SERVO_STRUCTURE * stated**2:
-        return False
     if not named:
         return before > FAR * floor
-    return after > FAR_BESIDE * floor and left > SHARE_BESIDE * before**2
+    left = after**2 - floor**2
+    least = max(SERVO_STRUCTURE * stated**2, SHARE_BESIDE * before**2)
+    return after > FAR_BESIDE * floor and left > least

@@ -102,12 +102,16 @@ def mismatch(records: list[Record], i: int, axis: ServoAxis) -> Estimates:
 def follows(records: list[Record], i: int, axis: ServoAxis, found: Estimates) -> bool:
     """Whether the commands of an axis follow the twin's law with other gains (`mismatch`).
 
-    Only slow increments are asked: those of an effort with noise are mostly its noise.
+    Only slow increments are asked: those of an effort with noise are mostly its noise. Without it
+    the encoder's noise makes what is left at most, if the controller did not read that.
     """
     fitted = [r for r in _as_read(records, i, axis) if not r.held_out_session]
     other = with_found(axis, MISMATCH, found)
     mine, its = (_slow(fitted, i, law) for law in (axis, other))
-    return its < math.hypot(PARTLY * mine, BEYOND_NOISE * _slow_noise(fitted, i, other))
+    noise = _slow_noise(fitted, i, other)
+    if not fit_law(fitted, i, axis).noisy:
+        noise = min(noise, max(_of_noise(r, i, other) for r in fitted))
+    return its < math.hypot(PARTLY * mine, BEYOND_NOISE * noise)
 
 
 def with_found(axis: ServoAxis, effect: Effect, found: Estimates) -> ServoAxis:
