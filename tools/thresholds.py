@@ -8,7 +8,7 @@ import sys
 from calibrator import online, outliers, places, prepare, temperatures, thermal, training
 from calibrator.models import domain, selection
 from gap_diagnosis import passes
-from gap_diagnosis.closed_loop import held_out, misread, polish, replay, rests, swing
+from gap_diagnosis.closed_loop import creep, held_out, misread, polish, replay, rests, swing
 from gap_diagnosis.evidence import acceptance, judgement, left_out
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, rest_places, windows
@@ -35,7 +35,7 @@ from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, checks, clocks, coarse, commands, controller, domain, drive,
+    for module in (acceptance, checks, clocks, coarse, commands, controller, creep, domain, drive,
                    drive_play, foreseen, forward, grid, held_out, imitations, inbox_backend,
                    judged, judgement, kinematics, knots, lacking, left_out, library, loops,
                    machine, misread, motions, online, outliers, pairs, passes, periodic, places,
@@ -117,6 +117,7 @@ variances of slow and fast rows from which they are weighted, ratio | {slow_rows
 draws of the noise of a loop that sticks | {replay.DRAWS}
 noise below the steps of an encoder that is tried, over that of rounding | {rests.HIDDEN:.0%}
 gap that another way to rest leaves, at most | {rests.CLOSER:.0%}
+gap that a friction which gives way leaves, at most | {creep.MUCH_CLOSER:.0%}
 share of models that may stay structured | {judgement.SERVO_STRUCTURE:.0%}
 gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
 the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}

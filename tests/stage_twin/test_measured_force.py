@@ -18,6 +18,7 @@ PERIOD = 1e-3
 UNIT = 35.15
 EFFECTS = {
     'none': {},
+    'creep': {'coulomb_friction.x': {'coulomb': 15.0, 'creep_velocity': 1e-3}},
     'friction': {'coulomb_friction.x': {'coulomb': 15.0, 'presliding': 10e-6}},
     'asymmetry': {'asymmetric_friction.x': {'viscous_positive': 60.0, 'presliding': 10e-6}},
     'loads': {'force_ripple.x': {}, 'cable_force.x': {}, 'force_offset.x': {}},

@@ -29,6 +29,23 @@ def test_coulomb_friction_is_dahl():
     assert_moves_as(effects, lugre(lambda v: 10.0, 5e-6), 3)
 
 
+@pytest.mark.parametrize('creep', [1e-4, 5e-3])
+def test_a_friction_that_gives_way_is_a_smooth_function_of_the_speed(creep):
+    def rates(state, force):
+        p, v = state
+        return [v, (force - VISCOUS * v - 10.0 * math.tanh(v / creep)) / MASS]
+
+    values = {'coulomb': 10.0, 'presliding': 5e-6, 'creep_velocity': creep}
+    assert_moves_as({'coulomb_friction.x': values}, rates, 2, share=3e-4)
+
+
+def test_an_axis_creeps_under_less_than_the_level_of_a_friction_that_gives_way():
+    values = {'coulomb': 10.0, 'creep_velocity': 1e-3}
+    position = open_loop(one_axis({'coulomb_friction.x': values}, viscous=0.0), np.full(400, 6.0))
+    speed = np.diff(position)[-1] / PERIOD
+    assert speed == pytest.approx(1e-3 * math.atanh(0.6), rel=1e-6)
+
+
 def test_stribeck_friction_is_lugre():
     values = {'coulomb': 8.0, 'breakaway': 6.0, 'stribeck_velocity': 0.02, 'presliding': 5e-6}
 

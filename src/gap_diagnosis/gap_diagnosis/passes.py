@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
+from gap_diagnosis.closed_loop.creep import creep_notes, with_creep
 from gap_diagnosis.closed_loop.held_out import with_windows
 from gap_diagnosis.closed_loop.rests import with_rests
 from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simulated
@@ -60,6 +61,7 @@ class Prepared:
     without : effects taken out of the library
     apart : notes where a machine without forces and its simulator have other gains
     unlike : axes whose controller does more than other gains explain
+    creeping : notes of stated frictions that the twin is run with otherwise
     """
 
     records: list[Record]
@@ -71,6 +73,7 @@ class Prepared:
     without: tuple[str, ...] = ()
     apart: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
+    creeping: tuple[str, ...] = ()
 
     @property
     def stepper(self) -> bool:
@@ -91,6 +94,7 @@ class Prepared:
             f'axis {axis}: its controller does more than gains explain; those named come nearest'
             for axis in self.unlike
         ]
+        still += self.creeping
         if not self.laws:
             return still
         lost = [axis for axis, law in self.laws.items() if not law.known]
@@ -147,7 +151,6 @@ def prepare(
     """
     if simulated:
         twin = of_simulator(twin, simulated)
-    counted_twin = with_counted_steps(twin)
     if twin.kind == 'stepper' and any(by_encoder(s) for s in (*sessions, *holdout)):
         without = (*without, *UNSEEN_BY_ENCODER)
     records = declared_terms(_load(sessions, twin) + _load(holdout, twin, held_out=True), twin)
@@ -163,15 +166,15 @@ def prepare(
         known = [axis for axis, law in laws.items() if law.known and simulated]
         apart = [note for axis in known if (note := _apart(axis, twin, stated))]
         _check_told(records, laws)
-        counted_twin = with_counted_steps(twin)
     elif twin.kind == 'servo' and not twin.gains_stated:
         without = (*without, 'controller_mismatch', 'effort_convention')
         twin = with_read_gains(records, twin)
-        counted_twin = with_counted_steps(twin)
     records, conventions = in_newtons(records, twin, without)
     if simulated:
         runs = [_checked(run) for run in _load(simulated, twin)]
         records = [beside(r, run, twin) for r, run in zip(records, runs, strict=True)]
+    held, twin = twin, with_creep(records, twin)
+    counted_twin = with_counted_steps(twin)
     records = with_rests(records, twin, {})
     counted = twin.kind == 'stepper' or 'encoder_quantisation' in without
     quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
@@ -179,9 +182,9 @@ def prepare(
     seen = with_simulated(with_mean_points(with_noise(stepped, records), records), records)
     commanded, unlike = controller_findings(records, twin)
     direct = {**quantisation, **conventions, **commanded, **waves_read(records, twin)}
-    return _moving(
-        Prepared(records, twin, stepped, seen, direct, laws, tuple(without), tuple(apart), unlike)
-    )
+    creeping = tuple(creep_notes(held, twin))
+    told = tuple(without), tuple(apart), unlike, creeping
+    return _moving(Prepared(records, twin, stepped, seen, direct, laws, *told))
 
 
 def _check_records(records: list[Record], twin: TwinFile) -> None:

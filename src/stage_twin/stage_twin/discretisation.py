@@ -29,8 +29,8 @@ def discretise(
     transitions : (n_axes, PIECES, DIRECTIONS, MOTION, MOTION + 1), written
         The last column is the gain of the held force.
     schedule : (n_axes, SCHEDULE_WIDTH), written
-        Whole ticks of delay, stiffness of the bristles [N/m], then per piece the number of
-        substeps and the length of one [s].
+        Whole ticks of delay, stiffness of the bristles [N/m], speed below which they give way
+        [m/s], then per piece the number of substeps and the length of one [s].
     """
     for axis in range(axes.shape[0]):
         row = axes[axis]
@@ -47,6 +47,7 @@ def discretise(
         )
         schedule[axis, at.DELAY_TICKS] = ticks
         schedule[axis, at.BRISTLES] = stiffness
+        schedule[axis, at.CREEP] = hooks.creep(row)
         for piece in range(at.PIECES):
             length = fraction if piece == 0 else period - fraction
             count = 0

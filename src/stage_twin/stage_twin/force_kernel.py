@@ -9,7 +9,7 @@ import numpy as np
 from stage_twin import hooks
 from stage_twin import layout as at
 from stage_twin.compiled import compiled
-from stage_twin.friction import slide_bristle
+from stage_twin.friction import slide_bristle, yielding
 from stage_twin.kernel import advance, start_plant
 from stage_twin.packing import KernelArrays, Work
 
@@ -37,7 +37,7 @@ def follow_hidden_states(
     start_plant(axes, motion[0, 0], states[0])
     for axis in range(axes.shape[0]):
         row = axes[axis]
-        stiffness = arrays.schedule[axis, at.BRISTLES]
+        stiffness, creep = arrays.schedule[axis, at.BRISTLES], arrays.schedule[axis, at.CREEP]
         for k in range(count):
             own = states[k, axis]
             if k > 0:
@@ -45,7 +45,7 @@ def follow_hidden_states(
                 _step_own(axes, axis, period, k - 1, motion[:, k - 1], force[k - 1, axis], own)
             own[at.POSITION] = motion[0, k, axis]
             own[at.VELOCITY] = motion[1, k, axis]
-            if k > 0 and stiffness > 0.0:
+            if k > 0 and stiffness > 0.0 and creep == 0.0:
                 mean = 0.5 * (motion[1, k - 1, axis] + motion[1, k, axis])
                 own[at.BRISTLE] = slide_bristle(
                     row, own, stiffness, own[at.BRISTLE], motion[0, k, axis], mean, period
@@ -122,7 +122,7 @@ def needed_force(
     axes, period = arrays.axes, arrays.period
     for axis in range(axes.shape[0]):
         row = axes[axis]
-        stiffness = arrays.schedule[axis, at.BRISTLES]
+        stiffness, creep = arrays.schedule[axis, at.BRISTLES], arrays.schedule[axis, at.CREEP]
         carried = row[at.CARRIED]
         spring = carried * row[at.NATURAL] ** 2
         damper = 2.0 * row[at.DAMPING] * carried * row[at.NATURAL]
@@ -134,6 +134,8 @@ def needed_force(
             force += (row[at.VISCOUS] + one_sided) * speed
             force -= spring * own[at.DEFLECTION] + damper * own[at.DEFLECTION_RATE]
             force += stiffness * own[at.BRISTLE]
+            if creep > 0.0:
+                force += yielding(row, own, creep, motion[0, k, axis], speed)
             force -= _step_own(axes, axis, period, k, motion[:, k], force, own)
             out[k, axis] = force
 

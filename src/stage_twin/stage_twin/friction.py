@@ -1,4 +1,7 @@
-"""Friction with pre-sliding: bristles that bend, then slide (Dahl; LuGre, eqs. 6-7 of paper 3)."""
+"""Friction with pre-sliding: bristles that bend, then slide (Dahl; LuGre, eqs. 6-7 of paper 3).
+
+A friction that gives way has none: it is level * tanh(v / creep).
+"""
 
 from __future__ import annotations
 
@@ -30,6 +33,47 @@ def slide_bristle(
         return 0.0
     end = reach if positive else -reach
     return end + (bristle - end) * math.exp(-abs(velocity) * step / reach)
+
+
+@compiled
+def yielding(
+    row: np.ndarray, state: np.ndarray, creep: float, position: float, velocity: float
+) -> float:
+    """Friction [N] at a velocity, which gives way below about `creep` [m/s]."""
+    level = hooks.sliding(row, state, position, velocity, velocity >= 0.0)
+    return level * math.tanh(velocity / creep)
+
+
+@compiled
+def solve_yielding(
+    row: np.ndarray,
+    state: np.ndarray,
+    creep: float,
+    position: float,
+    velocity: float,
+    free: float,
+    gain: float,
+) -> float:
+    """Friction [N] over a step whose velocity friction itself decides (:func:`solve_bristle`).
+
+    It is that at a velocity u between those at the start and at the end, the nearer to the end
+    the steeper it is for the step. Newton's steps from below, as its slope falls with the speed.
+    """
+    level = hooks.sliding(row, state, position, velocity, velocity >= 0.0)
+    steep = gain * level / creep
+    theta = 0.5 * (1.0 + steep / (1.0 + steep))
+    pull = theta * gain * level
+    coasting = (1.0 - theta) * velocity + theta * free
+    target = abs(coasting)
+    speed = max(0.0, target - pull)
+    for _ in range(FRICTION_STEPS):
+        share = math.tanh(speed / creep)
+        slope = 1.0 + pull / creep * (1.0 - share * share)
+        move = (target - speed - pull * share) / slope
+        speed += move
+        if abs(move) <= 1e-12 + 1e-9 * speed:
+            break
+    return math.copysign(level * math.tanh(speed / creep), coasting)
 
 
 @compiled

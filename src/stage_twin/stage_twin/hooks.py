@@ -32,10 +32,10 @@ axis and 1 on the second. `read`, `drive` and `follow` pass through the effects 
 Compiled, of the machine: ``plane`` takes x and y and gives the table's x and y.
 
 In Python: ``prepare(axis)`` changes the fields of an axis; ``stiffness()`` is that of a friction
-before it slides; ``command(force, velocity, step)`` inverts ``drive`` for forces (n,);
-``recorded(force)`` is the effort that is recorded of forces (n,), ``tick_stamp(times)`` the
-stamps of ticks, ``point_stamp(times)`` those of tracker points that scatter;
-``stamp(times)`` and ``true_time(stamps)`` carry times (n,) to the tracker's
+before it slides, ``creep()`` the speed below which it gives way; ``command(force, velocity,
+step)`` inverts ``drive`` for forces (n,); ``recorded(force)`` is the effort that is recorded of
+forces (n,), ``tick_stamp(times)`` the stamps of ticks, ``point_stamp(times)`` those of tracker
+points that scatter; ``stamp(times)`` and ``true_time(stamps)`` carry times (n,) to the tracker's
 stamps and back; ``seen(points)`` carries table positions (m, 3) to its frame.
 """
 
@@ -186,6 +186,13 @@ def stiffness(row: np.ndarray) -> float:
     """Stiffness before sliding [N/m] of all frictions of an axis together."""
     parts = _taking_part('stiffness')
     return float(sum(function(**_own(e, function, row)) for e, function in parts if _on(e, row)))
+
+
+def creep(row: np.ndarray) -> float:
+    """Speed [m/s] below which the frictions of an axis give way; 0 where they hold."""
+    parts = _taking_part('creep')
+    speeds = [function(**_own(e, function, row)) for e, function in parts if _on(e, row)]
+    return float(max(speeds, default=0.0))
 
 
 def command(row: np.ndarray, force: np.ndarray, velocity: np.ndarray, step: float) -> np.ndarray:

@@ -16,7 +16,7 @@ import numpy as np
 from stage_twin import hooks
 from stage_twin import layout as at
 from stage_twin.compiled import compiled
-from stage_twin.friction import solve_bristle
+from stage_twin.friction import solve_bristle, solve_yielding
 from stage_twin.packing import KernelArrays
 
 
@@ -99,7 +99,7 @@ def advance_axis(
     other_velocity, other_acceleration : float
         Of the other axis, held over the tick [m/s, m/s²].
     """
-    stiffness = schedule[at.BRISTLES]
+    stiffness, creep = schedule[at.BRISTLES], schedule[at.CREEP]
     for piece in range(at.PIECES):
         step = schedule[at.FIRST_PIECE + 2 * piece + 1]
         for _ in range(int(schedule[at.FIRST_PIECE + 2 * piece])):
@@ -114,7 +114,10 @@ def advance_axis(
                 other = other_velocity, other_acceleration
                 force += hooks.force(row, state, middle, velocity, force, step, time, *other)
             move = transitions[piece, 1 if velocity >= 0.0 else 0]
-            if stiffness > 0.0:
+            if creep > 0.0:
+                free = _moved(move[1], state, 0.0, velocity, force)
+                force -= solve_yielding(row, state, creep, position, velocity, free, move[1, 4])
+            elif stiffness > 0.0:
                 free = _moved(move[1], state, 0.0, velocity, force)
                 bristle, gain = state[at.BRISTLE], move[1, 4]
                 held, state[at.BRISTLE] = solve_bristle(

@@ -131,7 +131,7 @@ PIECES = 2
 DIRECTIONS = 2
 # Rows of a transition: motor position, motor velocity, deflection, its rate.
 MOTION = 4
-# Entries of a schedule: whole ticks of delay, stiffness of the bristles; then, per piece, the
-# number of its substeps and their length.
-DELAY_TICKS, BRISTLES, FIRST_PIECE = range(3)
+# Entries of a schedule: whole ticks of delay, stiffness of the bristles, speed below which they
+# give way; then, per piece, the number of its substeps and their length.
+DELAY_TICKS, BRISTLES, CREEP, FIRST_PIECE = range(4)
 SCHEDULE_WIDTH = FIRST_PIECE + 2 * PIECES

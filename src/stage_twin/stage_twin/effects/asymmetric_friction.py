@@ -8,10 +8,12 @@ import numpy as np
 
 from stage_twin.effects.definition import Effect
 from stage_twin.effects.friction import (
+    CREEP,
     PRESLIDING,
     SHORTEST_PRESLIDING,
     bristles,
     friction_force,
+    gives_way,
     longest_presliding,
     presliding_grid,
     speed_curve,
@@ -29,6 +31,7 @@ EFFECT = Effect(
         viscous('viscous_positive', 0.0, 'added viscous coefficient, v > 0'),
         viscous('viscous_negative', 0.0, 'added viscous coefficient, v < 0'),
         PRESLIDING,
+        CREEP,
     ),
     model='Friction with a level and a slope of its own in each direction; it holds its Coulomb '
     'part and adds to what else is on. Janot, Gautier, Brunot, "Data set and reference models of '
@@ -61,7 +64,7 @@ def stiffness(coulomb_positive: float, coulomb_negative: float, presliding: floa
     return 0.5 * (coulomb_positive + coulomb_negative) / max(presliding, SHORTEST_PRESLIDING)
 
 
-signature = speed_curve
+creep, signature = gives_way, speed_curve
 LEVELS = ('coulomb_positive', 'coulomb_negative')
 SLOPES = ('viscous_positive', 'viscous_negative')
 

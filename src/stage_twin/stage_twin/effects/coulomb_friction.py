@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from stage_twin.effects.definition import Effect
 from stage_twin.effects.friction import (
+    CREEP,
     PRESLIDING,
     SHORTEST_PRESLIDING,
     bristles,
     friction_force,
+    gives_way,
     longest_presliding,
     presliding_grid,
     speed_curve,
@@ -18,7 +20,7 @@ from stage_twin.effects.term import Term
 EFFECT = Effect(
     name='coulomb_friction',
     link='servo',
-    parameters=(friction_force('coulomb', 10.0, 'sliding force'), PRESLIDING),
+    parameters=(friction_force('coulomb', 10.0, 'sliding force'), PRESLIDING, CREEP),
     model='Sliding force against the motion with elastic pre-sliding, '
     'dz/dt = v - |v| z / g, force = coulomb * z / g, g = presliding. '
     'Dahl, "A solid friction model", Aerospace Corporation TOR-158 (1968).',
@@ -37,7 +39,7 @@ def stiffness(coulomb: float, presliding: float) -> float:
     return coulomb / max(presliding, SHORTEST_PRESLIDING)
 
 
-signature = speed_curve
+creep, signature = gives_way, speed_curve
 
 
 def term(rows: ForceRows) -> Term:

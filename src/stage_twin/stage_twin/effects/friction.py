@@ -30,6 +30,20 @@ PRESLIDING = Parameter(
     doubt=DOUBTED_PRESLIDING,
     tried=(0.0, DRY),
 )
+#: A friction that is a smooth function of the speed, as lubricated contacts and many simulators
+#: have it (Andersson, Soderberg, Bjorklund, "Friction models for sliding dry, boundary and mixed
+#: lubricated contacts", Tribology International 40, 2007).
+CREEP = Parameter(
+    'creep_velocity',
+    'm/s',
+    0.0,
+    1e-2,
+    0.0,
+    'speed below which the friction gives way, as level * tanh(v / creep_velocity), whatever the '
+    'presliding; 0 holds the axis',
+    neutral=None,
+    fitted=False,
+)
 #: Shortest pre-sliding displacement [m]; below it friction is dry for any encoder.
 SHORTEST_PRESLIDING = 1e-9
 #: Longest one that is looked for [m], and as a share of the travel: large machines are softer.
@@ -46,6 +60,11 @@ def friction_force(name: str, when_on: float, meaning: str, doubt: float = 0.0) 
 def viscous(name: str, when_on: float, meaning: str) -> Parameter:
     """A viscous coefficient [N·s/m]."""
     return Parameter(name, 'N·s/m', -500.0, 2e4, when_on, meaning)
+
+
+def gives_way(creep_velocity: float) -> float:
+    """Speed below which the friction gives way [m/s]; 0 where it holds."""
+    return creep_velocity
 
 
 @njit(cache=True)

@@ -9,10 +9,12 @@ from numba import njit
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import (
+    CREEP,
     PRESLIDING,
     SHORTEST_PRESLIDING,
     bristles,
     friction_force,
+    gives_way,
     longest_presliding,
     presliding_grid,
     speed_curve,
@@ -40,6 +42,7 @@ EFFECT = Effect(
         ),
         *KNOTS.more,
         PRESLIDING,
+        CREEP,
     ),
     model='As `coulomb_friction`, with a sliding force through equally spaced knots over the '
     'position, straight between them, plus m half-way between them and q half-way between all of '
@@ -74,7 +77,7 @@ def stiffness(c: Array, presliding: float) -> float:
     return float(np.mean(c)) / max(presliding, SHORTEST_PRESLIDING)
 
 
-signature = speed_curve
+creep, signature = gives_way, speed_curve
 
 
 def term(rows: ForceRows) -> Term:

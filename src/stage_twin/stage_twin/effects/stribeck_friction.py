@@ -9,12 +9,14 @@ import numpy as np
 
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import (
+    CREEP,
     DOUBTED_BREAKAWAY,
     DOUBTED_VELOCITY,
     PRESLIDING,
     SHORTEST_PRESLIDING,
     bristles,
     friction_force,
+    gives_way,
     longest_presliding,
     presliding_grid,
     speed_curve,
@@ -55,6 +57,7 @@ EFFECT = Effect(
             neutral=None,
         ),
         PRESLIDING,
+        CREEP,
     ),
     model='LuGre friction with sliding force coulomb + breakaway * exp(-(|v| / '
     'stribeck_velocity)^exponent). Canudas de Wit, Olsson, Astrom, Lischinsky, "A new model for '
@@ -80,7 +83,7 @@ def stiffness(coulomb: float, breakaway: float, presliding: float) -> float:
     return (coulomb + breakaway) / max(presliding, SHORTEST_PRESLIDING)
 
 
-signature = speed_curve
+creep, signature = gives_way, speed_curve
 
 
 def term(rows: ForceRows) -> Term:

@@ -1,0 +1,43 @@
+"""A stated friction that gives way at rest, as the machine's does, is no gap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from gap_diagnosis.closed_loop.creep import with_creep
+from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.input.data import load_record
+from stage_core.session import Session
+
+from .conftest import nominal
+
+Maker = Callable[..., Session]
+
+STATED = {'coulomb_friction.x': {'coulomb': 12.0, 'presliding': 0.0}}
+CREEPING = {'coulomb_friction.x': {**STATED['coulomb_friction.x'], 'creep_velocity': 4e-4}}
+
+
+@pytest.mark.parametrize('hidden', [{}, {'inertia_mismatch.x': {'ratio': 0.15}}])
+def test_a_friction_that_gives_way_is_run_so(
+    planted: Maker, hidden: dict[str, dict[str, float]]
+) -> None:
+    found = diagnose([planted({**CREEPING, **hidden})], [], nominal().with_effects(STATED))
+    assert found.verdict == list(hidden)
+    (note,) = (n for n in found.warnings if 'gives way otherwise' in n)
+    assert 'creep_velocity' in note
+    corrected = found.corrected_twin.effects['coulomb_friction.x']
+    assert corrected['creep_velocity'] == pytest.approx(4e-4, rel=0.1)
+    assert found.after < 1.2 * found.noise_floor
+
+
+@pytest.mark.parametrize(('presliding', 'least', 'most'), [(0.0, 0.0, 0.0), (2e-6, 1e-6, 4e-6)])
+def test_a_friction_that_holds_stays_or_has_its_presliding(
+    planted: Maker, presliding: float, least: float, most: float
+) -> None:
+    twin, name = nominal().with_effects(STATED), 'coulomb_friction.x'
+    record = load_record(planted({name: {'coulomb': 12.0, 'presliding': presliding}}), twin)
+    found = with_creep([record], twin).effects[name]
+    assert set(found) == set(STATED[name])
+    assert least <= found['presliding'] <= most
