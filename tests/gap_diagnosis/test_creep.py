@@ -41,3 +41,12 @@ def test_a_friction_that_holds_stays_or_has_its_presliding(
     found = with_creep([record], twin).effects[name]
     assert set(found) == set(STATED[name])
     assert least <= found['presliding'] <= most
+
+
+def test_a_friction_that_is_found_gives_way_as_the_machine_does(planted: Maker) -> None:
+    found = diagnose([planted(CREEPING)], [], nominal())
+    assert found.verdict == ['coulomb_friction.x']
+    speed, deviation = found.parameters['coulomb_friction.x']['creep_velocity']
+    assert speed == pytest.approx(4e-4, rel=0.1)
+    assert deviation < 4e-5
+    assert found.after < 1.2 * found.noise_floor

@@ -188,7 +188,7 @@ def polish(
     least = left(found)
     for effect, key, value in _tried(found):
         # How far the force balance was from it is all that is known of its deviation.
-        apart = abs(value - found[effect][key][0])
+        apart = abs(value - found[effect].get(key, (0.0, 0.0))[0])
         other = {**found, effect: {**found[effect], key: (value, apart)}}
         if (gap := left(other)) < MUCH_BETTER * least:
             found, least = other, gap
@@ -249,13 +249,16 @@ def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Para
 
 
 def _tried(found: Parameters) -> list[tuple[str, str, float]]:
-    """Values that the force balance cannot tell well (`Parameter.tried`), by effect and name."""
+    """Values that the force balance cannot tell well (`Parameter.tried`), by effect and name.
+
+    Of some parameters (not `fitted`) it knows nothing at all.
+    """
     return [
         (effect, known.name, value)
         for effect, of in found.items()
         for known in EFFECTS[split_effect(effect)[0]].parameters
         for value in known.tried
-        if of.get(known.name, (0.0, 0.0))[1] > 0.0
+        if of.get(known.name, (0.0, float(not known.fitted)))[1] > 0.0
     ]
 
 

@@ -43,6 +43,7 @@ CREEP = Parameter(
     'presliding; 0 holds the axis',
     neutral=None,
     fitted=False,
+    tried=(2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3),
 )
 #: Shortest pre-sliding displacement [m]; below it friction is dry for any encoder.
 SHORTEST_PRESLIDING = 1e-9
