@@ -91,7 +91,9 @@ class ForceRows:
         """
         for cut in CUTS:
             self.cut = cut
-            moved = float(np.mean(self.columns(self._of('a')) ** 2))
+            rows = self.columns(self._of('a'))
+            # An axis that never slides has none.
+            moved = float(np.mean(rows**2)) if rows.size else 0.0
             noise = (self.encoder_noise() * self.response(1.0, 0.0)) ** 2
             if noise < ATTENUATION * max(moved - noise, 0.0):
                 break

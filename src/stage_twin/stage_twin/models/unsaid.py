@@ -46,8 +46,8 @@ def unsaid(effects: Effects, form: str) -> dict[str, str]:
             out[name] = 'the controller itself is limited; see `corrected_twin.yaml`'
         elif effect not in SAID[form]:
             out[name] = WHY.get(effect, BY_LINK[link_of(name)])
-        elif values.get('presliding', 0.0) > SHORT:
-            out[name] = f'the level is written, pre-sliding has no number ({PRESLIDING[form]})'
+        elif values.get('presliding', 0.0) > SHORT or values.get('creep_velocity', 0.0) > 0.0:
+            out[name] = f'the level is written, how it gives way has no number ({START[form]})'
         elif abs(values.get('hardening', 0.0)) * FAR**2 > LITTLE * values.get('stiffness', 0.0):
             out[name] = 'the stiffness at the centre is written, its growth is not'
     return out
@@ -57,7 +57,7 @@ def unsaid(effects: Effects, form: str) -> dict[str, str]:
 LITTLE, FAR = 0.02, 0.1
 #: Pre-sliding below a step of a common encoder [m] is none.
 SHORT = 1e-6
-PRESLIDING = {
+START = {
     'MJCF': '`solreffriction` of the joint softens the start',
     'URDF': 'the simulator decides how friction starts',
 }
