@@ -98,7 +98,7 @@ deviations of an amplitude whose period was searched, at least | {acceptance.LAR
 squared gap that a servo effect closes, at least | {acceptance.LEAST_CLOSED:.0%}
 squared noise that any other effect closes, at least | {acceptance.LEAST_SEEN:.0%}
 gap that is `unknown` if nothing is named, from | {acceptance.FAR:g} floors
-gap that is `unknown` beside named effects or a stated friction, from | {acceptance.FAR_BESIDE:g} floors
+gap that is `unknown` beside a name or a stated friction, from | {acceptance.FAR_BESIDE:g} floors
 the same: squared gap that the effects leave, from | {acceptance.SHARE_BESIDE:.0%}
 squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}
 force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}

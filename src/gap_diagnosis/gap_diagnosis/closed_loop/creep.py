@@ -22,6 +22,7 @@ from gap_diagnosis.input.windows import fitted_ticks
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_core.wording import effect_words
+from stage_twin.effects import effect_of
 
 #: How a friction may give way, and where a search starts [m, m/s]: below it creeps by less than
 #: the step of an encoder.
@@ -29,9 +30,8 @@ WAYS = {
     'presliding': (3e-7, 1e-6, 3e-6, 1e-5),
     'creep_velocity': (1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3),
 }
-UNITS = {'presliding': 'm', 'creep_velocity': 'm/s'}
-#: Share of the gap that is left where the machine's friction gives way: 0.006 to 0.41 on seven such
-#: machines of a foreign simulator, 0.52 on an eighth; 0.6 and more on 93 axes of others.
+#: Share of the gap that is left where the friction of a machine gives way: 0.006 to 0.41 on eight
+#: machines of a foreign simulator, 0.52 on a ninth; 0.6 and more on 102 other axes of five.
 MUCH_CLOSER = 0.5
 
 
@@ -48,9 +48,9 @@ def creep_notes(stated: TwinFile, run: TwinFile) -> list[str]:
     """What a reader has to know of frictions that give way in the twin as it is run."""
     return [
         f'{effect_words(name)}: at rest the friction of the machine gives way otherwise than '
-        f'that of its twin, which is run with {key} {values[key]:.2g} {UNITS[key]}'
+        f'that of its twin, which is run with {key} {known.parameter(key).said(values[key])}'
         for name, values in run.effects.items()
-        for key in WAYS
+        for key, known in ((key, effect_of(name)) for key in WAYS)
         if values.get(key) != stated.effects[name].get(key)
     ]
 

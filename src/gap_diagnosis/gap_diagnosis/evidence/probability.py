@@ -32,7 +32,7 @@ LARGEST = 5.0
 #: What statements were worth in the blind rows of simulators first seen, see "What statements were
 #: worth" of docs/results/foreign_machines.md. The sessions of the fit come from machines that the
 #: diagnosis was developed on: there it is 0.97 and 0.89.
-FIRST_SEEN = {'named': 0.97, BESIDE_UNKNOWN: 0.86, NOT_TOLD: 0.67, UNKNOWN: 0.58}
+FIRST_SEEN = {'named': 0.97, BESIDE_UNKNOWN: 0.90, NOT_TOLD: 0.71, UNKNOWN: 0.54}
 
 
 @dataclass(frozen=True)
