@@ -9,6 +9,7 @@ import pytest
 from gap_diagnosis.closed_loop.creep import with_creep
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
+from gap_diagnosis.report.document import sentence
 from stage_core.session import Session
 
 from .conftest import nominal
@@ -30,6 +31,9 @@ def test_a_friction_that_gives_way_is_run_so(
     corrected = found.corrected_twin.effects['coulomb_friction.x']
     assert corrected['creep_velocity'] == pytest.approx(4e-4, rel=0.1)
     assert found.after < 1.2 * found.noise_floor
+    # Without a cause the sentence says the gap and its floor, and no more.
+    said = f'is {1e6 * found.before:.2f} µm RMS (floor {1e6 * found.noise_floor:.2f} µm)'
+    assert (said in sentence(found)) is (not hidden)
 
 
 @pytest.mark.parametrize(('presliding', 'least', 'most'), [(0.0, 0.0, 0.0), (2e-6, 1e-6, 4e-6)])

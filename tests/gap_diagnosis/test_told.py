@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from benchmarks.experiment.machine import draw, poor_motion, record
 from benchmarks.experiment.machine import nominal as plane
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
+from gap_diagnosis.closed_loop.replay import AWAY
 from gap_diagnosis.diagnose import diagnose, silent
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Effects, Parameters
 from gap_diagnosis.passes import prepare, servo_part
+from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.servo_part import _contradicted
 from gap_diagnosis.selection.told import MUCH_CLOSER, told_by_loop
 from stage_core.session import Session
@@ -132,3 +134,19 @@ def test_an_alternative_beside_which_no_machine_has_the_others_is_none() -> None
     case = draw(177)
     found = diagnose([record(case, poor_motion(case), case.seed, 'first')], [], plane())
     assert 'force_saturation.x' not in found.verdict
+
+
+def test_a_set_with_which_no_machine_runs_is_away_and_no_number_is_lost() -> None:
+    twin = nominal()
+    loop = AxisLoop([record_of(DELAY, 'delay', twin)], twin, 'x')
+    gaps = loop.window_gaps({'viscous_friction.x': {'viscous': (-400.0, 1.0)}})
+    np.testing.assert_allclose(gaps, AWAY)
+
+
+@pytest.mark.filterwarnings('error')
+def test_an_axis_that_never_slides_has_no_rows() -> None:
+    twin = nominal()
+    record = record_of(DELAY, 'delay', twin)
+    still = replace(record, encoder=0.0 * record.encoder, reference=0.0 * record.reference)
+    used, judged = Servo([still], twin, 'x').split()
+    assert not used.any() and not judged.any()

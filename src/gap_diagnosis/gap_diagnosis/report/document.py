@@ -161,8 +161,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     micro = 1e6
     if not diagnosis.verdict:
         return (
-            'no cause named: the twin explains the session to its noise floor ('
-            f'{diagnosis.before * micro:.2f} µm RMS, floor '
+            f'no cause named: the held-out gap is {diagnosis.before * micro:.2f} µm RMS (floor '
             f'{diagnosis.noise_floor * micro:.2f} µm)'
         )
     sure = {cause.effect: cause.probability for cause in diagnosis.causes}
