@@ -39,13 +39,13 @@ _STATE = _state()
 def compiled(function: Function) -> Function:
     """`njit` without allocation, with a cache of its own for each state of the library of effects.
 
-    Without NUMBA_CACHE_DIR the code lies beside the sources, as Numba has it; an effect from
-    outside is then compiled by each process.
+    Without NUMBA_CACHE_DIR these caches lie beside the sources; where nobody may write there, an
+    effect from outside is compiled by each process.
     """
-    outer = config.CACHE_DIR
-    if not outer:
+    outer, beside = config.CACHE_DIR, Path(__file__).parent / '__pycache__'
+    if not outer and not os.access(beside, os.W_OK):
         return njit(cache=not EXTRA_FILES, _nrt=False)(function)  # type: ignore[no-any-return]
-    config.CACHE_DIR = os.path.join(outer, f'twin-{_STATE}')
+    config.CACHE_DIR = os.path.join(outer or beside, f'twin-{_STATE}')
     try:
         return njit(cache=True, _nrt=False)(function)  # type: ignore[no-any-return]
     finally:
