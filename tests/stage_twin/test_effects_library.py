@@ -150,6 +150,8 @@ def any_effects(draw):
         'drive_play.x': {'width': 0.0005, 'mass_ratio': 0.5},
     }
 )
+# Friction that gives way at the smallest speed that there is.
+@example({'coulomb_friction.x': {'coulomb': 20.0, 'presliding': 0.0, 'creep_velocity': 5e-324}})
 def test_any_values_in_range_keep_the_stage_within_bounds(effects):
     slippery = [effects.get(n, {}) for n in ('viscous_friction.x', 'asymmetric_friction.x')]
     drives = any(value < 0.0 for values in slippery for value in values.values())

@@ -15,6 +15,9 @@ from stage_twin.compiled import compiled
 #: Newton steps of the implicit friction law; the iteration is monotone and needs 1 to 5.
 FRICTION_STEPS = 12
 
+#: Number above which tanh is 1 in a double, and the least slope that it is given below.
+FULL, FLAT = 20.0, 1e-15
+
 
 @compiled
 def slide_bristle(
@@ -57,23 +60,26 @@ def solve_yielding(
     """Friction [N] over a step whose velocity friction itself decides (:func:`solve_bristle`).
 
     It is that at a velocity u between those at the start and at the end, the nearer to the end
-    the steeper it is for the step. Newton's steps from below, as its slope falls with the speed.
+    the steeper it is for the step. Newton's steps from below in w = |u| / creep, as the slope
+    falls with the speed: creep w + pull tanh(w) = |coasting|.
     """
     level = hooks.sliding(row, state, position, velocity, velocity >= 0.0)
-    steep = gain * level / creep
-    theta = 0.5 * (1.0 + steep / (1.0 + steep))
-    pull = theta * gain * level
+    steep = gain * level
+    theta = 0.5 * (1.0 + steep / (creep + steep))
+    pull = theta * steep
     coasting = (1.0 - theta) * velocity + theta * free
     target = abs(coasting)
-    speed = max(0.0, target - pull)
+    ratio = max(0.0, target - pull) / creep
+    if ratio > FULL:
+        return math.copysign(level, coasting)
     for _ in range(FRICTION_STEPS):
-        share = math.tanh(speed / creep)
-        slope = 1.0 + pull / creep * (1.0 - share * share)
-        move = (target - speed - pull * share) / slope
-        speed += move
-        if abs(move) <= 1e-12 + 1e-9 * speed:
+        share = math.tanh(ratio)
+        missing = target - creep * ratio - pull * share
+        move = missing / (creep + pull * max(FLAT, 1.0 - share * share))
+        ratio += move
+        if abs(move) <= 1e-9 * (1.0 + ratio):
             break
-    return math.copysign(level * math.tanh(speed / creep), coasting)
+    return math.copysign(level * math.tanh(ratio), coasting)
 
 
 @compiled
