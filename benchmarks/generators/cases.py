@@ -36,6 +36,8 @@ NEEDS_TRACKER = {
 NEEDS_BOTH = {
     'axis_crosstalk', 'angular_error', 'straightness', 'base_resonance', 'structural_resonance',
 }  # fmt: skip
+# Forces of which a constant one may be a part.
+CONSTANT = {'position_force', 'cable_force', 'force_offset'}
 # On a path that never turns back these are an offset or a force of the position.
 NEEDS_REVERSALS = {
     'backlash', 'coulomb_friction', 'asymmetric_friction', 'stribeck_friction', 'drive_play',
@@ -299,7 +301,7 @@ def truth(case: Case) -> dict[str, object]:
     return {
         'kind': case.kind,
         'truth': names,
-        'also_right': _also_right(shown, case),
+        'also_right': also_right(planted, case.kind),
         'planted': [
             {'name': p.name, 'parameters': p.parameters, 'shape': p.shape} for p in planted
         ],
@@ -315,23 +317,31 @@ def truth(case: Case) -> dict[str, object]:
     }
 
 
-def _also_right(shown: list[Planted], case: Case) -> list[list[str]]:
+def _instead(one: Planted, planted: list[Planted]) -> tuple[str, ...]:
+    """Effects that no such data can tell from a planted one, beside the others."""
+    constant = {p.effect for p in planted if p.axis == one.axis} & CONSTANT
+    # The half difference of two levels is a constant force, which is one of the other.
+    symmetric = one.effect == 'asymmetric_friction' and constant
+    return (*one.instead, 'coulomb_friction') if symmetric else one.instead
+
+
+def also_right(planted: list[Planted], kind: str) -> list[list[str]]:
     """Whole verdicts that are as right as the truth: every way to name each planted effect."""
-    if case.kind == 'unknown':
+    if kind == 'unknown':
         return []
-    if case.kind == 'hidden':
-        return [sorted({p.name for p in case.planted})]
+    if kind == 'hidden':
+        return [sorted({p.name for p in planted})]
     ways = []
-    for p in shown:
+    for p in planted:
         with_companions = [
             [p.name, *(p.named(c) for c in chosen)]
             for size in range(len(p.companions) + 1)
             for chosen in itertools.combinations(p.companions, size)
         ]
-        ways.append(with_companions + [[p.named(other)] for other in p.instead])
+        ways.append(with_companions + [[p.named(other)] for other in _instead(p, planted)])
     names = {
         tuple(sorted({n for way in ways_of_all for n in way}))
         for ways_of_all in itertools.product(*ways)
     }
-    names.discard(tuple(sorted({p.name for p in shown})))
+    names.discard(tuple(sorted({p.name for p in planted})))
     return [list(one) for one in sorted(names)]

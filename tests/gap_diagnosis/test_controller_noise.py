@@ -113,5 +113,5 @@ def test_gains_that_fall_near_no_error_are_no_law_of_the_twin(
     error *= 0.8 * (1.0 - falls / (1.0 + (error / scale) ** 2))
     forces = true.velocity_gain * error + true.integral_gain * made.period * np.cumsum(error)
     told, unlike = controller_findings([replace(made, force=forces[:, None])], nominal())
-    assert 'controller_mismatch.x' in told or falls
+    assert 'controller_mismatch.x' in told
     assert unlike == (('x',) if falls else ())

@@ -6,8 +6,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from benchmarks.generators import handmade
-from benchmarks.generators.cases import draw_cases, write_case
+from benchmarks.generators.cases import also_right, draw_cases, write_case
 from benchmarks.generators.machine import draw_machine
+from benchmarks.generators.record import Planted
 from benchmarks.generators.references import draw_reference
 from benchmarks.generators.score import judged, read_truth, summary
 
@@ -49,6 +50,12 @@ def test_a_case_is_the_same_for_its_seed_and_rosbags_reads_it(tmp_path):
     np.testing.assert_array_equal(efforts, record.effort[:, 0])
     twin = yaml.safe_load((tmp_path / 'case' / 'twin.yaml').read_text())
     assert twin['axes']['x']['mass'] == first.machine.axes[0].mass
+
+
+def test_two_levels_beside_a_constant_force_are_one_level():
+    friction = Planted('asymmetric_friction', 'x')
+    for axis, right in (('x', [['coulomb_friction.x', 'position_force.x']]), ('y', [])):
+        assert also_right([friction, Planted('position_force', axis)], 'pair') == right
 
 
 def test_the_scorer_knows_right_also_right_and_false_names():

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.channels import (
     Channel,
+    as_stated,
     axis_shares,
     chance_rms,
     gap_channels,
@@ -293,9 +294,8 @@ def _conclude(
     progress('leaving out one cause at a time')
     floors = {n: judge.channel_floor(seen, n) for n in channels}
     run = Run(scored, twin, parts, channels, parameters, floors, seed, unrepeated)
-    causes = [cause_of(name, run) for name in effects]
     # The largest contribution to the gap first.
-    causes.sort(key=lambda c: -(c.gap_before - c.gap_after))
+    causes = sorted((cause_of(n, run) for n in effects), key=lambda c: c.gap_after - c.gap_before)
     accepted = [c.effect for c in causes]
     speeds = tracker_speeds(records)
     floor = judge.noise_floor(seen, channels, effects, speeds)
@@ -310,8 +310,10 @@ def _conclude(
     others = judge.rejected_causes(parts, accepted, structured, before, after)
     share = max((p.structure.share for p in remaining), default=0.0)
     scene = Scene(before / floor, after / floor, share, structured, turns(scored))
+    if not prepared.rests_as_stated:
+        channels = as_stated(channels, records, prepared.stated)
+        before = position_rms(channels, 'before')
     return Diagnosis(
-        sessions=[r.name for r in records],
         twin_name=twin_name,
         twin=twin,
         records=records,
@@ -321,7 +323,6 @@ def _conclude(
         before=before,
         after=after,
         noise_floor=floor,
-        accepted=accepted,
         parameters=parameters,
         causes=with_probabilities(causes, others, scene),
         verdict=accepted + ([UNKNOWN] if structured else []),
@@ -329,8 +330,8 @@ def _conclude(
         axes_share=shares,
         link=link_of(accepted[0]) if accepted else worst,
         unexplained=float(np.clip(max(after**2 - floor**2, 0.0) / max(before**2, 1e-30), 0, 1)),
-        structured=structured,
         warnings=_notes(records, prepared, channels, told, unrepeated),
         drives=prepared.laws,
         unrepeated=unrepeated,
+        rests_as_stated=prepared.rests_as_stated,
     )

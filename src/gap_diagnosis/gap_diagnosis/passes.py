@@ -53,7 +53,8 @@ class Prepared:
     Attributes
     ----------
     records : arrays of all sessions
-    twin : the nominal twin
+    stated : the nominal twin as its file states it
+    twin : that twin, whose stated frictions give way as the machine's do
     stepped : the twin with the encoder steps that the records have
     seen : the twin with all the noise that they have
     direct : effects read from the record itself; no residual has to be explained for them
@@ -61,10 +62,10 @@ class Prepared:
     without : effects taken out of the library
     apart : notes where a machine without forces and its simulator have other gains
     unlike : axes whose controller does more than other gains explain
-    creeping : notes of stated frictions that the twin is run with otherwise
     """
 
     records: list[Record]
+    stated: TwinFile
     twin: TwinFile
     stepped: TwinFile
     seen: TwinFile
@@ -73,7 +74,6 @@ class Prepared:
     without: tuple[str, ...] = ()
     apart: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
-    creeping: tuple[str, ...] = ()
 
     @property
     def stepper(self) -> bool:
@@ -94,7 +94,7 @@ class Prepared:
             f'axis {axis}: its controller does more than gains explain; those named come nearest'
             for axis in self.unlike
         ]
-        still += self.creeping
+        still += creep_notes(self.stated, self.twin)
         if not self.laws:
             return still
         lost = [axis for axis, law in self.laws.items() if not law.known]
@@ -109,6 +109,12 @@ class Prepared:
             *self.apart,
             *still,
         ]
+
+    @property
+    def rests_as_stated(self) -> bool:
+        """Whether the stated frictions of the twin hold and give way as its file says."""
+        noises = [own for r in self.records if r.noise is not None for own in r.noise.axes]
+        return self.twin == self.stated and not any(own.dry for own in noises)
 
     @property
     def laws_known(self) -> bool:
@@ -173,7 +179,7 @@ def prepare(
     if simulated:
         runs = [_checked(run) for run in _load(simulated, twin)]
         records = [beside(r, run, twin) for r, run in zip(records, runs, strict=True)]
-    held, twin = twin, with_creep(records, twin)
+    stated, twin = twin, with_creep(records, twin)
     counted_twin = with_counted_steps(twin)
     records = with_rests(records, twin, {})
     counted = twin.kind == 'stepper' or 'encoder_quantisation' in without
@@ -182,9 +188,8 @@ def prepare(
     seen = with_simulated(with_mean_points(with_noise(stepped, records), records), records)
     commanded, unlike = controller_findings(records, twin)
     direct = {**quantisation, **conventions, **commanded, **waves_read(records, twin)}
-    creeping = tuple(creep_notes(held, twin))
-    told = tuple(without), tuple(apart), unlike, creeping
-    return _moving(Prepared(records, twin, stepped, seen, direct, laws, *told))
+    told = tuple(without), tuple(apart), unlike
+    return _moving(Prepared(records, stated, twin, stepped, seen, direct, laws, *told))
 
 
 def _check_records(records: list[Record], twin: TwinFile) -> None:

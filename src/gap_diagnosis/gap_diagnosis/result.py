@@ -14,6 +14,7 @@ from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.selection.parts import Part
+from stage_core.quantities import UNKNOWN
 from stage_core.twin_file import TwinFile
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 class Diagnosis:
     """Everything that the reports say."""
 
-    sessions: list[str]
     twin_name: str
     twin: TwinFile
     records: list[Record]
@@ -35,7 +35,6 @@ class Diagnosis:
     before: float
     after: float
     noise_floor: float
-    accepted: list[str]
     parameters: Parameters
     causes: list[Cause]
     verdict: list[str]
@@ -43,7 +42,6 @@ class Diagnosis:
     axes_share: dict[str, float]
     link: str
     unexplained: float
-    structured: bool
     #: Wall time at which the first session begins [ns].
     started: int = 0
     warnings: list[str] = field(default_factory=list)
@@ -54,8 +52,26 @@ class Diagnosis:
     drives: dict[str, DriveLaw] = field(default_factory=dict)
     #: Accepted effects that the loop is run without, as no second run repeats what they do.
     unrepeated: tuple[str, ...] = ()
+    #: Whether stated frictions hold and give way as the twin's file says. `before` is always of
+    #: the twin of the file; the effects are judged beside the twin that rests as the machine does.
+    rests_as_stated: bool = True
     #: The motion that would decide what is open, where there is one.
     experiment: Experiment | None = None
+
+    @property
+    def sessions(self) -> list[str]:
+        """Names of the sessions."""
+        return [record.name for record in self.records]
+
+    @property
+    def accepted(self) -> list[str]:
+        """Effects of the verdict; `unknown` is none."""
+        return [name for name in self.verdict if name != UNKNOWN]
+
+    @property
+    def structured(self) -> bool:
+        """Whether something that no effect explains is left."""
+        return UNKNOWN in self.verdict
 
     @property
     def shrink(self) -> float:

@@ -79,7 +79,7 @@ class AxisLoop:
     def gap(self, effects: Effects) -> float:
         """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""
         scored = judging(self.records)
-        return replayed_gap(scored, self.twin, effects, self.channel, scored_ticks)
+        return replayed_gap(scored, self.twin, effects, self.axis, scored_ticks)
 
     def window_gaps(self, found: Parameters) -> Array:
         """RMS (w,) of the gap in each held-out window [m], of a loop without encoder steps.

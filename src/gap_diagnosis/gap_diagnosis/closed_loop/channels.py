@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import mean_square, replay, replays
+from gap_diagnosis.closed_loop.rests import undried
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import FAR, Sides
 from gap_diagnosis.input.data import Record
@@ -114,6 +115,24 @@ def gap_channels(
                 channel.before.append(part.problem.gap[rows][mask])
                 channel.after.append(part.residual[rows][mask])
     return channels
+
+
+def as_stated(
+    channels: dict[str, Channel], records: list[Record], stated: TwinFile
+) -> dict[str, Channel]:
+    """The channels with the gap before of the twin as its file states it.
+
+    How a friction holds or gives way at rest may be otherwise in the twin that the effects are
+    judged beside.
+    """
+    runs = [(replays(undried(r), stated, {}), scored_ticks(r)) for r in judging(records)]
+    out = dict(channels)
+    for name in runs[0][0][0]:
+        before = [own[0][name][mask] for own, mask in runs]
+        squares = [mean_square(own, name)[mask] for own, mask in runs]
+        drawn = {**channels[name].drawn, 'before': squares}
+        out[name] = replace(channels[name], before=before, drawn=drawn)
+    return out
 
 
 def noise_notes(

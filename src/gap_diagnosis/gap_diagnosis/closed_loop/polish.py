@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.closed_loop.replay import of_axis, replay, replayed_gap
+from gap_diagnosis.closed_loop.replay import fitted_gap, of_axis, replay
 from gap_diagnosis.closed_loop.steps import stepless, without_steps
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.calibrated import SPREAD
@@ -183,7 +183,7 @@ def polish(
 
     def left(effects: Parameters) -> float:
         values = plain_values({**fixed, **effects})
-        return replayed_gap(fitted, twin, values, f'encoder.{axis}', fitted_ticks, draws=1)
+        return fitted_gap(fitted, twin, values, axis, draws=1)
 
     least = left(found)
     for effect, key, value in _tried(found):
@@ -229,8 +229,7 @@ def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Para
     except StageError:
         # A step left the range in which the twin is a machine: the warm start stands.
         return found
-    channel = f'encoder.{loop.axis}'
-    first = replayed_gap(loop.records, loop.twin, loop.effects, channel, fitted_ticks, draws=1)
+    first = fitted_gap(loop.records, loop.twin, loop.effects, loop.axis, draws=1)
     left = float(np.sqrt(np.mean(residual**2)))
     if left > least or left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
         # The slopes of such a loop say nothing.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gap_diagnosis.closed_loop import dither
 from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.windows import fitted_ticks
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.recording import CONVENTION
@@ -122,21 +123,28 @@ def replayed_gap(
     records: Iterable[Record],
     twin: TwinFile,
     effects: Effects,
-    channel: str,
+    axis: str,
     ticks: Callable[[Record], NDArray[np.bool_]],
     draws: int = DRAWS,
 ) -> float:
-    """RMS of the gap of a channel on some ticks; infinite where no machine could run."""
-    axis = channel[-1]
+    """RMS [m] of the gap of an encoder on some ticks; infinite where no machine could run."""
     try:
         runs = [
             (replays(of_axis(r, twin, effects, axis), twin, effects, draws), ticks(r))
             for r in records
         ]
-        squares = [mean_square(own, channel)[rows] for own, rows in runs]
+        squares = [mean_square(own, f'encoder.{axis}')[rows] for own, rows in runs]
     except StageError:
         return math.inf
     return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def fitted_gap(
+    records: Iterable[Record], twin: TwinFile, effects: Effects, axis: str, draws: int = DRAWS
+) -> float:
+    """RMS [m] of the gap of an encoder on the ticks to which the loop is fitted."""
+    fitted = [record for record in records if not record.held_out_session]
+    return replayed_gap(fitted, twin, effects, axis, fitted_ticks, draws)
 
 
 def _finite(gap: Array) -> Array:

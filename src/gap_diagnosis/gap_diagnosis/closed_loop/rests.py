@@ -16,9 +16,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gap_diagnosis.closed_loop import dither
-from gap_diagnosis.closed_loop.replay import replayed_gap
+from gap_diagnosis.closed_loop.replay import fitted_gap
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import fitted_ticks
 from gap_diagnosis.parameters import Effects
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -47,11 +46,19 @@ def with_rests(
         ways = [[_run(r, i, shown, *way) for r in whole] for way in _ways(axis, twin, effects)]
         best = 0
         if len(ways) > 1:
-            gaps = [_gap(way, twin, effects, axis) for way in ways]
+            gaps = [fitted_gap(way, twin, effects, axis) for way in ways]
             best = gaps.index(min(gaps))
             best = best if gaps[best] < CLOSER * gaps[0] else 0
         whole = ways[best]
     return whole
+
+
+def undried(record: Record) -> Record:
+    """The record, beside which the frictions that its twin states keep their presliding."""
+    if record.noise is None:
+        return record
+    axes = tuple(replace(own, dry=False) for own in record.noise.axes)
+    return replace(record, noise=replace(record.noise, axes=axes))
 
 
 def rest_notes(record: Record) -> list[str]:
@@ -100,8 +107,3 @@ def _run(record: Record, i: int, shown: bool, other: bool, dry: bool) -> Record:
     hidden = 0.0 if shown else HIDDEN * own.quantum / math.sqrt(12.0)
     axes[i] = replace(own, at_rest=hidden if other else None, dry=dry)
     return replace(record, noise=replace(record.noise, axes=tuple(axes)))
-
-
-def _gap(records: list[Record], twin: TwinFile, effects: Effects, axis: str) -> float:
-    fitted = [record for record in records if not record.held_out_session]
-    return replayed_gap(fitted, twin, effects, f'encoder.{axis}', fitted_ticks)

@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import TypeVar
 
 from gap_diagnosis.closed_loop.dither import STEPLESS
-from gap_diagnosis.closed_loop.replay import replayed_gap
+from gap_diagnosis.closed_loop.replay import fitted_gap
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import fitted_ticks
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.nominal import QUANTISATION
 from stage_core.quantities import split_effect
@@ -42,10 +41,9 @@ def unrepeated_steps(
     to them.
     """
     untold = {axis for record in records for axis in record.untold}
-    fitted = [record for record in records if not record.held_out_session]
 
     def gap(name: str, effects: Effects) -> float:
-        return replayed_gap(fitted, twin, effects, f'encoder.{name[-1]}', fitted_ticks)
+        return fitted_gap(records, twin, effects, name[-1])
 
     coarse = [n for n in effects if split_effect(n)[0] == QUANTISATION and n[-1] not in untold]
     return tuple(

@@ -160,9 +160,12 @@ def sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence, with the probability p of each effect, as commands print it."""
     micro = 1e6
     if not diagnosis.verdict:
+        rests = ''
+        if not diagnosis.rests_as_stated:
+            rests = f', and {diagnosis.after * micro:.2f} µm with a friction that rests otherwise'
         return (
-            f'no cause named: the held-out gap is {diagnosis.before * micro:.2f} µm RMS (floor '
-            f'{diagnosis.noise_floor * micro:.2f} µm)'
+            f'no cause named: the held-out gap is {diagnosis.before * micro:.2f} µm RMS{rests} '
+            f'(floor {diagnosis.noise_floor * micro:.2f} µm)'
         )
     sure = {cause.effect: cause.probability for cause in diagnosis.causes}
     names = ', '.join(

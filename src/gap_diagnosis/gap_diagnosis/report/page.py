@@ -59,10 +59,16 @@ def _headline(page: Page, diagnosis: Diagnosis) -> None:
     before, after = diagnosis.before, diagnosis.after
     floor = f'Noise and resolution alone make {measure(diagnosis.noise_floor, digits=2)}.'
     if not diagnosis.verdict:
+        rests = ''
+        if not diagnosis.rests_as_stated:
+            rests = (
+                'A stated friction holds or gives way at rest otherwise on the machine: the gap '
+                f'of a twin that rests so is {measure(after, digits=2)}. '
+            )
         page.headline(
             f'no cause named, gap {measure(before, digits=2)} RMS',
-            f'No effect of the library explains the gap between {_name(diagnosis)} and machine '
-            f'better. {floor}',
+            f'{rests}No effect of the library explains the gap between {_name(diagnosis)} and '
+            f'machine better. {floor}',
         )
         return
     page.headline(
