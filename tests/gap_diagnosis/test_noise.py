@@ -16,6 +16,7 @@ from gap_diagnosis.input.data import load_record
 from gap_diagnosis.input.noise import (
     Noise,
     Sampling,
+    axis_noise,
     encoder_step,
     jitter_finding,
     sampling_jitter,
@@ -204,6 +205,18 @@ def test_the_step_of_an_encoder_is_found_at_any_speed(speed: float) -> None:
     position = speed * times + 0.01 * np.sin(2.0 * np.pi * times) + noise
     assert encoder_step(4e-7 * np.rint(position / 4e-7)) == pytest.approx(4e-7, rel=1e-6)
     assert encoder_step(position) == 0.0
+
+
+@pytest.mark.parametrize(('step', 'jitter'), [(2e-5, 0.0), (1e-8, 4e-4)])
+def test_steps_that_are_coarser_than_stated_are_no_jitter(step: float, jitter: float) -> None:
+    # It creeps and rests: steps of 20 µm make more noise in motion than at rest.
+    times = 1e-3 * np.arange(30_000)
+    late = jitter * np.random.default_rng(3).standard_normal(len(times))
+    path = 2.5e-3 * np.minimum(times + late, 20.0)
+    noise = 2e-7 * np.random.default_rng(5).standard_normal(len(times))
+    read = step * np.rint((path + noise) / step)
+    found = axis_noise(read, 1e-3, 2e-6, np.ones(len(times), bool))
+    assert found.jitter == pytest.approx(jitter, rel=0.1)
 
 
 def read_late(reach: float, jitter: float) -> Sampling | None:

@@ -113,7 +113,10 @@ def axis_noise(
     if np.count_nonzero(chosen) < LEAST_BLOCKS:
         return AxisNoise(least, 0.0, effort, quantum)
     white, jitter, deviation = speed_fit(power[chosen], square[chosen])
-    if jitter <= SURE * deviation or jitter * float(np.mean(square[chosen])) < least**2:
+    # Steps that are coarser than stated make more noise in motion than at rest, as jitter does.
+    counted = float(np.median(moved[chosen])) <= FAST * encoder_step(position) / period
+    unsure = jitter <= SURE * deviation or jitter * float(np.mean(square[chosen])) < least**2
+    if counted or unsure:
         white, jitter = float(np.median(power[chosen])), 0.0
     if white < CLEARLY * least**2:
         white = least**2

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 
 from stage_twin.effects.term import Array, Term, Theta
 from stage_twin.effects.waveform import HARMONICS, WAVES, grown
@@ -169,11 +170,12 @@ def starts(
     low, high = bounds(position, lead)
     count = math.ceil(high / low)
     frequencies = np.arange(PAD, PAD * count) * (low / PAD)
-    place = ((position - position.min()) * (BINS * count * low)).astype(np.int64)
+    bins = next_fast_len(BINS * count, real=True)
+    place = ((position - position.min()) * (bins * low)).astype(np.int64)
 
     def propose(residual: Array) -> tuple[Theta, ...]:
         sums = np.bincount(place, residual - residual.mean())
-        power = np.abs(np.fft.rfft(sums, PAD * BINS * count))[PAD : PAD * count]
+        power = np.abs(np.fft.rfft(sums, PAD * bins)[PAD : PAD * count])
         inner = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])
         peaks = np.flatnonzero(np.concatenate([[power[0] > power[1]], inner, [False]]))
         best = peaks[np.argsort(-power[peaks])][:PEAKS]
