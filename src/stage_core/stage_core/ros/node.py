@@ -14,9 +14,7 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import (
-    SetParametersResult,
-)
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -36,6 +34,7 @@ from stage_core.ros.descriptor_node import descriptor
 from stage_core.ros.diagnostics_node import Diagnostics
 from stage_core.ros.joint_state_wire import JointSample, JointStateLayout
 from stage_core.ros.peers import PEERS, PeerWatch, speaker
+from stage_core.ros.services_node import answering_late
 from stage_core.signals import ending
 
 #: Measurements are recorded for science: reliable, with a second of depth (interfaces.md).
@@ -78,6 +77,11 @@ class StageNode(Node):
         #: How the system schedules this process, for /diagnostics.
         self.scheduling = 'ordinary'
         self._watch_peers(PeerWatch(PEERS.get(name, ()), self._doubled))
+
+    def create_service(self, *arguments: Any, **options: Any) -> Any:
+        """A service as of :class:`rclpy.node.Node` that answers late callers, too."""
+        made = super().create_service(*arguments, **options)
+        return answering_late(made, self.get_logger().warning)
 
     def value(self, name: str) -> Any:
         """Current value of a declared parameter."""

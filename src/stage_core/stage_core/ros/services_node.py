@@ -7,13 +7,49 @@ coroutines.)
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from std_srvs.srv import Trigger
 
 from stage_core.errors import StageError
+
+#: How long an answer waits for its caller to be known here, and how often it is sent [s]. Over a
+#: cable that loses 1 % a caller was known within a second.
+KNOWN_WITHIN, SENT_EVERY = 30.0, 0.5
+
+
+def answering_late(service: Any, warn: Callable[[str], Any]) -> Any:
+    """The service, whose answer waits for a caller that the middleware does not know yet.
+
+    Where packets are lost a request may come before what tells of its caller's reader. The
+    middleware then refuses to send the answer, and the error would end the node.
+    """
+    send_now = service.send_response
+    refused = rclpy_implementation.RCLError, rclpy_implementation.InvalidHandle
+
+    def send_again(response: Any, header: Any) -> None:
+        until = time.monotonic() + KNOWN_WITHIN
+        while time.monotonic() < until:
+            time.sleep(SENT_EVERY)
+            try:
+                return send_now(response, header)
+            except refused:
+                continue
+        warn(f'{service.srv_name}: the caller is not known here and got no answer')
+
+    def send(response: Any, header: Any) -> None:
+        try:
+            send_now(response, header)
+        except refused:
+            threading.Thread(target=send_again, args=(response, header), daemon=True).start()
+
+    service.send_response = send
+    return service
 
 
 def create_trigger_service(node: Any, name: str, action: Callable[[], str]) -> None:

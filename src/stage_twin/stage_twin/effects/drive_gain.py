@@ -9,7 +9,7 @@ from stage_twin.effects.term import Array, Term, constant
 EFFECT = Effect(
     name='drive_gain',
     link='servo',
-    parameters=(Parameter('error', '', -0.8, 1.0, 0.05, 'acting force = (1 + error) * F'),),
+    parameters=(Parameter('error', '', -0.8, 4.0, 0.05, 'acting force = (1 + error) * F'),),
     model='Error of the force constant (N per ampere, N per volt). Gautier and Briot, "Global '
     'identification of joint drive gains and dynamic parameters of robots", ASME JDSMC 136 '
     '(2014).',
