@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import mean_square, replay, replays
-from gap_diagnosis.closed_loop.rests import undried
+from gap_diagnosis.closed_loop.rests import undried, with_hidden
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import FAR, Sides
 from gap_diagnosis.input.data import Record
@@ -194,10 +194,11 @@ def chance_rms(
 ) -> float:
     """RMS [m] by which the encoders of two runs of a twin differ whose noise differs.
 
-    Zero without a friction. A machine that sticks differs from its own right twin by as much.
+    Zero without a friction. A machine that sticks differs from its own right twin by as much, also
+    by noise that the steps of its encoder hide.
     """
     squares = [0.0]
-    for record in records:
+    for record in map(with_hidden, records):
         rows = (record.time > STARTED) & record.whole(record.time)
         one, other = (replay(record, twin, effects, draw) for draw in (0, 1))
         names = [f'encoder.{axis}' for axis in axes if f'encoder.{axis}' in one]

@@ -18,6 +18,7 @@ from dataclasses import replace
 from gap_diagnosis.closed_loop import dither
 from gap_diagnosis.closed_loop.replay import fitted_gap
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.noise import AxisNoise
 from gap_diagnosis.parameters import Effects
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
@@ -51,6 +52,17 @@ def with_rests(
             best = best if gaps[best] < CLOSER * gaps[0] else 0
         whole = ways[best]
     return whole
+
+
+def with_hidden(record: Record) -> Record:
+    """The record with noise that steps hide, on axes that show none and are run with none."""
+    if record.noise is None:
+        return record
+    axes = tuple(
+        own if own.beyond_steps or own.at_rest is not None else replace(own, at_rest=_hidden(own))
+        for own in record.noise.axes
+    )
+    return replace(record, noise=replace(record.noise, axes=axes))
 
 
 def undried(record: Record) -> Record:
@@ -104,6 +116,11 @@ def _run(record: Record, i: int, shown: bool, other: bool, dry: bool) -> Record:
         return record
     axes = list(record.noise.axes)
     own = axes[i]
-    hidden = 0.0 if shown else HIDDEN * own.quantum / math.sqrt(12.0)
+    hidden = 0.0 if shown else _hidden(own)
     axes[i] = replace(own, at_rest=hidden if other else None, dry=dry)
     return replace(record, noise=replace(record.noise, axes=tuple(axes)))
+
+
+def _hidden(noise: AxisNoise) -> float:
+    """Noise [m] that the steps of an encoder may hide."""
+    return HIDDEN * noise.quantum / math.sqrt(12.0)
