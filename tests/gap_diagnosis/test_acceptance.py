@@ -178,12 +178,25 @@ def test_the_rounding_of_a_slow_axis_is_no_structure() -> None:
     floor = np.hypot(2e-6, step / np.sqrt(12.0))
 
     def structured(residual: np.ndarray, rounding: float) -> bool:
-        problem = SimpleNamespace(held_out=rows, floor=floor, rounding=rounding)
+        problem = SimpleNamespace(held_out=rows, floor=floor, rounding=rounding, target=residual)
         none = np.zeros(5000)
         return judgement.structure(problem, residual, residual, none, 'tracker').structured
 
     assert structured(left, 0.0) and not structured(left, step**2 / 12.0)
     assert structured(left + 15e-6 * np.sin(0.01 * np.arange(5000)), step**2 / 12.0)
+
+
+@pytest.mark.parametrize(('offset', 'structured'), [(0.0, True), (300e-6, False)])
+def test_effects_that_make_up_for_one_another_hide_no_structure(
+    offset: float, structured: bool
+) -> None:
+    """A wander is much of the gap, and little of an offset that was there before."""
+    rows = np.ones(5000, dtype=bool)
+    left = 9e-6 * np.sin(0.01 * np.arange(5000)) + np.random.default_rng(2).normal(0, 1e-6, 5000)
+    problem = SimpleNamespace(held_out=rows, floor=1e-6, rounding=0.0, target=left + offset)
+    none = np.zeros(5000)
+    found = judgement.structure(problem, left, left + 300e-6, none, 'tracker')
+    assert found.structured is structured
 
 
 def test_a_force_that_has_no_gap_tells_of_no_effect() -> None:

@@ -31,6 +31,7 @@ SURE = 5.0  # standard deviations of a jitter above zero
 QUIET = 0.3  # share of a session's slowest points that tell a tracker's noise
 WILD = 5.0  # times the expected power, from which on a block is a knock and no noise
 TRACKER_BLOCK = 10  # points
+FAINTEST = 1e-30  # m², below which a power is that of no noise
 #: Measured noise of a tracker over the stated one, from which on it is taken.
 CLEARLY_NOISIER = 1.15
 GAUSS = 1.4826  # standard deviation over the median deviation, of normal numbers
@@ -227,12 +228,12 @@ def speed_fit(power: Array, square: Array) -> tuple[float, float, float]:
     White noise [m²], squared jitter [s²] and the standard deviation of the latter.
     """
     matrix = np.column_stack([np.ones_like(square), square])
-    expected = np.full_like(power, float(np.median(power)) + 1e-300)
+    expected = np.full_like(power, float(np.median(power)) + FAINTEST)
     solution = np.zeros(2)
     for _ in range(6):
         kept = power < WILD * expected
         solution, _ = nnls(matrix[kept] / expected[kept, None], power[kept] / expected[kept])
-        expected = np.maximum(matrix @ solution, 1e-3 * float(np.median(power)) + 1e-300)
+        expected = np.maximum(matrix @ solution, 1e-3 * float(np.median(power)) + FAINTEST)
     scaled = matrix / expected[:, None]
     scatter = np.var(power / expected)
     covariance = np.linalg.pinv(scaled.T @ scaled) * scatter
