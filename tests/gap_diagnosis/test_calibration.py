@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import runpy
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,9 @@ def test_no_statement_is_surer_than_its_kind_was_on_machines_first_seen(
     assert doubted == evidence.FIRST_SEEN[evidence.BESIDE_UNKNOWN] < alone
     assert evidence.probability('unknown', {}, True) == evidence.FIRST_SEEN['unknown'] < 0.6
     assert evidence.probability('none', {}) > 0.99
+    near, far = (evidence.probability('none', {'gap': math.log(gap)}) for gap in (1.9, 2.1))
+    assert near > 0.99
+    assert far == evidence.FIRST_SEEN[evidence.FAR_NONE] < 0.5
 
 
 def test_one_statement_leaves_its_rest_to_the_others() -> None:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gap_diagnosis.evidence.acceptance import defining
+from gap_diagnosis.evidence.acceptance import FAR, defining
 from gap_diagnosis.evidence.calibrated import WEIGHTS
 from gap_diagnosis.evidence.judgement import NONE, Cause
 from stage_core.quantities import UNKNOWN, split_effect
@@ -24,6 +24,8 @@ Features = dict[str, float]
 BESIDE_UNKNOWN = 'beside unknown'
 #: A servo effect with an alternative, which the data cannot tell from it.
 NOT_TOLD = 'not told from another'
+#: No cause, beside a gap of more than `FAR` floors that the model of a stated friction may leave.
+FAR_NONE = 'none beside a gap'
 
 #: Features are cut off here: beyond it a session of the calibration shows no more.
 LARGEST = 5.0
@@ -32,7 +34,7 @@ LARGEST = 5.0
 #: What statements were worth in the blind rows of simulators first seen, see "What statements were
 #: worth" of docs/results/foreign_machines.md. The sessions of the fit come from machines that the
 #: diagnosis was developed on: there it is 0.97 and 0.89.
-FIRST_SEEN = {'named': 0.97, BESIDE_UNKNOWN: 0.90, NOT_TOLD: 0.71, UNKNOWN: 0.54}
+FIRST_SEEN = {'named': 0.97, BESIDE_UNKNOWN: 0.89, NOT_TOLD: 0.78, UNKNOWN: 0.53, FAR_NONE: 0.25}
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,8 @@ def probability(kind: str, values: Features, beside_unknown: bool = False) -> fl
     if kind == 'named':
         untold = values.get('servo', 0.0) * values.get('rivals', 0.0) > 0.0
         kinds += [BESIDE_UNKNOWN] * beside_unknown + [NOT_TOLD] * untold
+    if kind == NONE and values.get('gap', 0.0) > math.log(FAR):
+        kinds.append(FAR_NONE)
     return min(fitted, *(FIRST_SEEN.get(kind, 1.0) for kind in kinds))
 
 
