@@ -46,14 +46,49 @@ def _contour() -> None:
     compile_kernels()
 
 
+def _calibration() -> None:
+    import numpy as np
+
+    from calibrator.samples import Samples
+    from calibrator.training import train
+
+    places = np.random.default_rng(0).uniform(0.0, 0.1, (40, 2))
+    times, one_way, no_sensor = np.arange(40.0), np.ones((40, 2)), np.empty((40, 0))
+    measured = (places, 1.001 * places, one_way, no_sensor, times)
+    train(
+        Samples(*measured, (), ('x', 'y'), 0.0, True), 'it2fls', {'particles': 2, 'iterations': 1}
+    )
+
+
+def _diagnosis() -> None:
+    import numpy as np
+
+    from gap_diagnosis.residuals import operators
+    from gap_diagnosis.residuals.stands import Stands
+    from stage_twin.effects import backlash, friction, play_search
+
+    path, one = np.zeros(64), np.ones(1)
+    operators.smooth(path, 1e-3, 50.0)
+    operators.band_limited(path, 1e-3)
+    operators.sure_turns(path, 1e-6)
+    backlash.slack(path, 1e-6)
+    friction.presliding_state(path, 1e-6)
+    play_search.crossed(path, path, 1e-3, one, one, one, 200.0)
+    Stands(np.zeros(1, int), np.full(1, 9), one).freed(path)
+
+
 def _simulation() -> None:
     import numpy as np
 
     from stage_core.twin_file import TwinFile
+    from stage_twin.kinematics import carry, motor_path
+    from stage_twin.measured_force import required_force
     from stage_twin.simulate import simulate
 
-    still = np.zeros((4, 2))
-    simulate(TwinFile.nominal_servo(), still, still)
+    twin, still = TwinFile.nominal_servo(), np.zeros((4, 2))
+    simulate(twin, still, still)
+    carry(twin, motor_path(twin, still))
+    required_force(twin, np.zeros((64, 2)))
 
 
 #: What is compiled, with the name that a person reads.
@@ -62,6 +97,8 @@ PARTS: dict[str, Callable[[], None]] = {
     'the servo driver': _driver,
     'the contour controller': _contour,
     'the simulation of the diagnosis': _simulation,
+    'the filters of the diagnosis': _diagnosis,
+    'the training of the calibration': _calibration,
 }
 
 
