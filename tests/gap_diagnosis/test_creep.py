@@ -38,6 +38,7 @@ def test_a_friction_that_gives_way_is_run_so(
     before = replayed_gap(judged, twin, {}, 'x', scored_ticks)
     assert found.channels['encoder.x'].rms('before') == pytest.approx(before)
     assert before > 5.0 * found.channels['encoder.x'].rms('after')
+    assert found.link == 'servo'
     # Without a cause the sentence says the gap, what is left of it, and its floor.
     before, after, floor = (1e6 * gap for gap in (found.before, found.after, found.noise_floor))
     said = (
