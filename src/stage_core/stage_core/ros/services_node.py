@@ -18,8 +18,8 @@ from std_srvs.srv import Trigger
 
 from stage_core.errors import StageError
 
-#: How long an answer waits for its caller to be known here, and how often it is sent [s]. Over a
-#: cable that loses 1 % a caller was known within a second.
+#: How long an answer waits for its caller to be known here, which is how long a caller waits if it
+#: says nothing else (`GraphClient.trigger`), and how often it is sent [s].
 KNOWN_WITHIN, SENT_EVERY = 30.0, 0.5
 
 
