@@ -11,10 +11,16 @@ from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import Signal, TrackerRows
 from stage_twin.effects.term import Array, Term, Theta
 
+#: Of five right widths of foreign simulators, whose edges are soft, one missed by 2.3 %, two by
+#: 0.9 %.
+DOUBT = 0.01
+
 EFFECT = Effect(
     name='backlash',
     link='kinematic',
-    parameters=(Parameter('width', 'm', 0.0, 1e-3, 10e-6, 'full width of the play'),),
+    parameters=(
+        Parameter('width', 'm', 0.0, 1e-3, 10e-6, 'full width of the play', doubt=DOUBT),
+    ),
     model='Play operator between motor and table, centred at the start of a session. Nordin and '
     'Gutman, "Controlling mechanical systems with backlash: a survey", Automatica 38 (2002).',
     sentence='the table follows the motor late by {width} after each reversal',

@@ -14,11 +14,15 @@ from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import PERIOD, PHASE, screw_angle
 from stage_twin.effects.term import Array, Term, Theta
 
+#: Waves are no sines: of four right amplitudes of foreign simulators one missed by 3.8 %, the
+#: others by 0.9 % at most.
+DOUBT = 0.015
+
 EFFECT = Effect(
     name='cyclic_pitch_error',
     link='kinematic',
     parameters=(
-        Parameter('amplitude', 'm', 0.0, 200e-6, 3e-6, 'amplitude'),
+        Parameter('amplitude', 'm', 0.0, 200e-6, 3e-6, 'amplitude', doubt=DOUBT),
         PERIOD,
         PHASE,
         *waveform.harmonic_parameters('m', 200e-6),

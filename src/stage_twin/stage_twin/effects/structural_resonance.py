@@ -33,6 +33,10 @@ def _like_a_base(values: Mapping[str, float]) -> tuple[str, ...]:
     )
 
 
+#: Springs harden and damp by friction: of three right dampings of foreign simulators one missed
+#: by 25 %; of three right frequencies the worst missed by 0.3 %.
+DOUBTED_DAMPING, DOUBTED_FREQUENCY = 0.1, 0.002
+
 EFFECT = Effect(
     name='structural_resonance',
     link='servo',
@@ -45,8 +49,18 @@ EFFECT = Effect(
             60.0,
             'natural frequency of the carried mass with the motor held; 0 is off',
             neutral=None,
+            doubt=DOUBTED_FREQUENCY,
         ),
-        Parameter('damping', '', 0.0, 1.0, 0.03, 'damping ratio of that mode', neutral=None),
+        Parameter(
+            'damping',
+            '',
+            0.0,
+            1.0,
+            0.03,
+            'damping ratio of that mode',
+            neutral=None,
+            doubt=DOUBTED_DAMPING,
+        ),
         Parameter('mass_ratio', '', 0.0, 0.9, 0.3, 'share of the moving mass behind the spring'),
         Parameter(
             'table_share',

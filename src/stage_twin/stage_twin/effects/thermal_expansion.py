@@ -19,11 +19,23 @@ PLACES = tuple(
 LAGS = (-10.0, -3.0, -1.0, 1.0, 3.0, 10.0, 20.0)
 LONGEST_LAG = 30.0
 
+#: A sensor is not the screw: of five right findings of two foreign simulators with four and five
+#: nodes of heat the coefficient missed by 4 to 20 %, the fixed point by 3 to 21 %.
+DOUBT = 0.08
+
 EFFECT = Effect(
     name='thermal_expansion',
     link='kinematic',
     parameters=(
-        Parameter('coefficient', '1/K', -200e-6, 200e-6, 11.5e-6, 'expansion coefficient'),
+        Parameter(
+            'coefficient',
+            '1/K',
+            -200e-6,
+            200e-6,
+            11.5e-6,
+            'expansion coefficient',
+            doubt=DOUBT,
+        ),
         Parameter(
             'fixed_point',
             'm',
@@ -32,6 +44,7 @@ EFFECT = Effect(
             0.0,
             'position that does not move; may lie outside',
             neutral=None,
+            doubt=DOUBT,
         ),
         Parameter(
             'initial_rise',
