@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,17 +15,14 @@ from gap_diagnosis.closed_loop.channels import (
     Channel,
     as_stated,
     axis_shares,
-    chance_rms,
     gap_channels,
     noise_notes,
     position_rms,
-    session_rms,
 )
-from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
+from gap_diagnosis.closed_loop.unexplained import far
 from gap_diagnosis.evidence import judgement as judge
-from gap_diagnosis.evidence.acceptance import far_from_explained
 from gap_diagnosis.evidence.causes import Run, cause_of, shown_by_encoder, swings, unrepeated_notes
 from gap_diagnosis.evidence.describe import (
     describe,
@@ -202,47 +198,6 @@ def _allowed(found: Parameters, without: Sequence[str]) -> Parameters:
     return {n: v for n, v in found.items() if not set(without) & {n, split_effect(n)[0]}}
 
 
-def _far(
-    records: list[Record],
-    prepared: Prepared,
-    parts: list[Part],
-    channels: dict[str, Channel],
-    effects: dict[str, dict[str, float]],
-    told: dict[str, dict[str, float]],
-    speeds: dict[str, float],
-) -> bool:
-    """Whether the positions are left far from explained; rests scatter by themselves."""
-    # The gap of an axis that swings at a phase of its own stays.
-    swinging = {name[-1] for name in swings(parts)}
-    calm = {n: c for n, c in channels.items() if n[-1] not in swinging}
-    if not calm or prepared.twin.kind == 'stepper':
-        return False
-    before, after = position_rms(calm, 'before'), position_rms(calm, 'after')
-    floor = judge.noise_floor(prepared.seen, calm, effects, speeds)
-    encoders = {n: c for n, c in calm.items() if n.startswith('encoder')}
-    axes = [name[-1] for name in encoders]
-    whole = session_rms(records, prepared.twin, told, axes)
-    step = judge.noise_floor(prepared.seen, encoders, effects, speeds) if encoders else floor
-    chance = chance_rms(records, prepared.twin, told, axes)
-    share = math.sqrt(len(encoders) / len(calm))
-    floor, step = math.hypot(floor, chance * share), math.hypot(step, chance)
-    stated = _without_stated(records, prepared.twin, axes)
-    return far_from_explained(
-        before, after, floor, bool(effects), share * stated
-    ) or far_from_explained(*whole, step, bool(effects), stated)
-
-
-def _without_stated(records: list[Record], twin: TwinFile, axes: list[str]) -> float:
-    """RMS [m] of the encoders' gap without frictions that the twin states; 0 without."""
-    kept = {n: v for n, v in twin.effects.items() if not sticks([n])}
-    if len(kept) == len(twin.effects):
-        return 0.0
-    without, _ = session_rms(records, replace(twin, effects=kept), {}, axes)
-    # A loop that runs away without them tells nothing of them.
-    travel = max(float(np.ptp(r.reference, axis=0).max()) for r in records)
-    return without if without < travel else 0.0
-
-
 def _unrepeated(
     records: list[Record], twin: TwinFile, parts: list[Part], effects: dict[str, dict[str, float]]
 ) -> tuple[str, ...]:
@@ -302,7 +257,7 @@ def _conclude(
     remaining = [p for p in parts if p.structure.structured]
     structured = (
         any(shown_by_encoder(p, channels, floors, twin, accepted) for p in remaining)
-        or _far(records, prepared, parts, channels, effects, told, speeds)
+        or far(records, prepared, swings(parts), channels, effects, told, speeds)
         or not prepared.laws_known
     )
     progress('where the gap lies')

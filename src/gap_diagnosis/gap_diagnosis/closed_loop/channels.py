@@ -170,14 +170,19 @@ def session_rms(
     twin: TwinFile,
     effects: dict[str, dict[str, float]],
     axes: Sequence[str],
+    ticks: Sequence[NDArray[np.bool_]] | None = None,
 ) -> tuple[float, float]:
     """RMS [m] of the encoders' gap over whole sessions, without effects and with them.
 
-    A gap that opens in the fitted windows alone is no gap of the held-out ones.
+    A gap that opens in the fitted windows alone is no gap of the held-out ones. Of each session
+    some `ticks` (n,) count, by default all.
     """
     squares: tuple[list[float], list[float]] = [], []
-    for record in records:
+    for k, record in enumerate(records):
         rows = (record.time > STARTED) & record.whole(record.time)
+        rows &= True if ticks is None else ticks[k]
+        if not np.any(rows):
+            continue
         for which, some in zip(squares, ({}, effects), strict=True):
             gaps = replay(record, twin, some)
             own = [gaps[f'encoder.{a}'] for a in axes if f'encoder.{a}' in gaps]

@@ -32,7 +32,7 @@ from stage_twin.effects import EFFECTS
 Array = NDArray[np.float64]
 
 #: Steps at most, and the share of the squared gap above which a step leaves as much as the last.
-ROUNDS, SETTLED = 10, 1.0 - 1e-4
+ROUNDS, SETTLED = 40, 1.0 - 1e-4
 REACH = 2.0  # of the first step, in `_Loop.scale`; each later one reaches twice as far
 #: Damping of the first step, a share of the diagonal; ten times more after one that leaves more.
 DAMPING, TRIES = 1e-2, 4
@@ -116,29 +116,42 @@ class _Loop:
     def lowest(self) -> tuple[Array, Array, Array]:
         """z (k,) of the least gap, the gap (n,) there and its derivative (n, k).
 
-        Levenberg and Marquardt's steps, as long as they reach further.
+        Levenberg and Marquardt's steps, as long as they reach further. A derivative costs a run
+        for each parameter: it follows the steps (Broyden, Mathematics of Computation 19, 1965) and
+        is taken anew where a step does not help, or helps no more.
         """
-        low, high = self.bounds()
-        z, damping = np.zeros(len(self.names)), DAMPING
+        z, damping, reach, fresh = np.zeros(len(self.names)), DAMPING, REACH, True
         residual = self.gap(z)
         slopes = self.slopes(z, residual)
-        for k in range(ROUNDS):
-            for _ in range(TRIES):
-                reach = REACH * 2.0**k  # the deviations of the balance may be far too small
-                move = _step(slopes.T @ slopes, slopes.T @ residual, damping)
-                there = np.clip(z + np.clip(move, -reach, reach), low, high)
-                trial = self.gap(there)
-                share = float(trial @ trial) / max(float(residual @ residual), 1e-300)
-                if share < 1.0:
-                    break
-                damping *= 10.0
-            else:
+        for _ in range(ROUNDS):
+            there, trial, damping = self._step(z, residual, slopes, damping, reach)
+            share = float(trial @ trial) / max(float(residual @ residual), 1e-300)
+            if share < 1.0:
+                slopes = _followed(slopes, there - z, trial - residual)
+                z, residual, damping = there, trial, 0.1 * damping
+                reach *= 2.0  # the deviations of the balance may be far too small
+            settled = share > SETTLED
+            if settled and fresh:
                 break
-            z, residual, damping = there, trial, 0.1 * damping
-            slopes = self.slopes(z, residual)
-            if share > SETTLED:
+            fresh = settled
+            if fresh:
+                slopes, damping = self.slopes(z, residual), DAMPING
+        return z, residual, slopes if fresh else self.slopes(z, residual)
+
+    def _step(
+        self, z: Array, residual: Array, slopes: Array, damping: float, reach: float
+    ) -> tuple[Array, Array, float]:
+        """Where a step from z leads, the gap (n,) there, and the damping with which it helps."""
+        low, high = self.bounds()
+        gram, right = slopes.T @ slopes, slopes.T @ residual
+        for _ in range(TRIES):
+            move = np.clip(_step(gram, right, damping), -reach, reach)
+            there = np.clip(z + move, low, high)
+            trial = self.gap(there)
+            if trial @ trial < residual @ residual:
                 break
-        return z, residual, slopes
+            damping *= 10.0
+        return there, trial, damping
 
     def covariance(self, slopes: Array, residual: Array) -> Array:
         """Covariance (k, k) of z: how far a step moves when a block of time is left out.
@@ -159,6 +172,12 @@ class _Loop:
         )
         moves -= moves.mean(axis=0)
         return np.asarray(moves.T @ moves * (count - 1) / count)
+
+
+def _followed(slopes: Array, move: Array, change: Array) -> Array:
+    """The derivative (n, k) nearest to the last that says what a move (k,) changed (n,)."""
+    missed = change - slopes @ move
+    return np.asarray(slopes + np.outer(missed, move) / max(float(move @ move), 1e-300))
 
 
 def _step(gram: Array, right: Array, damping: float) -> Array:

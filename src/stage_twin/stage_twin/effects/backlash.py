@@ -18,9 +18,7 @@ DOUBT = 0.01
 EFFECT = Effect(
     name='backlash',
     link='kinematic',
-    parameters=(
-        Parameter('width', 'm', 0.0, 1e-3, 10e-6, 'full width of the play', doubt=DOUBT),
-    ),
+    parameters=(Parameter('width', 'm', 0.0, 1e-3, 10e-6, 'full width of the play', doubt=DOUBT),),
     model='Play operator between motor and table, centred at the start of a session. Nordin and '
     'Gutman, "Controlling mechanical systems with backlash: a survey", Automatica 38 (2002).',
     sentence='the table follows the motor late by {width} after each reversal',

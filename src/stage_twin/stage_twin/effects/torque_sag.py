@@ -22,14 +22,27 @@ NEWTON, HEATINGS = 8, 3
 #: 37 %.
 DOUBT = 0.15
 
+
+def _share(name: str, unit: str, maximum: float, when_on: float, meaning: str) -> Parameter:
+    return Parameter(name, unit, 0.0, maximum, when_on, meaning, doubt=DOUBT)
+
+
 EFFECT = Effect(
     name='torque_sag',
     link='servo',
     parameters=(
-        Parameter('sag_force', '1/N', 0.0, 1.0, 5e-4, 'share of the force lost per force', doubt=DOUBT),
-        Parameter('sag_square', '1/N^2', 0.0, 1.0, 0.0, 'share lost per squared force', doubt=DOUBT),
-        Parameter('sag_speed', 's/m', 0.0, 100.0, 0.0, 'share of the force lost per speed', doubt=DOUBT),
-        Parameter('sag_heat', '1/N^2', 0.0, 1.0, 0.0, 'share lost per mean squared force', doubt=DOUBT),
+        Parameter(
+            'sag_force', '1/N', 0.0, 1.0, 5e-4, 'share of the force lost per force', doubt=DOUBT
+        ),
+        Parameter(
+            'sag_square', '1/N^2', 0.0, 1.0, 0.0, 'share lost per squared force', doubt=DOUBT
+        ),
+        Parameter(
+            'sag_speed', 's/m', 0.0, 100.0, 0.0, 'share of the force lost per speed', doubt=DOUBT
+        ),
+        Parameter(
+            'sag_heat', '1/N^2', 0.0, 1.0, 0.0, 'share lost per mean squared force', doubt=DOUBT
+        ),
         Parameter('sag_time', '', 0.0, 0.75, 0.0, 'share lost once what runs by itself is warm'),
         Parameter('heat_time', 's', 1.0, 300.0, 15.0, 'in which both warm', neutral=None),
     ),
