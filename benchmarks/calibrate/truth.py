@@ -27,7 +27,10 @@ GAINS = ('position_gain', 'velocity_gain', 'integral_gain', 'velocity_filter')
 
 
 def in_report_terms(truth: dict[str, Any], twin: TwinFile) -> dict[str, Any]:
-    """The truth with its parameters named and referred as interfaces.md, "Effects" does."""
+    """The truth with its parameters named and referred as interfaces.md, "Effects" does.
+
+    What the machine gave in those terms stays.
+    """
     planted = [
         {**p, 'parameters': _parameters(p['name'], p['parameters'], twin)}
         for p in truth['planted']
@@ -44,11 +47,12 @@ def _parameters(name: str, values: Values, twin: TwinFile) -> Values:
 
 
 def _inertia(values: Values, axis: ServoAxis) -> Values:
-    return {'ratio': values['mass'] / axis.mass}
+    return {'ratio': values['mass'] / axis.mass} if 'mass' in values else {}
 
 
 def _gain(values: Values, axis: ServoAxis) -> Values:
-    return {'error': values.get('gain', values.get('drive_gain', 1.0)) - 1.0}
+    gain = values.get('gain', values.get('drive_gain'))
+    return {} if gain is None else {'error': gain - 1.0}
 
 
 def _breakaway(values: Values, axis: ServoAxis) -> Values:
@@ -58,7 +62,7 @@ def _breakaway(values: Values, axis: ServoAxis) -> Values:
 def _resonance(values: Values, axis: ServoAxis) -> Values:
     """Of the load with the motor held."""
     if 'payload_mass' not in values:
-        return {'frequency': values['antiresonance']}
+        return {'frequency': values.get('antiresonance', values['frequency'])}
     return {
         'frequency': values['payload_frequency'],
         'damping': values['payload_damping'],
@@ -67,7 +71,9 @@ def _resonance(values: Values, axis: ServoAxis) -> Values:
 
 
 def _base(values: Values, axis: ServoAxis) -> Values:
-    """Of the base together with the held axis."""
+    """Of the base together with the held axis; without the base's mass they are that already."""
+    if 'mass' not in values:
+        return {}
     share = axis.mass / (values['mass'] + axis.mass)
     lower = math.sqrt(1.0 - share)
     return {

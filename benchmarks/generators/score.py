@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.calibrate.truth import in_report_terms
 from stage_core.metrics import SIGMAS
+from stage_core.twin_file import TwinFile
 
 # These belong to the whole session; a report that adds an axis means the same.
 SESSION_WIDE = ('sample_jitter',)
@@ -56,6 +58,7 @@ def _scored(case: Path, command: str, again: bool) -> Row:
         lines = (done.stderr + done.stdout).strip().splitlines() or ['']
         error = f'exit {done.returncode}: {lines[-1]}' if done.returncode else ''
     truth = read_truth(json.loads((case / 'truth.json').read_text()))
+    truth = in_report_terms(truth, TwinFile.load(case / 'twin.yaml'))
     found = None if error or not report.exists() else json.loads(report.read_text())
     return judged(case.name, truth, found, error)
 

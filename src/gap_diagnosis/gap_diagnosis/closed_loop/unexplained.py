@@ -1,0 +1,133 @@
+"""Whether the twin as it is run stays far from the record, whatever a selection says.
+
+No two models of a friction agree within its presliding. Behind a friction that a twin states, the
+machine has another one: after each reversal and at each rest the twin goes another way, which
+says nothing of what it lacks. Such an axis counts where it slides.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gap_diagnosis.closed_loop.channels import Channel, chance_rms, position_rms, session_rms
+from gap_diagnosis.closed_loop.dither import sticks
+from gap_diagnosis.evidence import judgement as judge
+from gap_diagnosis.evidence.acceptance import far_from_explained
+from gap_diagnosis.input.data import Record
+from stage_core.quantities import split_effect
+from stage_core.twin_file import TwinFile
+from stage_twin.effects import link_of
+
+if TYPE_CHECKING:
+    from gap_diagnosis.passes import Prepared
+
+#: Time [s] for which a reference moves one way, at more than a share of its top speed, until an
+#: axis counts as sliding. On 63 axes of two foreign simulators whose twins state a friction and
+#: lack nothing the gap was up to 20 floors, and 1.8 at most where they slide so; on two that lack
+#: a resonance it was 8.7 and 4.6, and 6.4 and 4.1 where they slide.
+SLIDES, SLOW = 0.4, 0.02
+#: Share of the ticks from which on the gap is told where an axis slides.
+ENOUGH = 0.05
+
+
+def far(
+    records: list[Record],
+    prepared: Prepared,
+    swinging: Collection[str],
+    channels: Mapping[str, Channel],
+    effects: dict[str, dict[str, float]],
+    told: dict[str, dict[str, float]],
+    speeds: dict[str, float],
+) -> bool:
+    """Whether the positions are left far from explained; rests scatter by themselves.
+
+    `swinging` names effects that swing, `effects` are all that are named, `told` those with
+    which the loop is run, and `speeds` those at the tracker's points [m/s].
+    """
+    # The gap of an axis that swings at a phase of its own stays.
+    out = {name[-1] for name in swinging}
+    calm = {n: c for n, c in channels.items() if n[-1] not in out}
+    if not calm or prepared.twin.kind == 'stepper':
+        return False
+    encoders = [n[-1] for n in calm if n.startswith('encoder')]
+    sliding = [a for a in encoders if _slides(records, prepared.twin, a)]
+    if any(_far_sliding(records, prepared, axis, told) for axis in sliding):
+        return True
+    calm = {n: c for n, c in calm.items() if n not in {f'encoder.{a}' for a in sliding}}
+    return bool(calm) and _far_at_all(records, prepared, calm, effects, told, speeds)
+
+
+def _far_at_all(
+    records: list[Record],
+    prepared: Prepared,
+    calm: dict[str, Channel],
+    effects: dict[str, dict[str, float]],
+    told: dict[str, dict[str, float]],
+    speeds: dict[str, float],
+) -> bool:
+    """The same of some channels together, wherever their axes go."""
+    before, after = position_rms(calm, 'before'), position_rms(calm, 'after')
+    floor = judge.noise_floor(prepared.seen, calm, effects, speeds)
+    encoders = {n: c for n, c in calm.items() if n.startswith('encoder')}
+    axes = [name[-1] for name in encoders]
+    whole = session_rms(records, prepared.twin, told, axes)
+    step = judge.noise_floor(prepared.seen, encoders, effects, speeds) if encoders else floor
+    chance = chance_rms(records, prepared.twin, told, axes)
+    share = math.sqrt(len(encoders) / len(calm))
+    floor, step = math.hypot(floor, chance * share), math.hypot(step, chance)
+    stated = _without_stated(records, prepared.twin, axes)
+    return far_from_explained(
+        before, after, floor, bool(effects), share * stated
+    ) or far_from_explained(*whole, step, bool(effects), stated)
+
+
+def _far_sliding(
+    records: list[Record], prepared: Prepared, axis: str, told: dict[str, dict[str, float]]
+) -> bool:
+    """The same of one axis where it slides."""
+    rows = [sliding(record, axis) for record in records]
+    before, after = session_rms(records, prepared.twin, told, [axis], rows)
+    step = judge.channel_floor(prepared.seen, f'encoder.{axis}')
+    step = math.hypot(step, told.get('sample_jitter', {}).get('std', 0.0) * _speed(records, axis))
+    floor = math.hypot(step, chance_rms(records, prepared.twin, told, [axis]))
+    named = any(link_of(n) == 'servo' and split_effect(n)[1] == axis for n in told)
+    return far_from_explained(before, after, floor, named)
+
+
+def _slides(records: Sequence[Record], twin: TwinFile, axis: str) -> bool:
+    """Whether an axis with a friction that the twin states slides long enough to be told by it."""
+    if not sticks([n for n in twin.effects if split_effect(n)[1] == axis]):
+        return False
+    return float(np.mean(np.concatenate([sliding(r, axis) for r in records]))) > ENOUGH
+
+
+def sliding(record: Record, axis: str) -> NDArray[np.bool_]:
+    """Ticks (n,) at which the reference has moved one way for `SLIDES`."""
+    speed = np.nan_to_num(record.reference_velocity[:, record.column(axis)])
+    way = np.sign(speed) * (np.abs(speed) > SLOW * np.abs(speed).max(initial=0.0))
+    turns = np.flatnonzero(np.diff(way, prepend=0.0))
+    began = np.concatenate([[0], turns])[np.searchsorted(turns, np.arange(len(way)), 'right')]
+    return (way != 0.0) & (record.time - record.time[began] > SLIDES)
+
+
+def _speed(records: Sequence[Record], axis: str) -> float:
+    """RMS of the reference's speed [m/s]."""
+    speeds = [np.nan_to_num(r.reference_velocity[:, r.column(axis)]) for r in records]
+    return float(np.sqrt(np.mean(np.concatenate(speeds) ** 2)))
+
+
+def _without_stated(records: list[Record], twin: TwinFile, axes: Sequence[str]) -> float:
+    """RMS [m] of the encoders' gap without frictions that the twin states; 0 without."""
+    kept = {n: v for n, v in twin.effects.items() if not sticks([n])}
+    if len(kept) == len(twin.effects):
+        return 0.0
+    without, _ = session_rms(records, replace(twin, effects=kept), {}, axes)
+    # A loop that runs away without them tells nothing of them.
+    travel = max(float(np.ptp(r.reference, axis=0).max()) for r in records)
+    return without if without < travel else 0.0
