@@ -8,7 +8,16 @@ import sys
 from calibrator import online, outliers, places, prepare, temperatures, thermal, training
 from calibrator.models import domain, selection
 from gap_diagnosis import passes
-from gap_diagnosis.closed_loop import creep, held_out, misread, polish, replay, rests, swing
+from gap_diagnosis.closed_loop import (
+    creep,
+    held_out,
+    misread,
+    polish,
+    replay,
+    rests,
+    swing,
+    unexplained,
+)
 from gap_diagnosis.evidence import acceptance, judgement, left_out
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, grid, rest_places, windows
@@ -42,7 +51,7 @@ MODULES = {
                    polish, prepare, propose, replay, rest_places, rests, rivals, scene, search,
                    selection, separation, servo_clocks, servo_part, shape, shared, slow_rows,
                    straightness, swing, swinging, temperatures, thermal, told, training,
-                   trials, unrecorded, windows)
+                   trials, unexplained, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -100,6 +109,9 @@ squared noise that any other effect closes, at least | {acceptance.LEAST_SEEN:.0
 gap that is `unknown` if nothing is named, from | {acceptance.FAR:g} floors
 gap that is `unknown` beside a name or a stated friction, from | {acceptance.FAR_BESIDE:g} floors
 the same: squared gap that the effects leave, from | {acceptance.SHARE_BESIDE:.0%}
+time of moving one way after which an axis slides | {unexplained.SLIDES:g} s
+the same: its speed, from | {unexplained.SLOW:.0%} of the fastest
+ticks from which on a stated friction is told where it slides | {unexplained.ENOUGH:.0%}
 squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}
 force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}
 ratio of the swings of twin and record, at most | {swing.AS_MUCH:g}

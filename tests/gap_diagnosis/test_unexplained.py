@@ -1,0 +1,51 @@
+"""A friction that the twin states is told where the axis slides, as no two models rest alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.closed_loop.replay import fitted_gap
+from gap_diagnosis.closed_loop.unexplained import SLIDES, far, sliding
+from gap_diagnosis.evidence.judgement import channel_floor
+from gap_diagnosis.input.data import load_record
+from gap_diagnosis.passes import prepare
+from stage_core.session import Session
+
+from .conftest import nominal
+
+Maker = Callable[..., Session]
+
+NAME = 'coulomb_friction.x'
+STATED = {NAME: {'coulomb': 12.0, 'presliding': 1e-6}}
+SOFTER = {NAME: {'coulomb': 12.0, 'presliding': 8e-6}}
+
+
+@pytest.mark.parametrize(
+    ('hidden', 'is_far'), [({}, False), ({'inertia_mismatch.x': {'ratio': 0.4}}, True)]
+)
+def test_another_presliding_is_no_gap_and_another_mass_is(
+    planted: Maker, hidden: dict[str, dict[str, float]], is_far: bool
+) -> None:
+    prepared = prepare([planted({**SOFTER, **hidden})], [], nominal().with_effects(STATED), [])
+    floor = channel_floor(prepared.seen, 'encoder.x')
+    assert fitted_gap(prepared.records, prepared.twin, {}, 'x') > 4.0 * floor
+    channels = {'encoder.x': Channel('encoder.x', 'm', [], [], [])}
+    assert far(prepared.records, prepared, [], channels, {}, {}, {}) is is_far
+
+
+def test_an_axis_slides_once_it_has_moved_one_way_for_a_while(planted: Maker) -> None:
+    record = load_record(planted({}), nominal())
+    velocity = np.zeros_like(record.reference_velocity)
+    way = {(0.5, 2.0): 0.01, (2.0, 3.5): -0.01, (3.5, 5.0): -1e-5}
+    for (start, stop), speed in way.items():
+        velocity[(record.time >= start) & (record.time < stop)] = speed
+    found = sliding(replace(record, reference_velocity=velocity), 'x')
+    runs = [record.time[found & (record.time < 2.0)], record.time[found & (record.time >= 2.0)]]
+    for times, start, stop in zip(runs, (0.5, 2.0), (2.0, 3.5), strict=True):
+        assert times.min() == pytest.approx(start + SLIDES, abs=0.01)
+        assert times.max() == pytest.approx(stop, abs=0.01)
