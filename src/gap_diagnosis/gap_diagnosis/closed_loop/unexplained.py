@@ -52,7 +52,7 @@ def far(
     """
     # The gap of an axis that swings at a phase of its own stays.
     out = {name[-1] for name in swinging}
-    calm = {n: c for n, c in channels.items() if n[-1] not in out}
+    calm = {n: c for n, c in channels.items() if c.unit == 'm' and n[-1] not in out}
     if not calm or prepared.twin.kind == 'stepper':
         return False
     encoders = [n[-1] for n in calm if n.startswith('encoder')]
