@@ -21,7 +21,7 @@ from gap_diagnosis.closed_loop.channels import (
 )
 from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
-from gap_diagnosis.closed_loop.unexplained import far
+from gap_diagnosis.closed_loop.unexplained import far, sliding_axes
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.causes import Run, cause_of, shown_by_encoder, swings, unrepeated_notes
 from gap_diagnosis.evidence.describe import (
@@ -248,7 +248,8 @@ def _conclude(
     before, after = position_rms(channels, 'before'), position_rms(channels, 'after')
     progress('leaving out one cause at a time')
     floors = {n: judge.channel_floor(seen, n) for n in channels}
-    run = Run(scored, twin, parts, channels, parameters, floors, seed, unrepeated)
+    slides = sliding_axes(scored, prepared, told)
+    run = Run(scored, twin, parts, channels, parameters, floors, seed, unrepeated, slides)
     # The largest contribution to the gap first.
     causes = sorted((cause_of(n, run) for n in effects), key=lambda c: c.gap_after - c.gap_before)
     accepted = [c.effect for c in causes]

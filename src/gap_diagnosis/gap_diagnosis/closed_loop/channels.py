@@ -48,13 +48,30 @@ class Channel:
         """Root mean square over the held-out rows of all records."""
         return float(np.sqrt(np.mean(np.concatenate(self.squares(which)))))
 
-    def sides(self, floor: float, without: list[Array] | None = None) -> Sides:
-        """Its squares with all effects, and those without some, by default without any."""
-        lesser = self.squares('before') if without is None else without
-        without_it, with_it = (
-            np.concatenate(squares) for squares in (lesser, self.squares('after'))
+    def sides(
+        self,
+        floor: float,
+        without: list[Array] | None = None,
+        rows: list[NDArray[np.bool_]] | None = None,
+    ) -> Sides:
+        """Its squares with all effects, and those without some, by default without any.
+
+        Of the held-out rows some `rows` of each record count, by default all.
+        """
+        nominal = self.squares('before')
+        without_it, with_it, nominal_gap = (
+            np.concatenate(squares if rows is None else _picked(squares, rows))
+            for squares in (
+                nominal if without is None else without,
+                self.squares('after'),
+                nominal,
+            )
         )
-        return Sides(without_it, with_it, self.unit, floor, self.rms('before') ** 2)
+        return Sides(without_it, with_it, self.unit, floor, float(np.mean(nominal_gap)))
+
+
+def _picked(squares: list[Array], rows: list[NDArray[np.bool_]]) -> list[Array]:
+    return [own[kept] for own, kept in zip(squares, rows, strict=True)]
 
 
 def _in_session(

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel, without_cause
 from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.swing import LEAST_SHARE
+from gap_diagnosis.closed_loop.unexplained import Sliding
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.acceptance import (
     LEAST_SHRINK,
@@ -50,6 +51,8 @@ class Run:
     parameters : of all effects, with standard deviations
     floors : noise floor of each channel
     unrepeated : effects that the loop is run without, as no second run repeats what they do
+    sliding : rows of encoders at which their axis slides, where the twin states a friction, and
+        by what chance moves such an encoder [m]
     """
 
     scored: list[Record]
@@ -60,6 +63,7 @@ class Run:
     floors: dict[str, float]
     seed: int
     unrepeated: tuple[str, ...] = ()
+    sliding: Mapping[str, Sliding] = field(default_factory=dict)
 
     @property
     def unrepeated_axes(self) -> set[str]:
@@ -137,7 +141,11 @@ def _swing_notes(swinging: Sequence[str]) -> list[str]:
 
 
 def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
-    """How far an effect shrinks the gap of the twin as it is run."""
+    """How far an effect shrinks the gap of the twin as it is run.
+
+    Where the twin states a friction, and the gap does not tell, it counts where the axis slides:
+    no two models of a friction agree before that.
+    """
     out = {name, *run.unrepeated}
     told = {n: v for n, v in plain_values(run.parameters).items() if n not in out}
     lesser = without_cause(name, told, run.scored, run.twin, showing, run.channels)
@@ -145,17 +153,30 @@ def _in_loop(name: str, run: Run, showing: list[Part]) -> Shrink:
         n: CHANCE * run.channels[n].rms('after') if n[-1] in run.unrepeated_axes else 0.0
         for n in run.floors
     }
-    sides = {
-        n: channel.sides(max(chance[n], run.floors[n]), lesser[n])
-        for n, channel in run.channels.items()
-    }
     encoders = [c for n, c in run.channels.items() if n.startswith('encoder')]
     calm = {c.name for c in encoders if not shows(np.concatenate(c.after), run.floors[c.name])}
     if misreads(name):
         # What an encoder reads falsely looks like its noise, and may make it no worse.
         calm -= {f'encoder.{split_effect(name)[1]}'}
     balance = max((p.selection.evidence[name].share for p in showing), default=0.0)
-    return shrink_of(name, sides, run.seed, calm, len(showing) > 1, balance)
+
+    def shrink(sliding: Mapping[str, Sliding]) -> Shrink:
+        sides = {
+            n: channel.sides(
+                max(chance[n], run.floors[n]),
+                lesser[n],
+                sliding[n].rows if n in sliding else None,
+            )
+            for n, channel in run.channels.items()
+        }
+        still = {n for n, own in sliding.items() if own.is_noise(sides[n])}
+        return shrink_of(name, sides, run.seed, calm | still, len(showing) > 1, balance)
+
+    whole = shrink({})
+    if not run.sliding or sticks([name]) or (whole.matters and not whole.worse):
+        return whole
+    moving = shrink(run.sliding)
+    return moving if moving.matters and not moving.worse else whole
 
 
 def _told_by_balance(name: str, part: Part, shrink: Shrink, run: Run) -> bool:
