@@ -10,7 +10,7 @@ import pytest
 
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.closed_loop.replay import fitted_gap
-from gap_diagnosis.closed_loop.unexplained import SLIDES, far, sliding
+from gap_diagnosis.closed_loop.unexplained import SLIDES, Sliding, far, sliding
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.passes import prepare
@@ -26,9 +26,9 @@ SOFTER = {NAME: {'coulomb': 12.0, 'presliding': 8e-6}}
 
 
 @pytest.mark.parametrize(
-    ('hidden', 'is_far'), [({}, False), ({'inertia_mismatch.x': {'ratio': 0.4}}, True)]
+    ('hidden', 'is_far'), [({}, False), ({'viscous_friction.x': {'viscous': 100.0}}, True)]
 )
-def test_another_presliding_is_no_gap_and_another_mass_is(
+def test_another_presliding_is_no_gap_and_a_viscous_friction_is(
     planted: Maker, hidden: dict[str, dict[str, float]], is_far: bool
 ) -> None:
     prepared = prepare([planted({**SOFTER, **hidden})], [], nominal().with_effects(STATED), [])
@@ -49,3 +49,16 @@ def test_an_axis_slides_once_it_has_moved_one_way_for_a_while(planted: Maker) ->
     for times, start, stop in zip(runs, (0.5, 2.0), (2.0, 3.5), strict=True):
         assert times.min() == pytest.approx(start + SLIDES, abs=0.01)
         assert times.max() == pytest.approx(stop, abs=0.01)
+
+
+def test_rows_that_slide_are_those_that_count() -> None:
+    rest, moving = np.full(100, 5e-6), np.full(50, 1e-6)
+    gap = np.concatenate([rest, moving])
+    channel = Channel('encoder.x', 'm', [np.arange(150.0)], [2.0 * gap], [gap])
+    rows = [gap < 2e-6]
+    sides = channel.sides(1e-7, [9.0 * gap**2], rows)
+    assert sides.without == pytest.approx(9.0 * moving**2)
+    assert sides.with_it == pytest.approx(moving**2)
+    assert sides.nominal == pytest.approx(4e-12)
+    assert Sliding(rows, 0.6e-6).is_noise(sides)
+    assert not Sliding(rows, 0.4e-6).is_noise(sides)

@@ -264,10 +264,10 @@ def _conclude(
     progress('where the gap lies')
     others = judge.rejected_causes(parts, accepted, structured, before, after)
     share = max((p.structure.share for p in remaining), default=0.0)
-    scene = Scene(before / floor, after / floor, share, structured, turns(scored))
     if not prepared.rests_as_stated:
         channels = as_stated(channels, records, prepared.stated)
         before = position_rms(channels, 'before')
+    scene = Scene(before / floor, after / floor, share, structured, turns(scored))
     shares, worst = axis_shares(records[0].axes, channels, seen)
     return Diagnosis(
         twin_name=twin_name,
