@@ -24,8 +24,8 @@ Features = dict[str, float]
 BESIDE_UNKNOWN = 'beside unknown'
 #: A servo effect with an alternative, which the data cannot tell from it.
 NOT_TOLD = 'not told from another'
-#: No cause, beside a gap of more than `FAR` floors of the twin as its file states it: what the model
-#: of a stated friction may leave, another effect may have made.
+#: No cause, beside a gap of more than `FAR` floors of the twin as its file states it: what the
+#: model of a stated friction may leave, another effect may have made.
 FAR_NONE = 'none beside a gap'
 
 #: Features are cut off here: beyond it a session of the calibration shows no more.
