@@ -133,7 +133,7 @@ def sliding_axes(
     """What is told where an axis slides, by the channels of such axes."""
     twin = prepared.twin
     out: dict[str, Sliding] = {}
-    for axis in scored[0].axes if twin.kind == 'servo' else ():
+    for axis in scored[0].axes:
         if _slides(scored, twin, axis):
             rows = [sliding(r, axis)[scored_ticks(r)] for r in scored]
             out[f'encoder.{axis}'] = Sliding(rows, _noise(scored, prepared, axis, told))
@@ -142,7 +142,8 @@ def sliding_axes(
 
 def _slides(records: Sequence[Record], twin: TwinFile, axis: str) -> bool:
     """Whether an axis with a friction that the twin states slides long enough to be told by it."""
-    if not sticks([n for n in twin.effects if split_effect(n)[1] == axis]):
+    stated = [n for n in twin.effects if split_effect(n)[1] == axis]
+    if twin.kind != 'servo' or not sticks(stated):
         return False
     rows = [sliding(r, axis)[scored_ticks(r)] for r in judging(records)]
     return float(np.mean(np.concatenate(rows))) > ENOUGH
