@@ -158,8 +158,8 @@ class ForceRows:
         parts = []
         for record, keep, *own in zip(self.records, self.keep, *signals, strict=True):
             passed = self.passed(np.column_stack(own), record.period)
-            parts.append(passed[keep])
-        return np.concatenate(parts)
+            parts.append(passed.compress(keep, axis=0))  # faster than passed[keep]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def used(self, signal: list[Array]) -> Array:
         """A per-session signal (n,) at the sliding rows, as it is."""

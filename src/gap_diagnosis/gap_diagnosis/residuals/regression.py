@@ -110,7 +110,7 @@ class Regression:
         if not free:
             return Fit(dict(thetas), coefficients, target, target)
         matrix = np.hstack([part for _, part in free])
-        fitted = matrix[self.fit_rows]
+        fitted = matrix.take(self.fit_rows, axis=0)
         gram, right = fitted.T @ fitted, fitted.T @ target[self.fit_rows]
         penalty = self._penalty(free, np.diag(gram))
         solution = solve_gram(gram, right, penalty)
@@ -128,11 +128,14 @@ class Regression:
         near = np.mean(residual[self.fit_rows] ** 2) < BELIEVED * noise
         believed = penalty.any() and near and not problem.whitening
         for rows, known, found in judged:
+            if found is solution and not believed:
+                continue
+            own = matrix.take(rows, axis=0)
             # Phases and offsets of a held-out session are refitted in its residual.
             if found is not solution:
-                crossed[rows] = target[rows] - matrix[rows] @ found
+                crossed[rows] = target[rows] - own @ found
             if believed:
-                variance[rows] = variances(matrix[rows], known, penalty, found, noise)
+                variance[rows] = variances(own, known, penalty, found, noise)
                 crossed[rows] = counted(crossed[rows], variance[rows], noise)
         crossed = crossed / self._acting(thetas, coefficients)
         variance[self.fit_rows] = 1.0
@@ -160,7 +163,7 @@ class Regression:
         """
         parts = []
         for own, rows in self._folds:
-            mine = matrix[own]
+            mine = matrix.take(own, axis=0)
             parts.append((rows, mine.T @ mine, mine.T @ target[own]))
         gram = sum(part[1] for part in parts)
         right = sum(part[2] for part in parts)
@@ -230,7 +233,7 @@ class Regression:
         rows = self.fit_rows
 
         def own(theta: Theta) -> Array:
-            return self.columns(name, theta)[rows]
+            return self.columns(name, theta).take(rows, axis=0)
 
         kept = term.propose is None
         grid = self._grids.of(term, own) if kept else Grid.of([own(theta) for theta in thetas])
@@ -240,7 +243,7 @@ class Regression:
         """Orthonormal columns (n, k) of what the last set spans on the fit rows."""
         if self._freed is None or self._freed[0] is not base:
             free = [n for n in base.thetas if not self.problem.terms[n].fixed]
-            parts = [self.columns(n, base.thetas[n])[self.fit_rows] for n in free]
+            parts = [self.columns(n, base.thetas[n]).take(self.fit_rows, axis=0) for n in free]
             matrix = np.hstack([np.zeros((len(self.fit_rows), 0)), *parts])
             scaled = matrix / (np.linalg.norm(matrix, axis=0) + 1e-300)
             self._freed = base, np.linalg.qr(scaled)[0]
@@ -280,7 +283,7 @@ class Regression:
         target = self.problem.target + sum(self._base(n) for n in thetas)
         search = Search(
             target[rows],
-            lambda name, theta: self.columns(name, theta)[rows],
+            lambda name, theta: self.columns(name, theta).take(rows, axis=0),
             terms,
             KEPT,
         )

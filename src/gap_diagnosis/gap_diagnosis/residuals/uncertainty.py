@@ -75,7 +75,7 @@ def _columns(regression: Regression, fit: Fit, name: str, held: bool) -> list[_C
 
 def _weighted(regression: Regression, name: str, theta: Theta) -> tuple[Array, Array]:
     """Columns (n, k) of a term on the fit rows, and the roots of their penalties (k,)."""
-    own = regression.columns(name, theta)[regression.fit_rows]
+    own = regression.columns(name, theta).take(regression.fit_rows, axis=0)
     counts = regression.problem.terms[name].penalty(np.sum(own**2, axis=0))
     return own, np.sqrt(counts)
 
