@@ -198,6 +198,11 @@ def _allowed(found: Parameters, without: Sequence[str]) -> Parameters:
     return {n: v for n, v in found.items() if not set(without) & {n, split_effect(n)[0]}}
 
 
+def _structured(parts: list[Part]) -> list[Part]:
+    """Parts whose residual is more than noise."""
+    return [part for part in parts if part.structure.structured]
+
+
 def _unrepeated(
     records: list[Record], twin: TwinFile, parts: list[Part], effects: dict[str, dict[str, float]]
 ) -> tuple[str, ...]:
@@ -255,18 +260,17 @@ def _conclude(
     accepted = [c.effect for c in causes]
     speeds = tracker_speeds(records)
     floor = judge.noise_floor(seen, channels, effects, speeds)
-    remaining = [p for p in parts if p.structure.structured]
     structured = (
-        any(shown_by_encoder(p, channels, floors, twin, accepted) for p in remaining)
+        any(shown_by_encoder(p, channels, floors, twin, accepted) for p in _structured(parts))
         or far(records, prepared, swings(parts), channels, effects, told, speeds)
         or not prepared.laws_known
     )
     progress('where the gap lies')
     others = judge.rejected_causes(parts, accepted, structured, before, after)
-    share = max((p.structure.share for p in remaining), default=0.0)
+    share = max((p.structure.share for p in _structured(parts)), default=0.0)
     if not prepared.rests_as_stated:
         channels = as_stated(channels, records, prepared.stated)
-        before = position_rms(channels, 'before')
+    before = position_rms(channels, 'before')  # of the twin as its file states it
     scene = Scene(before / floor, after / floor, share, structured, turns(scored))
     shares, worst = axis_shares(records[0].axes, channels, seen)
     return Diagnosis(
