@@ -97,6 +97,7 @@ def _far_sliding(
     rows = [sliding(record, axis) for record in records]
     before, after = session_rms(records, prepared.twin, told, [axis], rows)
     named = any(link_of(n) == 'servo' and split_effect(n)[1] == axis for n in told)
+    # With `stated` above zero the limit is that beside a stated friction.
     return far_from_explained(before, after, _noise(records, prepared, axis, told), named, before)
 
 
