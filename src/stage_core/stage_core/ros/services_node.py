@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
@@ -27,25 +28,33 @@ def answering_late(service: Any, warn: Callable[[str], Any]) -> Any:
     """The service, whose answer waits for a caller that the middleware does not know yet.
 
     Where packets are lost a request may come before what tells of its caller's reader. The
-    middleware then refuses to send the answer, and the error would end the node.
+    middleware then refuses to send the answer, of which rclpy warns and no more: the caller would
+    wait in vain. As an error the warning is the cause of a SystemError.
     """
+    warnings.filterwarnings('error', 'failed to send response', RuntimeWarning)
     send_now = service.send_response
-    refused = rclpy_implementation.RCLError, rclpy_implementation.InvalidHandle
+
+    def sent(response: Any, header: Any) -> bool:
+        try:
+            send_now(response, header)
+        except SystemError as error:
+            if not isinstance(error.__cause__, RuntimeWarning):
+                raise
+            return False
+        except rclpy_implementation.InvalidHandle:
+            pass  # The node has ended meanwhile.
+        return True
 
     def send_again(response: Any, header: Any) -> None:
         until = time.monotonic() + KNOWN_WITHIN
         while time.monotonic() < until:
             time.sleep(SENT_EVERY)
-            try:
-                return send_now(response, header)
-            except refused:
-                continue
+            if sent(response, header):
+                return
         warn(f'{service.srv_name}: the caller is not known here and got no answer')
 
     def send(response: Any, header: Any) -> None:
-        try:
-            send_now(response, header)
-        except refused:
+        if not sent(response, header):
             threading.Thread(target=send_again, args=(response, header), daemon=True).start()
 
     service.send_response = send
