@@ -16,7 +16,8 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 from sensor_msgs.msg import JointState
 
 from gap_diagnosis.experiment.motions import Limits, Motion, sample
-from gap_diagnosis.report.experiment import FILE, table
+from gap_diagnosis.experiment.travel import FILE
+from gap_diagnosis.report.experiment import table
 from session_bags.writer import write_session
 from stage_bringup.graph import Options, commands
 from stage_bringup.processes import NodeCommand, Processes

@@ -11,7 +11,7 @@ import pytest
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.input.noise import AxisNoise, Noise
 from gap_diagnosis.residuals.late_ticks import forces_as_held, read_in_time
-from gap_diagnosis.residuals.operators import smooth
+from gap_diagnosis.residuals.low_pass import smooth
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.effects.encoder_interpolation import misreading

@@ -13,7 +13,8 @@ pytest.importorskip('rclpy', reason='ROS 2 is not installed')
 from diagnostic_msgs.msg import DiagnosticArray
 
 from gap_diagnosis.experiment.motions import Limits, Motion, sample
-from gap_diagnosis.report.experiment import FILE, table
+from gap_diagnosis.experiment.travel import FILE
+from gap_diagnosis.report.experiment import table
 from stage_bringup.graph import Options, commands
 from stage_bringup.processes import NodeCommand, Processes
 from stage_core import topics

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.cluster.hierarchy import fcluster, linkage
-from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.int64]
@@ -41,6 +39,9 @@ def distinct_places(command: ArrayLike) -> Labels:
         return np.zeros(len(c), dtype=np.int64)
     if len(c) > MOST_CLUSTERED:
         return _labels(np.unique(c, axis=0, return_inverse=True)[1].reshape(-1), c)
+    # Only here: it takes a fifth of a second to import.
+    from scipy.cluster.hierarchy import fcluster, linkage
+
     joined = linkage(c, 'single')
     heights = np.maximum(np.sort(joined[:, 2]), 1e-9 * span)
     ratios = heights[1:] / heights[:-1]
@@ -76,6 +77,8 @@ def folds(labels: Labels, count: int, seed: int = 0) -> list[NDArray[np.bool_]]:
 
 def revisited(command: Array, others: Array) -> NDArray[np.bool_]:
     """Mask (n,) of the samples (n, axes) [m] at a place of `others` (m, axes), see `REVISIT`."""
+    from scipy.spatial import cKDTree
+
     places = others[np.unique(distinct_places(others), return_index=True)[1]]
     tree = cKDTree(places)
     # A single place has no neighbour, whose distance would be infinite.

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len, rfft
-from scipy.signal import butter, sosfiltfilt, sosfreqz
 
 from stage_core.errors import StageError
 from stage_core.twin_file import ServoAxis
@@ -26,6 +24,9 @@ def zero_phase_lowpass(signal: FloatArray, cutoff: float, period: float) -> Floa
     StageError
         A cutoff that is not between 0 and half the sampling rate.
     """
+    # Only here: it takes half a second to import, which the start of a node need not pay.
+    from scipy.signal import sosfiltfilt
+
     sections = _filter(cutoff, period)
     padding = min(len(signal) - 1, int(3.0 / (cutoff * period)))
     return np.asarray(sosfiltfilt(sections, signal, axis=0, padlen=padding))
@@ -134,17 +135,23 @@ def closed_loop_impulse(
 
 def _response(impulse: FloatArray, period: float) -> tuple[FloatArray, ComplexArray]:
     """Frequencies (m,) [Hz] and the closed loop's response (m,) at them."""
+    from scipy.fft import next_fast_len, rfft
+
     size = next_fast_len(4 * len(impulse))
     return np.asarray(np.fft.rfftfreq(size, period), dtype=float), np.asarray(rfft(impulse, size))
 
 
 def _response_of_q(frequency: FloatArray, cutoff: float, period: float) -> FloatArray:
     """Q at frequencies (m,) [Hz]: the filter's power response, since it runs twice."""
+    from scipy.signal import sosfreqz
+
     _, once = sosfreqz(_filter(cutoff, period), frequency, fs=1.0 / period)
     return np.asarray(np.abs(once) ** 2)
 
 
 def _filter(cutoff: float, period: float) -> FloatArray:
+    from scipy.signal import butter
+
     if not 0.0 < cutoff < 0.5 / period:
         raise StageError(
             f'the learning filter of {cutoff:g} Hz must lie between 0 and '

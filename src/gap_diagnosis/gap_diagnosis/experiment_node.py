@@ -16,8 +16,7 @@ from geometry_msgs.msg import PointStamped
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
-from gap_diagnosis.experiment.travel import travel_of
-from gap_diagnosis.report.experiment import FILE
+from gap_diagnosis.experiment.travel import FILE, travel_of
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.ros.client_node import GraphClient

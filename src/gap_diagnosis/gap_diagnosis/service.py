@@ -8,6 +8,7 @@ from tempfile import TemporaryFile
 
 from gap_diagnosis.diagnose import diagnose, silent, to_stderr
 from gap_diagnosis.experiment.propose import Travel, propose
+from gap_diagnosis.experiment.travel import FILE
 from gap_diagnosis.passes import Progress
 from gap_diagnosis.report import document as report
 from gap_diagnosis.report import experiment as motion
@@ -62,7 +63,7 @@ def run(
     """
     progress = silent if quiet else to_stderr
     # A report of an earlier run must not stand for an input that fails.
-    empty(out, ('report.json', 'report.html', 'corrected_twin.yaml', motion.FILE,
+    empty(out, ('report.json', 'report.html', 'corrected_twin.yaml', FILE,
                 own_model.MODEL, own_model.PATCH))  # fmt: skip
     _refuse_mismatch(twin_path, controller, len(bags) + len(holdout), len(sim_bags))
     _refuse_twice((*bags, *holdout))

@@ -63,17 +63,17 @@ def _calibration() -> None:
 def _diagnosis() -> None:
     import numpy as np
 
-    from gap_diagnosis.residuals import operators
+    from gap_diagnosis.residuals import low_pass, operators
     from gap_diagnosis.residuals.stands import Stands
     from stage_twin.effects import backlash, friction, play_search
 
-    path, one = np.zeros(64), np.ones(1)
-    operators.smooth(path, 1e-3, 50.0)
-    operators.band_limited(path, 1e-3)
+    path, one = np.zeros(1 << 14), np.ones(1)  # so long that a low-pass cuts it
+    low_pass.smooth(path, 1e-3, 50.0)
+    low_pass.band_limited(path, 1e-3)
     operators.sure_turns(path, 1e-6)
     backlash.slack(path, 1e-6)
     friction.presliding_state(path, 1e-6)
-    play_search.crossed(path, path, 1e-3, one, one, one, 200.0)
+    play_search.crossed(path, path, 1e-3, one, one, one, 200.0 * one)
     Stands(np.zeros(1, int), np.full(1, 9), one).freed(path)
 
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from stage_core.errors import StageError
 from stage_core.twin_file import ForceAxis, TwinFile
@@ -62,6 +61,8 @@ def smooth_motion(position: np.ndarray, period: float) -> Motion:
     StageError
         If the record is shorter than the smoothing.
     """
+    from scipy.signal import savgol_filter
+
     window = _window(period)
     position = np.asarray(position, dtype=float)
     if position.shape[0] < window:

@@ -70,6 +70,35 @@ def _run(
     return channels, np.column_stack(recorded)
 
 
+def _loop(
+    twin: TwinFile,
+    reference: np.ndarray,
+    reference_velocity: np.ndarray,
+    compensation: np.ndarray | None,
+) -> tuple[KernelArrays, np.ndarray, np.ndarray]:
+    """Arrays of the twin, and what `_run` gives of them; raises as `simulate` does."""
+    if twin.kind != 'servo':
+        raise StageError(f'a session can be simulated with a servo twin, this one is {twin.kind}')
+    arrays = pack(twin)
+    reference = columns('reference', reference, None, arrays)
+    velocity = columns('reference_velocity', reference_velocity, len(reference), arrays)
+    channels, force = _run(arrays, reference, velocity, compensation)
+    if not np.isfinite(force).all():
+        raise StageError(f'the twin flies away: weaken its effects {", ".join(twin.effects)}')
+    return arrays, channels, force
+
+
+def simulate_loop(
+    twin: TwinFile,
+    reference: np.ndarray,
+    reference_velocity: np.ndarray,
+    compensation: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Encoder [m] and force [N], both (n, n_axes), of what :func:`simulate` simulates."""
+    _, channels, force = _loop(twin, reference, reference_velocity, compensation)
+    return channels[0], force
+
+
 def _table(arrays: KernelArrays, channels: np.ndarray, rise: np.ndarray) -> np.ndarray:
     """Table positions (n, n_axes) [m] where the screws are warmer by `rise` (n, n_axes) [K]."""
     table = np.zeros_like(rise)
@@ -112,16 +141,8 @@ def simulate(
         If an array's shape does not fit, the twin is not a servo twin or wrong, or its effects
         throw the stage away.
     """
-    if twin.kind != 'servo':
-        raise StageError(f'a session can be simulated with a servo twin, this one is {twin.kind}')
-    arrays = pack(twin)
-    reference = columns('reference', reference, None, arrays)
-    count = len(reference)
-    reference_velocity = columns('reference_velocity', reference_velocity, count, arrays)
-    channels, force = _run(arrays, reference, reference_velocity, compensation)
-    if not np.isfinite(force).all():
-        raise StageError(f'the twin flies away: weaken its effects {", ".join(twin.effects)}')
-    rise = channels[5]
+    arrays, channels, force = _loop(twin, reference, reference_velocity, compensation)
+    rise, count = channels[5], len(force)
     if temperatures is not None:
         rise = columns('temperatures', temperatures, count, arrays) - twin.temperature_reference
     table = _table(arrays, channels, rise)

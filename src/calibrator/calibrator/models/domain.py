@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from calibrator.places import distinct_places
 from stage_core.quantities import AXES
@@ -58,6 +57,8 @@ class Domain:
     @classmethod
     def of(cls, command: Array, error: Array, temperatures: Array) -> Domain:
         """Domain of training samples."""
+        from scipy.spatial.distance import cdist
+
         visited = np.unique(distinct_places(command), return_index=True)[1]
         places = _spread(command[visited], MOST_PLACES)
         between = cdist(places, places)
@@ -89,6 +90,9 @@ class Domain:
 
     def distance(self, command: Array) -> Array:
         """Distance (n,) of points to the nearest place, in reaches: beyond 1 nothing is known."""
+        # Only here: it takes a quarter of a second to import.
+        from scipy.spatial.distance import cdist
+
         nearest = cdist(command, self.places).min(axis=1)
         return np.asarray(nearest / max(self.reach, 1e-300), dtype=float)
 

@@ -23,7 +23,7 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import AxisNoise
 from stage_core.twin_file import ServoAxis, TwinFile
 from stage_twin.effects.shared import filtered
-from stage_twin.simulate import simulate
+from stage_twin.simulate import simulate_loop
 
 Array = NDArray[np.float64]
 Axes = tuple[tuple[str, ServoAxis], ...]
@@ -98,12 +98,5 @@ def _answer(
     axes: Axes, noise: tuple[float, ...], count: int, period: float, draw: int
 ) -> tuple[Array, Array]:
     still = np.zeros((count, len(axes)))
-    result = simulate(
-        TwinFile('servo', dict(axes), control_period=period),
-        still,
-        still,
-        compensation=_shaking(axes, noise, count, period, draw),
-        tracker_times=np.zeros(0),
-        noise=False,
-    )
-    return result.encoder, result.force
+    machine = TwinFile('servo', dict(axes), control_period=period)
+    return simulate_loop(machine, still, still, _shaking(axes, noise, count, period, draw))

@@ -22,7 +22,7 @@ from stage_core.twin_file import ForceAxis, TwinFile
 from stage_twin import hooks
 from stage_twin.effects import link_of
 from stage_twin.measured_force import simulate_measured_force, smooth_motion
-from stage_twin.simulate import simulate
+from stage_twin.simulate import simulate_loop
 
 Array = NDArray[np.float64]
 
@@ -181,16 +181,9 @@ def _replay(
         commands = commands + dither.shaking(record, twin, draw)
         moved, pushed = dither.answer(record, twin, draw)
         encoder, force = encoder + moved, force + pushed
-    simulated = simulate(
-        machine,
-        record.reference,
-        np.nan_to_num(record.reference_velocity, nan=0.0),
-        compensation=commands,
-        temperatures=record.temperature,
-        tracker_times=np.zeros(0),
-        noise=False,
-    )
-    return by_channel(record.axes, encoder - simulated.encoder, force - simulated.force)
+    velocity = np.nan_to_num(record.reference_velocity, nan=0.0)
+    simulated = simulate_loop(machine, record.reference, velocity, commands)
+    return by_channel(record.axes, encoder - simulated[0], force - simulated[1])
 
 
 def _dry(record: Record, stated: Effects) -> dict[str, dict[str, float]]:

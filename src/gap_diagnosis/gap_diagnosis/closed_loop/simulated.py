@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import correlate
 
 from gap_diagnosis.closed_loop.replay import by_channel, replay
 from gap_diagnosis.input.data import Record, load_record
@@ -83,6 +82,8 @@ def beside(record: Record, simulated: Record, twin: TwinFile) -> Record:
 
 def _shift(record: Record, simulated: Record) -> int:
     """Ticks by which the simulator's count is ahead of the record's."""
+    from scipy.signal import correlate
+
     axis = int(np.argmax(np.ptp(record.reference, axis=0)))
     ours, theirs = (np.diff(r.reference[:, axis]) for r in (record, simulated))
     return int(np.argmax(correlate(theirs, ours, method='fft'))) - (len(ours) - 1)

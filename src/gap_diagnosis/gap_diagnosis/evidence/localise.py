@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.residuals.operators import central_difference, second_difference, smooth
+from gap_diagnosis.residuals.low_pass import smooth
+from gap_diagnosis.residuals.operators import central_difference, second_difference
 from stage_core.twin_file import TwinFile
 from stage_twin.effects.friction import presliding_state
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.parameters import Effects
+from gap_diagnosis.residuals.low_pass import band_limited
 from gap_diagnosis.residuals.nominal import merged
-from gap_diagnosis.residuals.operators import band_limited
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TrackerSpec, TwinFile
 from stage_twin.simulate import simulate

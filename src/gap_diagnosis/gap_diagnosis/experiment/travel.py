@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 from stage_core.errors import StageError
 
+FILE = 'experiment.csv'  # the motion of an experiment, beside the report
+
 
 def travel_of(given: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Ends [m] by axis of texts such as ``x:-0.05:0.05``.

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.parameters import Estimates
-from gap_diagnosis.residuals.operators import band_limited, central_difference
+from gap_diagnosis.residuals.low_pass import band_limited
+from gap_diagnosis.residuals.operators import central_difference
 from stage_twin.effects import periodic
 from stage_twin.effects.encoder_interpolation import (
     EFFECT,

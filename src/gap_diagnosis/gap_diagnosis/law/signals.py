@@ -9,15 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
-from gap_diagnosis.residuals.operators import central_difference, smooth
+from gap_diagnosis.residuals.low_pass import smooth
+from gap_diagnosis.residuals.operators import central_difference
 from stage_twin.effects import law_terms
 from stage_twin.effects.backlash import slack
 from stage_twin.effects.friction import presliding_state
+from stage_twin.effects.shared import filtered
 
 Array = NDArray[np.float64]
 Signal = list[Array]
@@ -39,7 +40,7 @@ def remembered(signal: Array, memory: float, period: float) -> Array:
     if memory == 0.0:
         return signal
     left = math.exp(-period / abs(memory))
-    behind = np.asarray(lfilter([1.0 - left], [1.0, -left], signal))
+    behind = filtered([1.0 - left], [1.0, -left], signal)
     return behind if memory > 0.0 else signal - behind
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.experiment.design import Experiment
 from gap_diagnosis.experiment.questions import LARGE
+from gap_diagnosis.experiment.travel import FILE
 from gap_diagnosis.result import Diagnosis
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN
@@ -18,7 +19,6 @@ from stage_core.whole_file import write_whole
 from stage_core.wording import effect_words, parameter_name
 from stage_twin.effects import effect_of
 
-FILE = 'experiment.csv'
 #: Of the table [s]: the contour controller takes a spline through it.
 SPACING = 0.004
 #: Effects that the session does not show, at most, of which the page says what is expected.

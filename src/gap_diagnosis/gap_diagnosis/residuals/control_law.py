@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows, inside
-from gap_diagnosis.residuals.operators import band_limited
+from gap_diagnosis.residuals.low_pass import band_limited
 from stage_core.twin_file import ServoAxis
+from stage_twin.effects import shared
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -101,7 +101,7 @@ def filtered(record: Record, i: int, corner: float) -> Array:
     q = record.encoder[:, i]
     decay = math.exp(-record.period * corner)
     rate = np.diff(q, prepend=q[0]) / record.period
-    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], rate))
+    return shared.filtered([1.0 - decay], [1.0, -decay], rate)
 
 
 def free(record: Record, i: int, axis: ServoAxis) -> Mask:

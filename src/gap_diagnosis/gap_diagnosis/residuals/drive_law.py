@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.control_law import filtered, velocity_law
-from gap_diagnosis.residuals.operators import central_difference, smooth
+from gap_diagnosis.residuals.low_pass import smooth
+from gap_diagnosis.residuals.operators import central_difference
 from stage_core.twin_file import ServoAxis
 
 Array = NDArray[np.float64]

@@ -12,14 +12,9 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record, nominal_mass
 from gap_diagnosis.residuals.late_ticks import forces_as_held
+from gap_diagnosis.residuals.low_pass import band_limited, smooth
 from gap_diagnosis.residuals.nominal import Prediction
-from gap_diagnosis.residuals.operators import (
-    band_limited,
-    central_difference,
-    centred_hold,
-    second_difference,
-    smooth,
-)
+from gap_diagnosis.residuals.operators import central_difference, centred_hold, second_difference
 from stage_core.twin_file import TwinFile
 
 Array = NDArray[np.float64]

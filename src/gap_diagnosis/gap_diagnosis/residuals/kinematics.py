@@ -21,13 +21,9 @@ from gap_diagnosis.input.noise import encoder_step
 from gap_diagnosis.input.rest_places import rest_places
 from gap_diagnosis.input.windows import held_out_windows, inside, moves_while_judged
 from gap_diagnosis.residuals.late_ticks import read_in_time
+from gap_diagnosis.residuals.low_pass import band_limited, smooth
 from gap_diagnosis.residuals.nominal import Prediction, re_estimated
-from gap_diagnosis.residuals.operators import (
-    Spline,
-    band_limited,
-    smooth,
-    sure_turns,
-)
+from gap_diagnosis.residuals.operators import Spline, sure_turns
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.stands import stands_of
 from stage_core.twin_file import TwinFile

@@ -15,12 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.residuals.operators import (
-    band_limited,
-    central_difference,
-    second_difference,
-    smooth,
-)
+from gap_diagnosis.residuals.low_pass import band_limited, smooth
+from gap_diagnosis.residuals.operators import central_difference, second_difference
 
 Array = NDArray[np.float64]
 

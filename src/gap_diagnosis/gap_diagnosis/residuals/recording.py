@@ -30,12 +30,8 @@ from gap_diagnosis.residuals.control_law import (
 )
 from gap_diagnosis.residuals.controller import MISMATCH
 from gap_diagnosis.residuals.effort_signs import signs_of
-from gap_diagnosis.residuals.operators import (
-    central_difference,
-    centred_hold,
-    second_difference,
-    smooth,
-)
+from gap_diagnosis.residuals.low_pass import smooth
+from gap_diagnosis.residuals.operators import central_difference, centred_hold, second_difference
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ServoAxis, TwinFile
 

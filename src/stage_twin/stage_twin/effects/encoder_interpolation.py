@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from stage_twin.effects import periodic, waveform
 from stage_twin.effects.definition import Effect, Parameter
@@ -145,6 +144,8 @@ def peaks(position: Array, values: Array, low: float, high: float) -> tuple[Thet
     start, bin_width = float(position.min()), 1.0 / (FINE * high)
     travel = float(np.ptp(position))
     power = np.bincount(((position - start) / bin_width).astype(np.int64), values)
+    from scipy.fft import next_fast_len
+
     size = next_fast_len(PAD * len(power), real=True)
     power = np.abs(np.fft.rfft(power, size))
     frequencies = np.arange(len(power)) / (size * bin_width)

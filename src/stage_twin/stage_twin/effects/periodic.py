@@ -9,7 +9,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len
 
 from stage_twin.effects.term import Array, Term, Theta
 from stage_twin.effects.waveform import HARMONICS, WAVES, grown
@@ -167,6 +166,8 @@ def starts(
     the position: the periodogram for unevenly spaced samples (Lomb, Astrophysics and Space
     Science 39, 1976).
     """
+    from scipy.fft import next_fast_len
+
     low, high = bounds(position, lead)
     count = math.ceil(high / low)
     frequencies = np.arange(PAD, PAD * count) * (low / PAD)
