@@ -73,7 +73,7 @@ def _diagnosis() -> None:
     operators.sure_turns(path, 1e-6)
     backlash.slack(path, 1e-6)
     friction.presliding_state(path, 1e-6)
-    play_search.crossed(path, path, 1e-3, one, one, one, 200.0 * one)
+    play_search.crossed(path, path, 1e-3, one, one, one, 200.0)
     Stands(np.zeros(1, int), np.full(1, 9), one).freed(path)
 
 

@@ -55,18 +55,17 @@ def crossed(
     mass: Array,
     width: Array,
     contact: Array,
-    frequency: Array,
+    frequency: float,
 ) -> Array:
     """Where drives of some masses (k,) [kg] are in their plays, (n, k) [m], from the middle on.
 
     A force (n,) [N] at the ticks drives each beside a carriage on a path (n,) [m]; `contact` (k,)
-    and `frequency` (k,) [Hz] are the damping ratio of the edges and the frequency of the drive on
-    them, of which the highest sets the substeps.
+    and `frequency` [Hz] are the damping ratio of the edges and the frequency of the drive on them.
     The drives go side by side: as many as a vector of the processor holds take the time of one.
     """
     natural = 2.0 * math.pi * frequency
     stiffness, damping, half = mass * natural**2, 2.0 * contact * mass * natural, 0.5 * width
-    count = int(period * natural.max() / REACH) + 1
+    count = int(period * natural / REACH) + 1
     short = period / count
     moves, many = short / mass, len(mass)
     out = np.zeros((len(force), many))
@@ -105,11 +104,11 @@ class Crossing:
         return self._side_by_side([theta])
 
     def _side_by_side(self, thetas: Sequence[Theta]) -> Array:
-        """Columns (n, k) of k parameters."""
+        """Columns (n, k) of k parameters with edges of one frequency."""
         moment, share, contact, frequency = np.array(thetas).T.copy()
         own, signals = share * self.rows.mass, []
         for force, path, period in self._runs:
-            place = crossed(force, path, period, own, moment / share, contact, frequency)
+            place = crossed(force, path, period, own, moment / share, contact, frequency[0])
             needed = np.zeros_like(place)
             needed[1:-1] = own * np.diff(place, 2, axis=0) / period**2
             signals.append(needed)
@@ -141,7 +140,9 @@ class Crossing:
             for i, (low, high) in enumerate(WITHIN):
                 tried = {min(max(start[i] * f, low), high) for f in FACTORS} - {start[i]}
                 others = [(*start[:i], value, *start[i + 1 :]) for value in sorted(tried)]
-                gains = self._gains(self._side_by_side(others), residual)
+                # The substeps hang on the frequency of the edges.
+                groups = [others] if i < 3 else [[other] for other in others]
+                gains = [g for o in groups for g in self._gains(self._side_by_side(o), residual)]
                 if max(gains) > most:
                     most, start = max(gains), others[int(np.argmax(gains))]
             if start == before:
