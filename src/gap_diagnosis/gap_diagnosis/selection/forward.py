@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.selection.gains import block_gains, block_rms_gains, bootstrap_interval
-from gap_diagnosis.selection.grow import grow
+from gap_diagnosis.selection.grow import grow, grow_anew
 from gap_diagnosis.selection.model import Evidence, Passed, Rules, Selection, Trial
 from gap_diagnosis.selection.pairs import pair
 from gap_diagnosis.selection.possible import refined, too_few_places
@@ -50,6 +50,8 @@ class Selector:
         self.noise = problem.floor**2
         self.raw = raw if raw is not None else problem.target
         self.gap = max(problem.mean_square(problem.judged) - self.noise, 0.0)
+        #: Each effect in the shape that all others grow from.
+        self.plainest = dict(problem.terms)
         #: Effects that another one was taken before.
         self.passed: dict[str, Passed] = {}
 
@@ -100,7 +102,7 @@ class Selector:
             else:
                 rejected.update({n: t.evidence for n, t in trials.items()})
                 break
-        base = grow(self, base, accepted)
+        base = grow_anew(self, base, accepted)
         accepted, base = merge(self, accepted, base)
         accepted, base, evidence = self.prune(accepted, base)
         simpler, plainer = plain(self, accepted, base)

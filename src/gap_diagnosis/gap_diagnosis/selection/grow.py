@@ -38,6 +38,28 @@ def grow(selector: Selector, fit: Fit, names: list[str]) -> Fit:
     return fit
 
 
+def grow_anew(selector: Selector, fit: Fit, names: list[str]) -> Fit:
+    """Effects of a whole set, grown anew where one had become rich before all others were there.
+
+    Its shape may have stood for them: waves of four periods of a pitch error for a squareness.
+    From its plainest shape it grows beside them, if the richer one is no better for certain.
+    """
+    terms = selector.problem.terms
+    for name in names:
+        rich, terms[name] = terms[name], selector.plainest[name]
+        if rich is not terms[name]:
+            others = {n: t for n, t in fit.thetas.items() if n != name}
+            theta = selector.regression.warm_start(selector.regression.linear(others), name)
+            anew = refined(selector, {**fit.thetas, name: theta}, [name], rounds=8)
+            anew = grow(selector, anew, [name])
+            if selector.admissible(anew, name) and not _worth_it(selector, anew, fit):
+                fit = anew
+                continue
+            terms[name] = rich
+        fit = grow(selector, fit, [name])
+    return fit
+
+
 def _worth_it(selector: Selector, plain: Fit, rich: Fit) -> bool:
     """Whether a richer shape shows on rows that no fit has seen."""
     gains = block_gains(selector.problem, plain, rich)
