@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import threading
-import time
 
 from stage_core.errors import StageError
 
@@ -41,10 +40,9 @@ def main() -> None:
     tell('moving')
     contour.join(2.0 * PATIENCE)
     seen = watch.encoder[-1][0]
-    watch.wait(lambda: watch.encoder[-1][0] > seen + 10**9, 'the encoder after the cut')
-    time.sleep(0.5)
-    rest = last(watch.encoder, 200)
-    print(f'rest {spread(rest):.9f}', flush=True)
+    # All of them, not the newest alone: lost ones come late, behind those of before the cut.
+    watch.wait(lambda: last(watch.encoder, 200)[0][0] > seen + 10**9, 'the encoder after the cut')
+    print(f'rest {spread(last(watch.encoder, 200)):.9f}', flush=True)
     watch.wait(lambda: not watch.text('stage_driver: peers').strip().endswith('again'), 'peers')
     watch.wait(lambda: watch.text('tracker_bridge: connection') == 'connected', 'the tracker')
     watch.home()
