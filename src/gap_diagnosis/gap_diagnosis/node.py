@@ -7,14 +7,13 @@ import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry_msgs.msg import PointStamped, TransformStamped
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from gap_diagnosis.experiment_node import run_experiment
-from gap_diagnosis.live import LiveMonitor
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.frames import alignment_in
@@ -33,6 +32,9 @@ from stage_core.ros.node import (
 )
 from stage_core.ros.services_node import create_deferred_service
 from stage_core.twin_file import TwinFile
+
+if TYPE_CHECKING:
+    from gap_diagnosis.live import LiveMonitor
 
 PARAMETERS = (
     Parameter('bag', '', 'session bag that ~/diagnose reads'),
@@ -102,6 +104,9 @@ class GapDiagnosisNode(StageNode):
             raise StageError(
                 f'live mode needs a twin of kind servo, not {twin.kind}: set live to false'
             )
+        # Numba's kernels, which nothing else here needs.
+        from gap_diagnosis.live import LiveMonitor
+
         return LiveMonitor(twin, self.value('window'), self.value('learn'), self.value('band'))
 
     def _start_live(self) -> None:

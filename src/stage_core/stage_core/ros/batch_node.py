@@ -24,16 +24,18 @@ Taker = Callable[[bytes, dict[str, int]], None]
 
 
 class Batches:
-    """Subscriptions of a node whose messages are taken together, twenty times a second.
+    """Subscriptions of a node whose messages are taken together, every `period` [s of wall time].
 
     Each topic's messages are taken in their order; topics one after the other. `after` is called
     when all of a batch are taken.
     """
 
-    def __init__(self, node: Any, after: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, node: Any, after: Callable[[], None] = lambda: None, period: float = PERIOD
+    ) -> None:
         self._node, self._after = node, after
         self._topics: list[tuple[Any, type, Taker]] = []
-        node.create_timer(PERIOD, self.take, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(period, self.take, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def create_subscription(
         self, message_type: type, topic: str, taker: Taker, qos: QoSProfile = BATCH_QOS

@@ -78,17 +78,20 @@ class GraphClient:
         """Subscribe to a topic; the newest message is kept, `callback` sees each."""
 
         def arrived(message: Any) -> None:
-            with self._changed:
-                self._latest[topic] = message
-                self._arrival[topic] = time.monotonic()
-                self._arrived += 1
-                self._changed.notify_all()
+            self._came(topic, message)
             if callback is not None:
                 callback(message)
 
         self._subscriptions[topic] = self.node.create_subscription(
             message_type, topic, arrived, qos
         )
+
+    def _came(self, topic: str, message: Any) -> None:
+        with self._changed:
+            self._latest[topic] = message
+            self._arrival[topic] = time.monotonic()
+            self._arrived += 1
+            self._changed.notify_all()
 
     def latest(self, topic: str) -> Any | None:
         """The newest message of a watched topic, or None."""
