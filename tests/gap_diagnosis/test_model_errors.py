@@ -25,17 +25,24 @@ def errors(
     gain: float = 50.0,
     stated: float = 0.0,
     base: Any = None,
+    friction: float = 0.0,
 ) -> list[str]:
-    """What goes of a balance with noise of 1 that leaves `left`, with one effect.
+    """What goes of a balance with noise of 1 that leaves `left`, with one effect of size 1.
 
-    Its alternative has a `base` where the twin states it, with so many squares of its force.
+    Its alternative has a `base` where the twin states it, with so many squares of its force. A
+    `friction` of so many times the effect's size may stand beside it.
     """
     plain = Term(constant(np.ones((4, 1))), lambda theta, c: {})
     terms = {name: plain, FRICTION: replace(plain, base=base), SAG: plain, RIPPLE: plain}
     evidence = {name: Evidence(name, gain, (0.1, 1.0), share, True, [FRICTION])}
-    fit = SimpleNamespace(mean_square=lambda problem: left)
+    sizes = {name: 1.0} | ({FRICTION: friction} if friction else {})
+    fit = SimpleNamespace(
+        mean_square=lambda problem: left,
+        thetas=dict.fromkeys(sizes, ()),
+        coefficients={n: np.array([size]) for n, size in sizes.items()},
+    )
     part: Any = SimpleNamespace(
-        problem=SimpleNamespace(terms=terms, stated=stated),
+        problem=SimpleNamespace(terms=terms, stated=stated, judged=slice(None)),
         structure=SimpleNamespace(structured=structured),
         selector=SimpleNamespace(noise=1.0, rules=SimpleNamespace(of_gap=6e-4)),
     )
@@ -66,3 +73,15 @@ def test_what_other_values_of_a_stated_effect_explain_is_more_than_its_error(
 ) -> None:
     # The error of the stated model is 6e-4 of its squares: 0.6.
     assert errors(left=1.0, share=1.0, gain=gain, stated=1000.0, base=base) == gone
+
+
+@pytest.mark.parametrize(
+    ('name', 'friction', 'gone'),
+    [(GAIN, 42.0, [GAIN, FRICTION, SAG]), (GAIN, 40.0, []), (PLAY, 42.0, [])],
+    ids=['less than its error', 'more than its error', 'no scale'],
+)
+def test_a_scale_is_larger_than_the_error_of_a_friction(
+    name: str, friction: float, gone: list[str]
+) -> None:
+    # The error of its model is 6e-4 of its squares: 1 / 40.8 of its force.
+    assert errors(name, left=1.0, share=1.0, friction=friction) == gone
