@@ -42,10 +42,8 @@ def along(
     amplitude: float,
     period: float,
     phase: float,
-    amplitude_2: float,
-    phase_2: float,
-    amplitude_3: float,
-    phase_3: float,
+    amplitude_: Array,
+    phase_: Array,
     growth: float,
     centre: float,
     half_range: float,
@@ -59,10 +57,8 @@ def along(
         screw_angle(motor, period, lead),
         amplitude,
         phase,
-        amplitude_2,
-        phase_2,
-        amplitude_3,
-        phase_3,
+        amplitude_,
+        phase_,
     )
     return total + waveform.more_waves(motor, wave_amplitude, wave_period, wave_phase, lead)
 

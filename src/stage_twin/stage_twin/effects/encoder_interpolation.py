@@ -62,26 +62,27 @@ def read(
     amplitude: float,
     period: float,
     phase: float,
-    amplitude_2: float,
-    phase_2: float,
-    amplitude_3: float,
-    phase_3: float,
+    amplitude_: Array,
+    phase_: Array,
 ) -> waveform.Angles:
     """What the encoder reads at a motor position [m], or at many of them."""
     return position + waveform.wave(
         2.0 * math.pi * position / period,
         amplitude,
         phase,
-        amplitude_2,
-        phase_2,
-        amplitude_3,
-        phase_3,
+        amplitude_,
+        phase_,
     )
 
 
 def misreading(position: Array, values: Mapping[str, float]) -> Array:
     """What an encoder reads too much (n,) [m] at motor positions (n,) [m]."""
-    return read(position, **{**EFFECT.defaults(), **values}) - position
+    own = {**EFFECT.defaults(), **values}
+    higher = [
+        np.array([own[f'{kind}_{k}'] for k in range(2, waveform.HARMONICS + 1)])
+        for kind in ('amplitude', 'phase')
+    ]
+    return read(position, own['amplitude'], own['period'], own['phase'], *higher) - position
 
 
 def term(rows: TrackerRows) -> Term | None:

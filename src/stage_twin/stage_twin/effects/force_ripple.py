@@ -36,10 +36,8 @@ def force(
     amplitude: float,
     period: float,
     phase: float,
-    amplitude_2: float,
-    phase_2: float,
-    amplitude_3: float,
-    phase_3: float,
+    amplitude_: Array,
+    phase_: Array,
     growth: float,
     centre: float,
     half_range: float,
@@ -53,10 +51,8 @@ def force(
         screw_angle(position, period, lead),
         amplitude,
         phase,
-        amplitude_2,
-        phase_2,
-        amplitude_3,
-        phase_3,
+        amplitude_,
+        phase_,
     )
     total *= waveform.grown(position, growth, centre, half_range)
     return total + waveform.more_waves(position, wave_amplitude, wave_period, wave_phase, lead)

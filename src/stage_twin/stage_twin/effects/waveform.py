@@ -15,7 +15,7 @@ from stage_twin.effects.term import Array
 Angles = TypeVar('Angles', float, Array)
 """One or many."""
 
-HARMONICS = 3
+HARMONICS = 4
 WAVES = 4  # of periods of their own, beside the first and its harmonics
 
 #: How the amplitude changes along the travel; centre and half_range say where that is.
@@ -30,22 +30,15 @@ GROWTH = (
 
 def harmonic_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
     """Amplitudes and phases of the harmonics above the first."""
-    out = []
-    for k in range(2, HARMONICS + 1):
-        out.append(Parameter(f'amplitude_{k}', unit, 0.0, largest, 0.0, f'of harmonic {k}'))
-        out.append(
-            Parameter(
-                f'phase_{k}',
-                'rad',
-                -6.2831854,
-                6.2831854,
-                0.0,
-                f'of harmonic {k}',
-                nuisance=True,
-                neutral=None,
-            )
-        )
-    return tuple(out)
+    kinds = (
+        ('amplitude', unit, 0.0, largest, 0.0, False),
+        ('phase', 'rad', -6.2831854, 6.2831854, None, True),
+    )
+    return tuple(
+        Parameter(f'{kind}_{k}', of, low, high, 0.0, f'of harmonic {k}', neutral, nuisance)
+        for kind, of, low, high, neutral, nuisance in kinds
+        for k in range(2, HARMONICS + 1)
+    )
 
 
 def wave_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
@@ -65,20 +58,16 @@ def wave_parameters(unit: str, largest: float) -> tuple[Parameter, ...]:
 
 @register_jitable  # in Python it takes arrays, too
 def wave(
-    angle: Angles,
-    amplitude: float,
-    phase: float,
-    amplitude_2: float,
-    phase_2: float,
-    amplitude_3: float,
-    phase_3: float,
+    angle: Angles, amplitude: float, phase: float, amplitude_: Array, phase_: Array
 ) -> Angles:
-    """Sum of the harmonics at an angle [rad] of the first, in the amplitudes' unit."""
+    """Sum of the harmonics at an angle [rad] of the first, in the amplitudes' unit.
+
+    `amplitude_` and `phase_` hold those from the second on.
+    """
     total = amplitude * np.sin(angle + phase)
-    if amplitude_2 != 0.0:
-        total += amplitude_2 * np.sin(2.0 * angle + phase_2)
-    if amplitude_3 != 0.0:
-        total += amplitude_3 * np.sin(3.0 * angle + phase_3)
+    for k in range(len(amplitude_)):
+        if amplitude_[k] != 0.0:
+            total += amplitude_[k] * np.sin((k + 2.0) * angle + phase_[k])
     return total
 
 
