@@ -45,19 +45,21 @@ def given_shape(
     selection: Selection,
     regression: Regression,
 ) -> dict[str, tuple[float, float]]:
-    """Parameters of an effect with the deviations that they have at the shape that was found.
+    """Parameters of an effect with the deviations by which it is told whether it is there.
 
-    Whether an effect is there is not asked of its shape: where all lines lie at one place across,
-    the arm of a yaw is unknown and the yaw with it, while their product is seen well. A parameter
-    that is itself a shape keeps its deviation.
+    One that is told by its shape has those at the shape that was found. Of any other, parameters
+    without a deviation have: where all lines lie at one place across, neither the arm of a yaw nor
+    the yaw is known, while their product is seen well. An arm that is known badly makes no yaw:
+    two wrong ones were 0.75 of their deviations large, right ones 8 and more.
     """
     if regression.problem.terms[name].fixed:  # of which the shape is all
         return values
     held = describe(selection, regression, name)[name]
     out = dict(values)
     for key in held.keys() & values.keys():
-        told = [std for std in (values[key][1], held[key][1]) if std > 0.0]
-        out[key] = values[key][0], min(told, default=0.0)
+        value, std = values[key]
+        if std == 0.0 or (effect_of(name).by_shape and held[key][1] > 0.0):
+            out[key] = value, min(std or np.inf, held[key][1])
     return out
 
 

@@ -103,8 +103,7 @@ class Effect:
     differ : tuple of (str, str)
         Pairs of parameters; where the two of each are equal, a special case is all that there is.
     by_shape : bool
-        Whether it is there is judged at the shape that was found, as an effect of the measurement:
-        how large it is hangs on that shape.
+        Whether it is there is judged at the shape that was found: how large it is hangs on that.
     excludes : tuple of str
         Effects that cannot be judged beside this one, as both have the same trivial solution.
     merges : tuple of str

@@ -9,8 +9,7 @@ from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.term import Array, Term, Theta
 
-#: Furthest fixed point [m]. A drift that is the same along the travel may be of anything. Of two
-#: wrong findings the fixed point was known to 2.3 m and to 42 m, of right ones to 0.03 m.
+#: Furthest fixed point [m].
 FURTHEST = 2.0
 #: Starts of its search [m]; what is far from a short travel is told by nothing but its size.
 PLACES = tuple(
@@ -46,7 +45,6 @@ EFFECT = Effect(
             'position that does not move; may lie outside',
             neutral=None,
             doubt=DOUBT,
-            inside=True,
         ),
         Parameter(
             'initial_rise',
