@@ -19,6 +19,7 @@ ROWS = 4000
 TIME = np.arange(ROWS) * 0.01
 NOISE = 1e-6
 SCALE, YAW, GUIDE = 'scale_error.x', 'angular_error.x', 'straightness.y'
+RESONANCE = 'structural_resonance.x'
 
 
 def problem(target: Array, terms: dict[str, Term]) -> Problem:
@@ -49,6 +50,18 @@ def test_an_offset_beside_something_unknown_is_no_scale_error() -> None:
 def test_a_scale_error_beside_something_unknown_is_named() -> None:
     part = beside_unknown(0.1)
     assert part.selection.accepted == [SCALE]
+    assert part.structure.structured
+
+
+@pytest.mark.parametrize(('size', 'named'), [(4e-7, False), (1.2e-6, True)])
+def test_what_swings_is_most_of_what_is_left_beside_something_unknown(
+    size: float, named: bool
+) -> None:
+    swing = np.sin(20.0 * TIME)
+    term = Term(constant(swing[:, None]), lambda theta, c: {})
+    target = size * swing + 6e-7 * np.sin(0.5 * TIME)
+    part = fit_part('tracker', problem(target, {RESONANCE: term}), KINEMATIC_RULES, 0, ())
+    assert part.selection.accepted == ([RESONANCE] if named else [])
     assert part.structure.structured
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gap_diagnosis.evidence.judgement import Structure
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit
-from gap_diagnosis.selection.forward import Selector
+from gap_diagnosis.selection.forward import LACKING, Selector
 from gap_diagnosis.selection.gains import block_rms_gains, bootstrap_interval
 from gap_diagnosis.selection.model import Selection
 from stage_twin.effects import link_of
@@ -33,7 +33,8 @@ def imitations(
     Where structure remains and a general curve over the effect's own condition explains more than
     `UNEXHAUSTED` of what the effect does, something else of that kind was imitated. So was it
     where an offset does what the effect does: what is unknown has a mean, too. Nothing speaks for
-    a curve `alone` where structure remains.
+    a curve `alone` where structure remains. What the tracker shows beside something unknown is
+    most of what is left without it (`LACKING`): a resonance follows any fast motion a little.
 
     Parameters
     ----------
@@ -59,7 +60,8 @@ def imitations(
             imitates = (
                 link_of(name) != 'servo' and near and _only_offset(selector, fit.thetas, name)
             )
-        if imitates:
+        little = selection.evidence[name].share < LACKING and not problem.signal
+        if imitates or little:
             found.append(name)
     return found
 
