@@ -42,9 +42,12 @@ def _section(effect: Effect) -> list[str]:
         values = f'{first.when_on:g}'
         if last.when_on != first.when_on:
             values += f' … {last.when_on:g}'
+        meaning = first.meaning
+        if last.meaning != meaning:
+            meaning += f' … {last.meaning.split()[-1]}'
         lines.append(
             f'| {name} | {first.unit or "1"} | {first.minimum:g} to {first.maximum:g} | '
-            f'{values} | {first.meaning}{note} |'
+            f'{values} | {meaning}{note} |'
         )
     return [*lines, '']
 
