@@ -42,9 +42,8 @@ def _section(effect: Effect) -> list[str]:
         values = f'{first.when_on:g}'
         if last.when_on != first.when_on:
             values += f' … {last.when_on:g}'
-        meaning = first.meaning
-        if last.meaning != meaning:
-            meaning += f' … {last.meaning.split()[-1]}'
+        words = zip(first.meaning.split(), last.meaning.split(), strict=True)
+        meaning = ' '.join(one if one == other else f'{one} … {other}' for one, other in words)
         lines.append(
             f'| {name} | {first.unit or "1"} | {first.minimum:g} to {first.maximum:g} | '
             f'{values} | {meaning}{note} |'
