@@ -44,6 +44,15 @@ def test_a_pitch_error_of_another_period_with_a_second_harmonic(planted: Maker) 
     assert_told(found, 'cyclic_pitch_error.x', truth)
 
 
+def test_a_slow_ripple_with_a_fourth_harmonic_is_no_smooth_force(planted: Maker) -> None:
+    """Two and a half turns on the travel."""
+    truth = {'amplitude': 4.0, 'period': 24e-3, 'phase': 0.4, 'amplitude_4': 1.3, 'phase_4': 1.0}
+    found = diagnose([planted({'force_ripple.x': truth})], [], ALONE)
+    assert found.verdict == ['force_ripple.x']
+    known = {n: value for n, (value, _) in found.parameters['force_ripple.x'].items()}
+    assert {n: known[n] for n in truth} == pytest.approx(truth, rel=0.01)
+
+
 @pytest.mark.parametrize(
     ('name', 'amplitude'), [('cyclic_pitch_error.x', 6e-6), ('force_ripple.x', 4.0)]
 )
