@@ -37,6 +37,7 @@ from session_bags.measured import data_folder
 from stage_core.errors import command_line
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
+from stage_twin.effects.waveform import HARMONICS
 
 #: What the figures of a row do not say by themselves.
 REMARKS = {
@@ -248,7 +249,7 @@ def _orders(found: Mapping[str, Any]) -> list[str]:
             continue
         first = 2.0 * np.pi / values['period']
         waves = [(first, values['amplitude'])]
-        waves += [(k * first, values[f'amplitude_{k}']) for k in (2, 3)]
+        waves += [(k * first, values[f'amplitude_{k}']) for k in range(2, HARMONICS + 1)]
         for key in [k for k in values if k.startswith('wave_period')]:
             waves.append((2.0 * np.pi / values[key], values[key.replace('period', 'amplitude')]))
         said = ', '.join(f'{order:.2f} ({size:.3f} A)' for order, size in waves)

@@ -33,8 +33,8 @@ def imitations(
     Where structure remains and a general curve over the effect's own condition explains more than
     `UNEXHAUSTED` of what the effect does, something else of that kind was imitated. So was it
     where an offset does what the effect does: what is unknown has a mean, too. Nothing speaks for
-    a curve `alone` where structure remains. What the tracker shows beside something unknown is
-    most of what is left without it (`LACKING`): a resonance follows any fast motion a little.
+    a curve `alone` where structure remains. A resonance that the tracker shows beside something
+    unknown is most of what is left without it (`LACKING`): it follows any fast motion a little.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ def imitations(
             imitates = (
                 link_of(name) != 'servo' and near and _only_offset(selector, fit.thetas, name)
             )
-        little = selection.evidence[name].share < LACKING and not problem.signal
-        if imitates or little:
+        seen = link_of(name) == 'servo' and not problem.signal
+        if imitates or (seen and selection.evidence[name].share < LACKING):
             found.append(name)
     return found
 
