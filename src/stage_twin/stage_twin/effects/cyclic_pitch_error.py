@@ -34,6 +34,7 @@ EFFECT = Effect(
     'the screw. ISO 230-2:2014, intra-pitch deviation; Slocum, "Precision machine design" (1992).',
     sentence='the table swings by {amplitude} with each turn of the screw',
     excited_by='positions within several turns of the screw',
+    by_shape=True,
 )
 
 
