@@ -262,9 +262,3 @@ def test_an_axis_that_a_friction_holds_is_judged_by_a_balance_that_leaves_noise(
     shrink = Shrink('m', 3.7e-6, 3.1e-6, (-0.02, 0.34), 1.4e-6, 0.1, worse)
     assert not shrink.matters
     assert _told_by_balance(name, part, shrink, run) == told
-
-
-@pytest.mark.parametrize(('angle', 'none'), [(4e-6, True), (60e-6, False)])
-def test_an_offset_of_the_session_turns_no_frame(angle: float, none: bool) -> None:
-    values = {'angle': (angle, 4e-6), 'offset_x': (6e-6, 4e-8), 'offset_y': (0.0, 4e-8)}
-    assert untold('tracker_misalignment', values) is none

@@ -279,15 +279,15 @@ def untold(name: str, values: Values, nominal: Mapping[str, float] | None = None
 def defining(name: str) -> set[str]:
     """Parameters that make the effect what it is: at least one of them is not neutral.
 
-    Shapes (`neutral` None), what belongs to a session (a phase, an offset), stated geometry and
-    what an effect shares with a special case of its own do not tell that it is there.
+    Shapes and phases (`neutral` None), stated geometry and what an effect shares with a special
+    case of its own do not tell that it is there.
     """
     effect = effect_of(name)
     shared = {p.name for other in effect.holds for p in EFFECTS[other].parameters}
     return {
         p.name
         for p in effect.parameters
-        if p.fitted and not p.nuisance and p.neutral is not None and p.name not in shared
+        if p.fitted and p.neutral is not None and p.name not in shared
     }
 
 
