@@ -173,18 +173,19 @@ def test_a_wave_of_the_table_is_where_it_was_when_the_point_was_taken(planted: M
     assert told['phase'][0] == pytest.approx(0.4, abs=0.02)
 
 
-def test_heat_far_from_where_the_screw_is_held() -> None:
-    path = 0.02 * reference(12.0, 1e-3, 1)
+@pytest.mark.parametrize(('stroke', 'named'), [(0.02, []), (0.4, ['thermal_expansion.x'])])
+def test_heat_far_from_where_the_screw_is_held(stroke: float, named: list[str]) -> None:
+    """On short strokes it is a drift that is the same along the travel, as others are."""
+    path = stroke * reference(12.0, 1e-3, 1)
     warmth = 20.0 + 4.0 * (1.0 - np.exp(-np.arange(len(path)) * 1e-3 / 8.0))
     machine = ALONE.with_effects(
         {'thermal_expansion.x': {'coefficient': 3e-5, 'fixed_point': 1.0}}
     )
     found = diagnose([run_of(machine, ALONE, path, warmth, 0)], [], ALONE)
-    assert found.verdict == ['thermal_expansion.x']
-    told = found.parameters['thermal_expansion.x']
-    assert told['coefficient'][0] * told['fixed_point'][0] == pytest.approx(3e-5, rel=0.01)
-    # On strokes of a millimetre their product is all that shows.
-    assert told['coefficient'][1] > told['coefficient'][0]
+    assert found.verdict == (named or ['unknown'])
+    if named:
+        told = found.parameters['thermal_expansion.x']
+        assert told['coefficient'][0] * told['fixed_point'][0] == pytest.approx(3e-5, rel=0.01)
 
 
 def test_a_yaw_that_is_not_zero_in_the_middle(planted: Maker) -> None:
