@@ -261,8 +261,7 @@ def without_cause(
 
 def _give_back(name: str, part: Part, axes: tuple[str, ...], gaps: dict[str, list[Array]]) -> None:
     """Put what a cause explains of the tracker back into its channels."""
-    fit = part.selection.fit
-    contribution = part.problem.terms[name].share(fit.thetas[name], fit.coefficients[name])
+    contribution = part.selection.fit.contribution(part.problem, name)
     contribution = contribution + part.problem.before.get(name, 0.0)
     for i, axis in enumerate(axes):
         channel = f'tracker.{axis}'

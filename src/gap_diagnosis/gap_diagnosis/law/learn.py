@@ -138,7 +138,7 @@ def _remainders(part: Part, records: Sequence[Record], effects: Effects) -> Iter
     """The remainder of each axis of a part with the variables of its law."""
     rows, fit = part.rows, part.selection.fit
     shares = {
-        name: part.problem.terms[name].share(fit.thetas[name], fit.coefficients[name])
+        name: fit.contribution(part.problem, name)
         for name in part.selection.accepted
         if name in effects and name not in part.problem.before
     }

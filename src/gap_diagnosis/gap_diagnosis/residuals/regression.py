@@ -58,6 +58,10 @@ class Fit:
         """Mean square of the residual on the rows that judge."""
         return float(np.mean(self.crossed[problem.judged] ** 2))
 
+    def contribution(self, problem: Problem, name: str) -> Array:
+        """What a term of the set explains of the target, on all rows (n,)."""
+        return problem.terms[name].share(self.thetas[name], self.coefficients[name])
+
 
 class Regression:
     """Fits sets of terms to one problem; columns are kept, as many sets share them."""

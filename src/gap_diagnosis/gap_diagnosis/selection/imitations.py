@@ -49,8 +49,7 @@ def imitations(
     rows, fit, found = problem.judged, selection.fit, []
     # What is given, as the alignment of a stepper's rests, is there whatever it explains.
     for name in [n for n in selection.accepted if n not in selector.rules.given]:
-        own = problem.terms[name].share(fit.thetas[name], fit.coefficients[name])
-        size = np.mean(own[rows] ** 2)
+        size = np.mean(fit.contribution(problem, name)[rows] ** 2)
         if name in problem.signatures:
             more = _explained(problem.signatures[name]()[rows], residual[rows])
             imitates = more > UNEXHAUSTED[link_of(name)] * size

@@ -50,8 +50,7 @@ def _of_others(part: Part, fit: Fit, own: Evidence) -> bool:
 
 def _square(part: Part, fit: Fit, name: str) -> float:
     """Mean square of what an effect explains on the rows that judge."""
-    share = part.problem.terms[name].share(fit.thetas[name], fit.coefficients[name])
-    return float(np.mean(share[part.problem.judged] ** 2))
+    return float(np.mean(fit.contribution(part.problem, name)[part.problem.judged] ** 2))
 
 
 def _of_stated(part: Part, own: Evidence) -> bool:

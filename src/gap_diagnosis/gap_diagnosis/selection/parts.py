@@ -193,9 +193,9 @@ def _beyond_noise(problem: Problem, selection: Selection, found: Structure) -> S
 def _modelled(problem: Problem, selection: Selection, residual: Array) -> Array:
     """Residual with the effects of the sensor link alone taken out: what mechanics make."""
     out = residual.copy()
-    for name, theta in selection.fit.thetas.items():
+    for name in selection.fit.thetas:
         if link_of(name) != 'sensor':
-            out += problem.terms[name].share(theta, selection.fit.coefficients[name])
+            out += selection.fit.contribution(problem, name)
     return out
 
 
@@ -207,7 +207,7 @@ def residual_of(problem: Problem, selection: Selection) -> Array:
     fit = selection.fit
     residual = problem.target.copy()
     for name, theta in fit.thetas.items():
-        share = problem.terms[name].share(theta, fit.coefficients[name]).copy()
+        share = fit.contribution(problem, name).copy()
         for number, refitted in fit.sessions.items():
             if name in refitted:
                 rows = problem.record == number
