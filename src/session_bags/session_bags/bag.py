@@ -51,7 +51,8 @@ def open_bag(path: str | Path) -> Bag:
         what = 'is not a bag' if path.exists() else 'does not exist'
         raise StageError(f'{path} {what}: name the directory of a session bag or an mcap file')
     for index in bag.files:
-        _adopt(bag, index)
+        if not bag.description.custom_data:
+            bag.description.custom_data = metadata.inner_custom_data(index.metadata)
         if index.cut:
             bag.warnings.append(
                 f'{index.path.name} is unfinished and was read up to its last complete chunk; '
@@ -91,16 +92,6 @@ def _open_directory(path: Path) -> Bag:
             'directory of the bag'
         )
     return Bag(path, description, [read_index(file) for file in names])
-
-
-def _adopt(bag: Bag, index: FileIndex) -> None:
-    """Take the custom data from the file where ``metadata.yaml`` has none."""
-    if bag.description.custom_data:
-        return
-    inner = metadata.parse_inner(index.metadata.get('rosbag2', {}).get('serialized_metadata', ''))
-    if inner is not None:
-        for key, value in inner.custom_data.items():
-            bag.description.custom_data.setdefault(key, value)
 
 
 def mcap_files(directory: Path) -> list[Path]:
