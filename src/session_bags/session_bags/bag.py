@@ -21,7 +21,6 @@ class Bag:
     path: Path
     description: metadata.BagMetadata
     files: list[FileIndex] = field(default_factory=list)
-    foreign: bool = False
     warnings: list[str] = field(default_factory=list)
 
     def topic_types(self) -> dict[str, str]:
@@ -83,7 +82,7 @@ def _open_directory(path: Path) -> Bag:
         bag.warnings.append('metadata.yaml is missing or unreadable; the mcap files were read')
         return bag
     if description.foreign:
-        return Bag(path, description, foreign=True)
+        return Bag(path, description)
     names = [path / record.path for record in description.files] or found
     missing = [file for file in names if not file.is_file()]
     if missing or not names:

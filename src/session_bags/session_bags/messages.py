@@ -32,7 +32,7 @@ def raw_messages(bag: Bag, topics: Collection[str] | None = None) -> Iterator[Ra
     StageError
         If the bag is damaged.
     """
-    if bag.foreign:
+    if bag.description.foreign:
         yield from _foreign(bag, topics)
         return
     streams = [_of_file(index, topics) for index in bag.files]
