@@ -82,8 +82,6 @@ def _foreign(bag: Bag, topics: Collection[str] | None) -> Iterator[RawMessage]:
             for connection, time, data in reader.messages(chosen) if chosen else ():
                 name = connection.msgtype
                 yield RawMessage(connection.topic, name, time, time, 0, bytes(data))
-    except StageError:
-        raise
     except Exception as error:
         # rosbags raises whatever its storage plugin does; all of it means a bad bag.
         raise StageError(f'cannot read {bag.path} ({error}): the bag is damaged') from error
