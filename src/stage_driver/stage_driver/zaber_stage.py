@@ -11,7 +11,7 @@ from stage_driver.limits import AxisLimits
 from stage_driver.protocol import ProtocolError, Reply, warning_list
 from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_link import AnswersLate, LinkLost, NoAnswer, Query, ZaberLink
-from stage_driver.zaber_setup import ZaberAxisHandle, connect, integer
+from stage_driver.zaber_setup import connect, integer
 from stage_driver.zaber_words import FLAGS, describe_flag, describe_rejection
 
 #: How many control cycles a streamed move reaches ahead of the next one.
@@ -42,8 +42,6 @@ class ZaberStage:
     ) -> None:
         self.config = config
         self._clock = clock or WallClock()
-        self.link: ZaberLink
-        self.handles: list[ZaberAxisHandle]
         self.link, self.handles = connect(config, self._clock, opened)
         self.limits: list[AxisLimits] = [
             handle.narrowed(limits)
