@@ -91,10 +91,6 @@ class StreamingNode(StageNode):
         """Whether time is simulated; then identical runs give identical results."""
         return bool(self.get_parameter('use_sim_time').value)
 
-    def thread_priority(self) -> int:
-        """In lockstep nothing is urgent."""
-        return 0 if self.lockstep else int(self.value('thread_priority'))
-
     @property
     def running(self) -> bool:
         """Whether a run is under way."""
