@@ -74,10 +74,6 @@ class Excite(StreamingNode):
         if self.course is not None:
             self._fault('the excitation was interrupted')
 
-    def silence_limit(self) -> float:
-        """Silence of the encoder that ends the run [s] of wall time."""
-        return float(self.value('lockstep_timeout')) if self.lockstep else 0.5
-
     def _ended(self, done: Future[str]) -> None:
         error = done.exception()
         self.failure = '' if error is None else str(error)

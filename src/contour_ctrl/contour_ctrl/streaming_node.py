@@ -129,7 +129,7 @@ class StreamingNode(StageNode):
 
     def silence_limit(self) -> float:
         """Silence of the encoder that ends a run [s] of wall time."""
-        return 0.5
+        return float(self.value('lockstep_timeout')) if self.lockstep else 0.5
 
     def node_spoke(self, node: str, data: bytes) -> None:
         """End a run at once of which the driver refused a set-point, or that it has stopped."""
