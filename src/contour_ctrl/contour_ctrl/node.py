@@ -87,7 +87,7 @@ class ContourCtrl(StreamingNode):
     def _run(self) -> Future[str]:
         if self._planning is not None and self._planning.aborted:
             raise StageError('an aborted contour is still being planned: try again in a moment')
-        if self.running or self._planning is not None:
+        if self.course is not None or self._planning is not None:
             raise StageError('a contour is being followed already: call ~/abort first')
         # All that is planned with is of this moment, whatever changes meanwhile.
         values = {p.name: self.value(p.name) for p in parameters.PARAMETERS}
@@ -161,7 +161,7 @@ class ContourCtrl(StreamingNode):
 
     def _abort(self) -> str:
         planned = self._abort_planning('aborted by request')
-        if not self.running and not planned:
+        if self.course is None and not planned:
             raise StageError('nothing to abort: no run is under way')
         self.stop_run('aborted by request')
         return 'stopping'

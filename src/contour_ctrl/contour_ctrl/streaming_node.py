@@ -91,11 +91,6 @@ class StreamingNode(StageNode):
         """Whether time is simulated; then identical runs give identical results."""
         return bool(self.get_parameter('use_sim_time').value)
 
-    @property
-    def running(self) -> bool:
-        """Whether a run is under way."""
-        return self.course is not None
-
     def join(self, driver: Any) -> None:
         """Work with a `StageDriver` of this process: without the topics between the two."""
         self.destroy_subscription(self._states)
