@@ -71,8 +71,7 @@ class Excite(StreamingNode):
 
     def shutdown(self) -> None:
         """Leave the stage with a target to rest at."""
-        if self.course is not None:
-            self._fault('the excitation was interrupted')
+        self._fault('the excitation was interrupted')
 
     def _ended(self, done: Future[str]) -> None:
         error = done.exception()

@@ -57,8 +57,7 @@ class ContourCtrl(StreamingNode):
 
     def shutdown(self) -> None:
         """Leave the stage with a target to rest at."""
-        if self.course is not None:
-            self._fault('the contour controller shuts down')
+        self._fault('the contour controller shuts down')
 
     def silence_limit(self) -> float:
         """Silence of the encoder that ends a run [s] of wall time."""
