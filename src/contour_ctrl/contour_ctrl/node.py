@@ -16,7 +16,7 @@ from contour_ctrl import contour_parameters as parameters
 from contour_ctrl import storage
 from contour_ctrl.calibration import announced_model, inverse, temperatures_line
 from contour_ctrl.figures import Figures
-from contour_ctrl.planning import Planning, prepare
+from contour_ctrl.planning import Planning
 from contour_ctrl.sequence import ContourRun
 from contour_ctrl.streaming_node import StreamingNode
 from stage_core import topics
@@ -91,7 +91,6 @@ class ContourCtrl(StreamingNode):
         # All that is planned with is of this moment, whatever changes meanwhile.
         values = {p.name: self.value(p.name) for p in parameters.PARAMETERS}
         self._planning = Planning(
-            prepare,
             values.__getitem__,
             self._curve_text,
             self._inverse_model(),
