@@ -74,6 +74,8 @@ class StreamingNode(StageNode):
         self._error.header.frame_id = topics.STAGE_FRAME
         #: Of the run: executor, and where the driver is in this process its thread.
         self._lock = threading.RLock()
+        #: A driver in this process, and what stands between the two.
+        self._driver: Any = None
         self._joined: Joined | None = None
         self._setpoints = self.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
         self._errors = self.create_publisher(Vector3Stamped, topics.CONTOUR_ERROR, STATE_QOS)
@@ -94,7 +96,8 @@ class StreamingNode(StageNode):
     def join(self, driver: Any) -> None:
         """Work with a `StageDriver` of this process: without the topics between the two."""
         self.destroy_subscription(self._states)
-        self._joined = Joined(driver, driver.axes, self._lock, self._prompt, self._on_sample)
+        self._driver = driver
+        self._joined = Joined(driver.axes, self._lock, self._prompt, self._on_sample)
         driver.join(self._joined)
 
     def _prompt(self, stamp: int) -> bool:
@@ -203,7 +206,7 @@ class StreamingNode(StageNode):
             self._setpoints.publish(data)
             return
         sample = JointSample(point.stamp, AXES, point.position, point.velocity or ())
-        self._joined.take(sample, data)
+        self._driver.take(sample, data)
         self._joined.publish(self._setpoints, data)
 
     def _publish_error(self, course: ContourRun, stamp: int) -> None:
