@@ -20,6 +20,8 @@ from stage_core.twin_file import ServoAxis
 from ..config_files import section
 
 MODEL = LuGre(20.0, 30.0, 1e-3, 1e5, 100.0, 5.0)
+#: Of the closed loop of x with K_p = 40 1/s.
+IMPULSE = ilc.closed_loop_impulse(ServoAxis(18.0, 40.0), 40.0, 1e-3, 4000)
 
 
 def test_lugre_agrees_with_a_stiff_integrator() -> None:
@@ -194,20 +196,18 @@ def test_norm_optimal_update_solves_the_dense_problem() -> None:
 
 def test_closed_loop_impulse_has_the_loops_gain() -> None:
     # A constant learned velocity of 1 m/s leaves an error of 1 / K_p at steady state.
-    impulse = ilc.closed_loop_impulse(ServoAxis(18.0, 40.0), 40.0, 1e-3, 4000)
-    assert impulse.sum() == pytest.approx(1 / 40.0, rel=1e-6)
+    assert IMPULSE.sum() == pytest.approx(1 / 40.0, rel=1e-6)
 
 
 def test_convergence_factor_tells_stable_from_unstable_learning() -> None:
-    impulse = ilc.closed_loop_impulse(ServoAxis(18.0, 40.0), 40.0, 1e-3, 4000)
     rng = np.random.default_rng(2)
     first = ilc.zero_phase_lowpass(rng.normal(size=3000), 20.0, 1e-3)[:, None] * 1e-5
     for gain, stable in ((20.0, True), (200.0, False)):
-        factor = ilc.convergence_factor(impulse, gain, 25.0, 1e-3)
+        factor = ilc.convergence_factor(IMPULSE, gain, 25.0, 1e-3)
         assert (factor < 1.0) == stable
         learned, norms = np.zeros_like(first), []
         for _ in range(25):
-            error = first - np.convolve(learned[:, 0], impulse)[: len(first), None]
+            error = first - np.convolve(learned[:, 0], IMPULSE)[: len(first), None]
             norms.append(np.linalg.norm(error))
             learned = ilc.p_type_update(learned, error, gain, 25.0, 1e-3)
         assert (norms[-1] < norms[0]) == stable
@@ -215,19 +215,18 @@ def test_convergence_factor_tells_stable_from_unstable_learning() -> None:
 
 def test_designed_lead_and_cutoff_are_the_highest_that_halve_every_error() -> None:
     settings = LearningSettings()
-    impulse = ilc.closed_loop_impulse(ServoAxis(18.0, 40.0), 40.0, 1e-3, 4000)
     # The defaults of the package are the design for its default position gain.
-    assert ilc.design(impulse, 40.0, 1e-3) == (settings.lead, settings.cutoff)
+    assert ilc.design(IMPULSE, 40.0, 1e-3) == (settings.lead, settings.cutoff)
     assert settings.gain == (40.0, 40.0)
 
     def best(cutoff: float) -> float:
-        return min(ilc.convergence_factor(impulse, 40.0, cutoff, 1e-3, m) for m in range(40))
+        return min(ilc.convergence_factor(IMPULSE, 40.0, cutoff, 1e-3, m) for m in range(40))
 
-    factor = ilc.convergence_factor(impulse, 40.0, settings.cutoff, 1e-3, settings.lead)
+    factor = ilc.convergence_factor(IMPULSE, 40.0, settings.cutoff, 1e-3, settings.lead)
     assert factor == best(settings.cutoff) <= 0.5 < best(settings.cutoff + 5.0)
-    assert factor < 0.6 * ilc.convergence_factor(impulse, 40.0, settings.cutoff, 1e-3)
+    assert factor < 0.6 * ilc.convergence_factor(IMPULSE, 40.0, settings.cutoff, 1e-3)
     with pytest.raises(StageError, match='raise position_gain'):
-        ilc.design(impulse, 40.0, 1e-3, 0.01)
+        ilc.design(IMPULSE, 40.0, 1e-3, 0.01)
 
 
 def wire_impulse(gain: float, delay: int, period: float) -> np.ndarray:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import pytest
 
@@ -50,10 +51,11 @@ class Patient(StreamingNode):
         return math.inf
 
 
-def waiting(
-    client: GraphClient, executor: SingleThreadedExecutor
-) -> Callable[[Callable[[], object], str], None]:
-    """Wait for a condition while the client and the controller's executor both go on."""
+@contextmanager
+def controller(client: GraphClient) -> Iterator[tuple[Patient, Callable[..., None]]]:
+    """A controller, and a wait for a condition in which its executor and the client go on."""
+    node, executor = Patient('controller', PARAMETERS), SingleThreadedExecutor()
+    executor.add_node(node)
 
     def until(condition: Callable[[], object], what: str) -> None:
         def goes_on() -> bool:
@@ -62,34 +64,34 @@ def waiting(
 
         client.wait_for(goes_on, PATIENCE, what)
 
-    return until
+    try:
+        yield node, until
+    finally:
+        executor.shutdown()
+        node.destroy_node()
 
 
 def test_a_controller_that_was_held_up_answers_the_newest_ticks(ros_env: dict[str, str]) -> None:
-    with GraphClient('encoder', use_sim_time=False) as client:
-        node, run = Patient('controller', PARAMETERS), AskedRun()
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
+    with (
+        GraphClient('encoder', use_sim_time=False) as client,
+        controller(client) as (node, until),
+    ):
+        run = AskedRun()
         states = client.node.create_publisher(JointState, topics.JOINT_STATES, STATE_QOS)
         client.watch(JointState, topics.SETPOINT, SETPOINT_QOS)
 
         def publish(stamp: int) -> None:
             states.publish(joint_state(stamp, ('x', 'y'), (0.0, 0.0), (0.0, 0.0)))
 
-        until = waiting(client, executor)
-        try:
-            node.begin(run)  # type: ignore[arg-type]
-            until(lambda: node._begun and states.get_subscription_count() > 0, 'the run')
-            publish(START)
-            until(lambda: run.stamps, 'an answer')
-            # Held up: sixty ticks come, and none is looked at.
-            newest = START + 60 * MS
-            for stamp in range(START + MS, newest + MS, MS):
-                publish(stamp)
-            assert states.wait_for_all_acked(Duration(seconds=PATIENCE))
-            until(lambda: run.stamps[-1] == newest, 'the newest')
-            late = [stamp for stamp in run.stamps[1:] if stamp <= newest - FRESH]
-            assert late == []
-        finally:
-            executor.shutdown()
-            node.destroy_node()
+        node.begin(run)  # type: ignore[arg-type]
+        until(lambda: node._begun and states.get_subscription_count() > 0, 'the run')
+        publish(START)
+        until(lambda: run.stamps, 'an answer')
+        # Held up: sixty ticks come, and none is looked at.
+        newest = START + 60 * MS
+        for stamp in range(START + MS, newest + MS, MS):
+            publish(stamp)
+        assert states.wait_for_all_acked(Duration(seconds=PATIENCE))
+        until(lambda: run.stamps[-1] == newest, 'the newest')
+        late = [stamp for stamp in run.stamps[1:] if stamp <= newest - FRESH]
+        assert late == []

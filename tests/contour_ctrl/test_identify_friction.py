@@ -34,14 +34,14 @@ FRICTION = {
     },
     'force_offset.y': {'offset': 3.0},
 }
+LIMITS = AxisLimits((0.2, 0.2), (2.0, 2.0), (500.0, 500.0))
+REFERENCE = excitation((0.03, 0.03), speeds=(0.015, 0.06), multisine_time=4.0, limits=LIMITS)
 
 
 @pytest.fixture(scope='module')
 def record() -> SimulationResult:
-    limits = AxisLimits((0.2, 0.2), (2.0, 2.0), (500.0, 500.0))
-    ref = excitation((0.03, 0.03), speeds=(0.015, 0.06), multisine_time=4.0, limits=limits)
     twin = TwinFile.nominal_servo().with_effects(FRICTION)
-    return simulate(twin, ref.position, ref.velocity, noise=False)
+    return simulate(twin, REFERENCE.position, REFERENCE.velocity, noise=False)
 
 
 def session_of(record: SimulationResult) -> Session:
@@ -80,8 +80,7 @@ def test_friction_of_the_twin_is_found_again(record: SimulationResult) -> None:
 
 
 def test_stiffness_without_slow_reversals_is_a_guess_and_says_so() -> None:
-    limits = AxisLimits((0.2, 0.2), (2.0, 2.0), (500.0, 500.0))
-    ref = excitation((0.03, 0.03), speeds=(0.06,), multisine_time=4.0, limits=limits, micro_time=0)
+    ref = excitation((0.03, 0.03), speeds=(0.06,), multisine_time=4.0, limits=LIMITS, micro_time=0)
     twin = TwinFile.nominal_servo().with_effects(FRICTION)
     x, _ = estimates(session_of(simulate(twin, ref.position, ref.velocity, noise=False)))
     assert x.std['stiffness'] == np.inf and '(std unknown)' in x.sentence()
@@ -92,14 +91,12 @@ def test_an_axis_without_friction_gets_no_parameters(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """x has no friction; that of y moves the force by less than its ripple, then is clear."""
-    limits = AxisLimits((0.2, 0.2), (2.0, 2.0), (500.0, 500.0))
-    ref = excitation((0.03, 0.03), speeds=(0.015, 0.06), multisine_time=4.0, limits=limits)
     for force, told in ((0.001, False), (8.0, True)):
         friction = {'stribeck_friction.y': FRICTION['stribeck_friction.y'] | {'coulomb': force}}
         if not told:
             friction['stribeck_friction.y'] |= {'breakaway': 0.0}
         twin = TwinFile.nominal_servo().with_effects(friction)
-        session = session_of(simulate(twin, ref.position, ref.velocity, noise=False))
+        session = session_of(simulate(twin, REFERENCE.position, REFERENCE.velocity, noise=False))
         bag = write_session(tmp_path / f'{force}', session)
         assert main(['--bag', str(bag)]) == 0
         printed = capsys.readouterr().out

@@ -16,20 +16,14 @@ LIMITS = AxisLimits(-0.05, 0.05, 0.2, 2.0, 4.0)
 
 @contextmanager
 def rig(lockstep=True, start=(0.0, 0.0), **options):
-    plant, recorder = SmallPlant(lockstep, start), Recorder()
-    options.setdefault('home_required', False)
-    options.setdefault('settle_time', 0.3)
-    config = ServoConfig(
-        ('x', 'y'), (LIMITS, LIMITS), TwinFile.nominal_servo(), drive_port=plant.port, **options
-    )
-    backend = ServoBackend(config, recorder)
+    plant = SmallPlant(lockstep, start)
     plant.start()
-    backend.start()
     try:
-        recorder.wait(lambda: recorder.states)
-        yield plant, backend, recorder
+        options = {'home_required': False, 'settle_time': 0.3, **options}
+        with lonely(plant.port, **options) as (backend, recorder):
+            recorder.wait(lambda: recorder.states)
+            yield plant, backend, recorder
     finally:
-        backend.close()
         plant.close()
 
 

@@ -38,7 +38,6 @@ class SimulatedLink:
     def __init__(self):
         self.plant = SmallPlant(lockstep=False, start=(RADIUS, 0.0))
         self.connected = self.lockstep = False
-        self.garbage = 0
         self.waiting = deque()
         self.before_tick = lambda: None
         self.age = 0
@@ -128,7 +127,7 @@ class Bench(Recorder):
             self.submit(self.course.on_state(*self.samples.popleft()))
 
     def submit(self, point):
-        if point is not None and point.position is not None:
+        if point is not None:
             self.backend.submit(point.stamp, ('x', 'y'), point.position, point.velocity or ())
 
     def run(self):

@@ -205,34 +205,36 @@ def test_a_set_point_that_comes_after_the_stop_of_its_stream_is_refused():
         assert plant.velocity[0] == pytest.approx(0.05, rel=0.1)
 
 
+def send(backend):
+    """One set-point of a stream in real time."""
+    backend.submit(0, ['x', 'y'], [], [0.02, 0.0])
+    time.sleep(0.005)
+
+
+def send_until(backend, condition):
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, backend.status()
+        send(backend)
+
+
 def test_a_stream_in_real_time_stays_stopped_until_it_pauses():
     with rig(lockstep=False, setpoint_timeout=0.4) as (plant, backend, recorder):
-
-        def send():
-            backend.submit(0, ['x', 'y'], [], [0.02, 0.0])
-            time.sleep(0.005)
-
-        def send_until(condition):
-            deadline = time.monotonic() + PATIENCE
-            while not condition():
-                assert time.monotonic() < deadline, backend.status()
-                send()
-
-        send_until(lambda: plant.velocity[0] > 0.015)
+        send_until(backend, lambda: plant.velocity[0] > 0.015)
         backend.stop()
-        send_until(lambda: backend.status().state is State.READY)
+        send_until(backend, lambda: backend.status().state is State.READY)
         stopped = plant.position[0]
         for _ in range(40):
-            send()
+            send(backend)
         assert backend.status().state is State.READY
         assert plant.position[0] == pytest.approx(stopped, abs=1e-4)
         assert 'the stream was stopped' in backend.status().details['last_refusal']
         # A sender that hangs for longer than `setpoint_timeout` has not agreed to go on.
         time.sleep(0.5)
-        send()
+        send(backend)
         assert plant.position[0] == pytest.approx(stopped, abs=1e-4)
         time.sleep(1.1)
-        send_until(lambda: plant.velocity[0] > 0.015)
+        send_until(backend, lambda: plant.velocity[0] > 0.015)
 
 
 def test_a_move_while_the_stage_brakes_is_watched_as_any_other():
@@ -288,25 +290,16 @@ def test_friction_compensation_is_part_of_the_published_command():
 def test_a_stream_refused_before_homing_does_not_go_on_by_itself_after_it():
     options = {'home_required': True, 'setpoint_timeout': 0.4}
     with rig(lockstep=False, **options) as (plant, backend, recorder):
-
-        def send():
-            backend.submit(0, ['x', 'y'], [], [0.02, 0.0])
-            time.sleep(0.005)
-
-        send()
+        send(backend)
         recorder.wait(lambda: recorder.said('not homed'))
-        home = backend.home()
-        deadline = time.monotonic() + PATIENCE
-        while not home.done():
-            assert time.monotonic() < deadline, backend.status()
-            send()
+        send_until(backend, backend.home().done)
         homed = plant.position[0]
         for _ in range(40):
-            send()
+            send(backend)
         assert plant.position[0] == pytest.approx(homed, abs=1e-4)
         assert 'the stream was stopped' in backend.status().details['last_refusal']
         time.sleep(0.5)
-        send()
+        send(backend)
         recorder.wait(lambda: plant.velocity[0] > 0.01)
 
 

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 
 from stage_core.clocks import LOCKSTEP_EXCHANGE, NANOSECONDS
 from stage_driver.config import ZaberConfig
-from stage_driver.limits import AxisLimits
 from stage_driver.states import State
 from stage_driver.zaber_lockstep import LockstepZaberBackend
 from stage_twin.loops import LOCKSTEP_START_NS
@@ -15,8 +14,8 @@ from stage_twin.stepper_loop import StepperLoop
 from ..patience import wait
 from ..points import TWIN, PointRecorder
 from .driver_rig import Recorder
+from .zaber_rig import LIMITS
 
-LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
 SETTLE = 0.2
 TICK = 20_000_000
 AXES = ['x', 'y']

@@ -11,7 +11,7 @@ from stage_driver.config import ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.zaber import ZaberBackend
 from stage_driver.zaber_link import ZaberLink
-from stage_driver.zaber_setup import connect
+from stage_driver.zaber_stage import ZaberStage
 from stage_twin.emulators.zaber_pty import ZaberPty
 
 from .driver_rig import Recorder
@@ -97,7 +97,7 @@ def test_silence_and_garbage_are_told_apart(babble, words):
             ('x',), (LIMITS,), os.ttyname(slave), (1,), (1,), (STEP,), reply_timeout=0.05
         )
         with pytest.raises(StageError, match=words):
-            connect(config)
+            ZaberStage(config)
     finally:
         ended.set()
         thread.join()
@@ -110,4 +110,4 @@ def test_limits_outside_the_travel_are_an_error(tmp_path):
         far = AxisLimits(0.5, 0.6, 0.1, 1.0, 1.0)
         config = ZaberConfig(('x',), (far,), server.port, (1,), (1,), (STEP,))
         with pytest.raises(StageError, match='outside the travel'):
-            connect(config)
+            ZaberStage(config)

@@ -16,9 +16,6 @@ from contour_ctrl.path import PathTable
 
 FloatArray = NDArray[np.float64]
 
-#: Newton steps of the default estimate; 0 is the tangent (straight line) approximation.
-DEFAULT_STEPS = 2
-
 
 @njit(cache=True)
 def path_point(

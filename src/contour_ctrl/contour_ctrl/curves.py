@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,23 +44,17 @@ class CallableCurve:
         u = np.clip(np.atleast_1d(np.asarray(parameter, dtype=float)), *self.domain)
         if self.exact is not None:
             return self.exact(u, order)
-        spline = self._spline()
-        return np.stack([spline(u, nu) for nu in range(order + 1)])
+        return np.stack([self._spline(u, nu) for nu in range(order + 1)])
 
+    @cached_property
     def _spline(self) -> Callable[..., FloatArray]:
-        cached = self.__dict__.get('_cached_spline')
-        if cached is None:
-            u = np.linspace(*self.domain, self.samples + 1)
-            points = np.asarray(self.function(u), dtype=float)
-            if points.shape != (len(u), 2) or not np.all(np.isfinite(points)):
-                raise StageError('the curve function must return finite (n, 2) points in metres')
-            if self.closed:
-                points[-1] = points[0]
-            cached = make_interp_spline(
-                u, points, k=5, bc_type='periodic' if self.closed else None
-            )
-            object.__setattr__(self, '_cached_spline', cached)
-        return cached
+        u = np.linspace(*self.domain, self.samples + 1)
+        points = np.asarray(self.function(u), dtype=float)
+        if points.shape != (len(u), 2) or not np.all(np.isfinite(points)):
+            raise StageError('the curve function must return finite (n, 2) points in metres')
+        if self.closed:
+            points[-1] = points[0]
+        return make_interp_spline(u, points, k=5, bc_type='periodic' if self.closed else None)
 
 
 def circle(

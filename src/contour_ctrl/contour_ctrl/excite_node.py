@@ -71,12 +71,7 @@ class Excite(StreamingNode):
 
     def shutdown(self) -> None:
         """Leave the stage with a target to rest at."""
-        if self.course is not None:
-            self._fault('the excitation was interrupted')
-
-    def silence_limit(self) -> float:
-        """Silence of the encoder that ends the run [s] of wall time."""
-        return float(self.value('lockstep_timeout')) if self.lockstep else 0.5
+        self._fault('the excitation was interrupted')
 
     def _ended(self, done: Future[str]) -> None:
         error = done.exception()

@@ -51,7 +51,7 @@ class AxisLimits:
 
 @dataclass(frozen=True)
 class SCurve:
-    """Seven-segment motion from rest to rest: length [m], feed, acceleration, jerk.
+    """Seven-segment motion from rest to rest: length [m], feed, jerk.
 
     `feed` is the one that is reached: lower than the wanted one where the way is short.
     Segments: jerk, constant acceleration, jerk; cruise; and the same mirrored.
@@ -59,7 +59,6 @@ class SCurve:
 
     length: float
     feed: float
-    acceleration: float
     jerk: float
     durations: FloatArray
 
@@ -85,7 +84,7 @@ class SCurve:
         hold = max(top / peak - rise, 0.0)
         cruise = max(length / top - (2.0 * rise + hold), 0.0)
         durations = np.array([rise, hold, rise, cruise, rise, hold, rise])
-        return SCurve(length, float(top), peak, jerk, durations)
+        return SCurve(length, float(top), jerk, durations)
 
     @property
     def duration(self) -> float:

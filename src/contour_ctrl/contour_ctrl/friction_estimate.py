@@ -27,8 +27,6 @@ class FrictionEstimate:
         The LuGre model, `viscous` included.
     mass, offset
         Moving mass [kg, or effort unit per m/s^2] and constant force.
-    extra
-        Coefficients of the extra regressors.
     std
         Standard deviation of coulomb, viscous, mass and offset, from the residual with its
         correlation time taken into account; of stiffness from the scatter of the slow reversals,
@@ -40,7 +38,6 @@ class FrictionEstimate:
     model: LuGre
     mass: float
     offset: float
-    extra: tuple[float, ...]
     std: dict[str, float]
     residual: float
     residual_without: float

@@ -106,7 +106,6 @@ def identify(
         LuGre(coulomb, static, stribeck, stiffness, 0.0, max(float(solution[1]), 0.0)),
         float(solution[0]),
         float(solution[2]),
-        tuple(solution[3:-1].tolist()),
         spreads | {'stiffness': share * stiffness},
         left_over(np.log(coulomb / stiffness)),
         _left_without(balance),

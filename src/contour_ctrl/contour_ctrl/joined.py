@@ -10,16 +10,9 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from stage_core.ros.joint_state_wire import JointSample
-
-
-class Driver(Protocol):
-    """What a controller needs of the driver."""
-
-    def take(self, sample: JointSample, data: bytes) -> None:
-        """Take a set-point; `data` is what is published of it."""
 
 
 class Joined:
@@ -27,8 +20,6 @@ class Joined:
 
     Parameters
     ----------
-    driver
-        Takes set-points.
     axes
         Of the driver's measurements, in their order.
     lock
@@ -41,13 +32,12 @@ class Joined:
 
     def __init__(
         self,
-        driver: Driver,
         axes: Sequence[str],
         lock: threading.RLock,  # type: ignore[valid-type]
         prompt: Callable[[int], bool],
         answer: Callable[[JointSample], None],
     ) -> None:
-        self._driver, self._axes = driver, axes
+        self._axes = axes
         self._lock: Any = lock
         self._prompt, self._answer = prompt, answer
         self._waiting: queue.SimpleQueue[JointSample] = queue.SimpleQueue()
@@ -77,10 +67,6 @@ class Joined:
         kept, self._kept_back = self._kept_back, []
         for publisher, message in kept:
             publisher.publish(message)
-
-    def take(self, sample: JointSample, data: bytes) -> None:
-        """Hand a set-point to the driver."""
-        self._driver.take(sample, data)
 
     def publish(self, publisher: Any, message: Any) -> None:
         """Publish now, or after the force where a tick is being answered; called with the lock."""

@@ -114,7 +114,9 @@ class Learner:
         self.best: Lap | None = None
         self.rate = self.widest = 1.0
         #: Share of the cutoff up to which an error is learned.
-        self.band = self._first_band() if self.guarded else 1.0
+        self.band = 1.0
+        if self.guarded:
+            self.band = min(1.0, max(FIRST_BAND, FIRST_FREQUENCY / self.settings.cutoff))
         self.lead = [self.settings.lead] * 2
         self.factors: list[tuple[float, float]] = []
         self.returns: list[bool] = []
@@ -128,9 +130,6 @@ class Learner:
     def guarded(self) -> bool:
         """Whether the learning watches itself."""
         return self.settings.divergence > 0.0
-
-    def _first_band(self) -> float:
-        return min(1.0, max(FIRST_BAND, FIRST_FREQUENCY / self.settings.cutoff))
 
     def _regulate(self) -> None:
         reading, floor = self.settings.reading, self.settings.floor

@@ -16,7 +16,7 @@ from contour_ctrl import contour_parameters as parameters
 from contour_ctrl import storage
 from contour_ctrl.calibration import announced_model, inverse, temperatures_line
 from contour_ctrl.figures import Figures
-from contour_ctrl.planning import Planning, prepare
+from contour_ctrl.planning import Planning
 from contour_ctrl.sequence import ContourRun
 from contour_ctrl.streaming_node import StreamingNode
 from stage_core import topics
@@ -57,8 +57,7 @@ class ContourCtrl(StreamingNode):
 
     def shutdown(self) -> None:
         """Leave the stage with a target to rest at."""
-        if self.course is not None:
-            self._fault('the contour controller shuts down')
+        self._fault('the contour controller shuts down')
 
     def silence_limit(self) -> float:
         """Silence of the encoder that ends a run [s] of wall time."""
@@ -87,12 +86,11 @@ class ContourCtrl(StreamingNode):
     def _run(self) -> Future[str]:
         if self._planning is not None and self._planning.aborted:
             raise StageError('an aborted contour is still being planned: try again in a moment')
-        if self.running or self._planning is not None:
+        if self.course is not None or self._planning is not None:
             raise StageError('a contour is being followed already: call ~/abort first')
         # All that is planned with is of this moment, whatever changes meanwhile.
         values = {p.name: self.value(p.name) for p in parameters.PARAMETERS}
         self._planning = Planning(
-            prepare,
             values.__getitem__,
             self._curve_text,
             self._inverse_model(),
@@ -161,7 +159,7 @@ class ContourCtrl(StreamingNode):
 
     def _abort(self) -> str:
         planned = self._abort_planning('aborted by request')
-        if not self.running and not planned:
+        if self.course is None and not planned:
             raise StageError('nothing to abort: no run is under way')
         self.stop_run('aborted by request')
         return 'stopping'

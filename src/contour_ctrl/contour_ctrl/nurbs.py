@@ -144,7 +144,5 @@ def interpolate(points: ArrayLike, closed: bool, degree: int = 5) -> NurbsCurve:
             'free-form curve: remove one of them'
         )
     parameter = np.concatenate([[0.0], np.cumsum(chords)])
-    if closed:
-        nodes[-1] = nodes[0]
     spline = make_interp_spline(parameter, nodes, k=degree, bc_type='periodic' if closed else None)
     return NurbsCurve(degree, spline.t, spline.c)

@@ -83,15 +83,14 @@ def _reload(value: parameters.Values, controller: Controller, learner: Learner |
 
 
 class Planning:
-    """A contour that is being planned while services and topics live.
+    """A contour that is being planned, as of `prepare`, while services and topics live.
 
     `answer` is for whoever asked for the contour; the run that begins when `done` answers it.
     """
 
-    def __init__(self, plan: Callable[..., ContourRun], *arguments: Any) -> None:
+    def __init__(self, *arguments: Any) -> None:
         self.answer: Future[str] = Future()
         self.aborted = False
-        self._plan = plan
         self._arguments = arguments
         self._outcome: Future[ContourRun] = Future()
         # A daemon: a node that is ended does not wait for a plan.
@@ -113,6 +112,6 @@ class Planning:
 
     def _work(self) -> None:
         try:
-            self._outcome.set_result(self._plan(*self._arguments))
+            self._outcome.set_result(prepare(*self._arguments))
         except Exception as error:
             self._outcome.set_exception(error)

@@ -113,12 +113,11 @@ class Reference:
         )
 
     def braked(
-        self, tick: int, stop_time: float, learned: FloatArray | None = None
+        self, tick: int, stop_time: float, learned: FloatArray
     ) -> tuple[Reference, FloatArray]:
         """Reference from `tick` that comes to rest on the same path within `stop_time` [s].
 
-        Also returns the `learned` signal (n, 2) (zero when None) on the slowed clock, fading
-        with the rate.
+        Also returns the `learned` signal (n, 2) on the slowed clock, fading with the rate.
 
         The clock of the plan is slowed from 1 to 0 along a half cosine (a feed hold), so the
         stage stays on the contour and the acceleration stays bounded.
@@ -136,7 +135,7 @@ class Reference:
             return make_interp_spline(grid, values[window], k=3)(clock)
 
         velocity = at(self.velocity) * rate[:, None]
-        faded = at(np.zeros_like(self.velocity) if learned is None else learned) * rate[:, None]
+        faded = at(learned) * rate[:, None]
         reference = replace(
             self,
             position=at(self.position),

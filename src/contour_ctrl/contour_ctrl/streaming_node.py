@@ -74,6 +74,8 @@ class StreamingNode(StageNode):
         self._error.header.frame_id = topics.STAGE_FRAME
         #: Of the run: executor, and where the driver is in this process its thread.
         self._lock = threading.RLock()
+        #: A driver in this process, and what stands between the two.
+        self._driver: Any = None
         self._joined: Joined | None = None
         self._setpoints = self.create_publisher(JointState, topics.SETPOINT, SETPOINT_QOS)
         self._errors = self.create_publisher(Vector3Stamped, topics.CONTOUR_ERROR, STATE_QOS)
@@ -91,19 +93,11 @@ class StreamingNode(StageNode):
         """Whether time is simulated; then identical runs give identical results."""
         return bool(self.get_parameter('use_sim_time').value)
 
-    def thread_priority(self) -> int:
-        """In lockstep nothing is urgent."""
-        return 0 if self.lockstep else int(self.value('thread_priority'))
-
-    @property
-    def running(self) -> bool:
-        """Whether a run is under way."""
-        return self.course is not None
-
     def join(self, driver: Any) -> None:
         """Work with a `StageDriver` of this process: without the topics between the two."""
         self.destroy_subscription(self._states)
-        self._joined = Joined(driver, driver.axes, self._lock, self._prompt, self._on_sample)
+        self._driver = driver
+        self._joined = Joined(driver.axes, self._lock, self._prompt, self._on_sample)
         driver.join(self._joined)
 
     def _prompt(self, stamp: int) -> bool:
@@ -133,7 +127,7 @@ class StreamingNode(StageNode):
 
     def silence_limit(self) -> float:
         """Silence of the encoder that ends a run [s] of wall time."""
-        return 0.5
+        return float(self.value('lockstep_timeout')) if self.lockstep else 0.5
 
     def node_spoke(self, node: str, data: bytes) -> None:
         """End a run at once of which the driver refused a set-point, or that it has stopped."""
@@ -212,7 +206,7 @@ class StreamingNode(StageNode):
             self._setpoints.publish(data)
             return
         sample = JointSample(point.stamp, AXES, point.position, point.velocity or ())
-        self._joined.take(sample, data)
+        self._driver.take(sample, data)
         self._joined.publish(self._setpoints, data)
 
     def _publish_error(self, course: ContourRun, stamp: int) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from contour_ctrl import cmac
 from contour_ctrl.cmac import CmacSettings
-from contour_ctrl.contour_error import DEFAULT_STEPS, parameter_estimate
+from contour_ctrl.contour_error import parameter_estimate
 from contour_ctrl.friction import LuGre, lugre_step
 from contour_ctrl.reference import Reference
 from stage_core.errors import StageError
@@ -128,7 +128,7 @@ class Gains:
     velocity_gain, integral_gain
         The PI velocity loop [N.s/m], [N/m], which the friction term needs.
     estimator_steps
-        Steps of the contour error estimate; 0 is the tangent approximation.
+        Newton steps of the contour error estimate; 0 is the tangent approximation.
     """
 
     position: tuple[float, float] = (40.0, 40.0)
@@ -139,7 +139,7 @@ class Gains:
     friction: tuple[LuGre, LuGre] | None = None
     velocity_gain: tuple[float, float] = (3600.0, 1600.0)
     integral_gain: tuple[float, float] = (90000.0, 40000.0)
-    estimator_steps: int = DEFAULT_STEPS
+    estimator_steps: int = 2
 
     def __post_init__(self) -> None:
         values = [*self.position, *self.velocity_feedforward, *self.acceleration_feedforward]

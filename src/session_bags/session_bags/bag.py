@@ -21,7 +21,6 @@ class Bag:
     path: Path
     description: metadata.BagMetadata
     files: list[FileIndex] = field(default_factory=list)
-    foreign: bool = False
     warnings: list[str] = field(default_factory=list)
 
     def topic_types(self) -> dict[str, str]:
@@ -51,7 +50,8 @@ def open_bag(path: str | Path) -> Bag:
         what = 'is not a bag' if path.exists() else 'does not exist'
         raise StageError(f'{path} {what}: name the directory of a session bag or an mcap file')
     for index in bag.files:
-        _adopt(bag, index)
+        if not bag.description.custom_data:
+            bag.description.custom_data = metadata.inner_custom_data(index.metadata)
         if index.cut:
             bag.warnings.append(
                 f'{index.path.name} is unfinished and was read up to its last complete chunk; '
@@ -82,7 +82,7 @@ def _open_directory(path: Path) -> Bag:
         bag.warnings.append('metadata.yaml is missing or unreadable; the mcap files were read')
         return bag
     if description.foreign:
-        return Bag(path, description, foreign=True)
+        return Bag(path, description)
     names = [path / record.path for record in description.files] or found
     missing = [file for file in names if not file.is_file()]
     if missing or not names:
@@ -91,16 +91,6 @@ def _open_directory(path: Path) -> Bag:
             'directory of the bag'
         )
     return Bag(path, description, [read_index(file) for file in names])
-
-
-def _adopt(bag: Bag, index: FileIndex) -> None:
-    """Take the custom data from the file where ``metadata.yaml`` has none."""
-    if bag.description.custom_data:
-        return
-    inner = metadata.parse_inner(index.metadata.get('rosbag2', {}).get('serialized_metadata', ''))
-    if inner is not None:
-        for key, value in inner.custom_data.items():
-            bag.description.custom_data.setdefault(key, value)
 
 
 def mcap_files(directory: Path) -> list[Path]:

@@ -37,8 +37,6 @@ class Layout:
     ----------
     size : int
         Length of the message [byte].
-    stamp : int
-        Offset of the header's stamp (int32 seconds, uint32 nanoseconds).
     frame : str
         ``frame_id`` of the header.
     child_frame : str
@@ -50,7 +48,6 @@ class Layout:
     """
 
     size: int
-    stamp: int
     frame: str
     child_frame: str
     fields: tuple[tuple[str, int], ...]
@@ -63,7 +60,8 @@ class Layout:
             {
                 'names': ['sec', 'nanosec', *(name for name, _ in self.fields)],
                 'formats': ['<i4', '<u4', *('<f8' for _ in self.fields)],
-                'offsets': [self.stamp, self.stamp + 4, *(offset for _, offset in self.fields)],
+                # The header's stamp comes first, behind the encapsulation.
+                'offsets': [4, 8, *(offset for _, offset in self.fields)],
                 'itemsize': self.size,
             }
         )
@@ -98,10 +96,6 @@ class _Walker:
     def string(self) -> str:
         raw = self.take(self.length(), 1)
         return raw.rstrip(b'\0').decode('utf-8', 'replace')
-
-    def stamp(self) -> int:
-        self.take(8, 4, constant=False)
-        return self.position - 8
 
     def doubles(self, *names: str) -> None:
         for name in names:
@@ -154,7 +148,7 @@ def layout_of(type_name: str, data: bytes) -> Layout:
         If the bytes are not such a message in little-endian CDR.
     """
     walk = _Walker(data)
-    stamp = walk.stamp()
+    walk.take(8, 4, constant=False)
     frame = walk.string()
     child = walk.string() if type_name == _TRANSFORM else ''
     if type_name == JOINT_STATE:
@@ -165,7 +159,6 @@ def layout_of(type_name: str, data: bytes) -> Layout:
         raise LayoutError('the message is longer than its type')
     return Layout(
         size=len(data),
-        stamp=stamp,
         frame=frame,
         child_frame=child,
         fields=tuple(walk.fields),

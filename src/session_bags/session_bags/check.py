@@ -89,7 +89,7 @@ def check_bag(path: str | Path) -> list[Finding]:
 def _check_container(bag: Bag) -> Iterator[Finding]:
     for warning in bag.warnings:
         yield Finding(WARNING, bag.path.name, warning)
-    if bag.foreign:
+    if bag.description.foreign:
         yield Finding(
             WARNING, bag.path.name, f'stored as {bag.description.storage}; a session is mcap: '
             'convert it with `rosbags-convert`'

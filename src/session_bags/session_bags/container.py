@@ -67,7 +67,8 @@ class ContainerWriter:
         self._metadata: list[MetadataIndex] = []
         self.start = 0
         self.end = 0
-        self._position = 0
+        #: Length of the file up to the last complete record [byte].
+        self.position = 0
         self._put(MAGIC + _encode(Header('ros2', LIBRARY)))
 
     @property
@@ -75,16 +76,11 @@ class ContainerWriter:
         """Number of messages in the chunks written so far."""
         return sum(self.counts.values())
 
-    @property
-    def position(self) -> int:
-        """Length of the file up to the last complete record [byte]."""
-        return self._position
-
     def _put(self, data: bytes) -> None:
         rest = memoryview(data)
         while rest:
             rest = rest[self._stream.write(rest) :]
-        self._position += len(data)
+        self.position += len(data)
 
     def add_schema(self, schema: Schema) -> None:
         """Write a schema; its id is the caller's."""
@@ -100,7 +96,7 @@ class ContainerWriter:
     def add_metadata(self, name: str, content: dict[str, str]) -> None:
         """Write a metadata record."""
         record = _encode(Metadata(name=name, metadata=content))
-        self._metadata.append(MetadataIndex(offset=self._position, length=len(record), name=name))
+        self._metadata.append(MetadataIndex(offset=self.position, length=len(record), name=name))
         self._put(record)
 
     def add_chunk(self, data: bytes, messages: ChunkMessages) -> None:
@@ -124,15 +120,15 @@ class ContainerWriter:
         chunk = _encode(replace(record, message_start_time=start, message_end_time=end))
         offsets: dict[int, int] = {}
         indexes: list[bytes] = []
-        position = self._position + len(chunk)
+        position = self.position + len(chunk)
         for channel, rows in messages.items():
             offsets[channel] = position
             indexes.append(_message_index(channel, rows))
             position += len(indexes[-1])
-        index_length = position - self._position - len(chunk)
+        index_length = position - self.position - len(chunk)
         entry = ChunkIndex(
             chunk_length=len(chunk),
-            chunk_start_offset=self._position,
+            chunk_start_offset=self.position,
             compression=record.compression,
             compressed_size=len(record.data),
             message_end_time=end,
@@ -151,7 +147,7 @@ class ContainerWriter:
     def finish(self) -> None:
         """Write the end of the data, the summary and the footer."""
         data_end = _encode(DataEnd(0))
-        summary_start = self._position + len(data_end)
+        summary_start = self.position + len(data_end)
         groups: list[tuple[Opcode, list[McapRecord]]] = [
             (Opcode.SCHEMA, list(self.schemas.values())),
             (Opcode.CHANNEL, list(self.channels.values())),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -96,6 +95,3 @@ def sessions(folder: Path) -> dict[str, Session]:
 
 
 main = converter('A stepper-driven rotary axis as session bags.', sessions)
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -83,6 +82,3 @@ def sessions(folder: Path) -> dict[str, Session]:
 
 
 main = converter('A brushless motor turned slowly, as session bags.', sessions)
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,6 +67,3 @@ def sessions(folder: Path) -> dict[str, Session]:
 
 
 main = converter('The recorded XY stage on its circle, as session bags.', sessions)
-
-if __name__ == '__main__':
-    sys.exit(main())

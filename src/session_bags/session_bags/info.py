@@ -24,7 +24,7 @@ class Contents:
 
 def contents(bag: Bag) -> Contents:
     """Count the messages of a bag; an unfinished file is walked."""
-    if bag.foreign:
+    if bag.description.foreign:
         files = [record for record in bag.description.files if record.count]
         return Contents(
             {topic.name: topic.count for topic in bag.description.topics},

@@ -45,19 +45,18 @@ def data_folder() -> Path:
     return folder
 
 
-def derivative(values: Array, seconds: Array, window: int = 21) -> Array:
+def derivative(values: Array, seconds: Array, window: int = 21, order: int = 1) -> Array:
     """Derivative of each column of `values` (n, k) on nearly even `seconds` (n,).
 
     Savitzky-Golay, third order: no phase lag, and noise of one sample does not swamp it.
     """
     step = float(np.median(np.diff(seconds)))
-    return savgol_filter(values, window, 3, deriv=1, delta=step, axis=0)
+    return savgol_filter(values, window, 3, deriv=order, delta=step, axis=0)
 
 
 def second_derivative(values: Array, seconds: Array, window: int = FEWEST) -> Array:
     """Second derivative, as :func:`derivative`."""
-    step = float(np.median(np.diff(seconds)))
-    return savgol_filter(values, window, 3, deriv=2, delta=step, axis=0)
+    return derivative(values, seconds, window, 2)
 
 
 def fit_force(effort: Array, speed: Array, acceleration: Array) -> tuple[float, float]:

@@ -32,7 +32,7 @@ def raw_messages(bag: Bag, topics: Collection[str] | None = None) -> Iterator[Ra
     StageError
         If the bag is damaged.
     """
-    if bag.foreign:
+    if bag.description.foreign:
         yield from _foreign(bag, topics)
         return
     streams = [_of_file(index, topics) for index in bag.files]
@@ -82,8 +82,6 @@ def _foreign(bag: Bag, topics: Collection[str] | None) -> Iterator[RawMessage]:
             for connection, time, data in reader.messages(chosen) if chosen else ():
                 name = connection.msgtype
                 yield RawMessage(connection.topic, name, time, time, 0, bytes(data))
-    except StageError:
-        raise
     except Exception as error:
         # rosbags raises whatever its storage plugin does; all of it means a bad bag.
         raise StageError(f'cannot read {bag.path} ({error}): the bag is damaged') from error

@@ -96,10 +96,6 @@ class BagMetadata:
             'ros_distro': 'jazzy',
         }
 
-    def inner_text(self) -> str:
-        """YAML of the inner mapping, as the ``rosbag2`` record inside an mcap file holds it."""
-        return dump(self.content())
-
     def save(self, directory: Path) -> None:
         """Write ``metadata.yaml``; a reader sees the old file or the new one, never a part."""
         write_whole(directory / FILE_NAME, dump({_OUTER_KEY: self.content()}))
@@ -136,12 +132,13 @@ def load(directory: Path) -> BagMetadata | None:
         raise StageError(f'{path} is not the description of a bag: {remedy}') from error
 
 
-def parse_inner(text: str) -> BagMetadata | None:
-    """Metadata from the ``rosbag2`` record of an mcap file; None where it cannot be read."""
+def inner_custom_data(records: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    """Custom data of the ``rosbag2`` record of an mcap file; none where it cannot be read."""
+    text = records.get('rosbag2', {}).get('serialized_metadata', '')
     try:
-        return _parse(yaml_mapping(text, 'the rosbag2 record', 'it is ignored'))
+        return _parse(yaml_mapping(text, 'the rosbag2 record', 'it is ignored')).custom_data
     except (*_INCOMPLETE, StageError):
-        return None
+        return {}
 
 
 def _parse(inner: Mapping[str, Any]) -> BagMetadata:

@@ -57,7 +57,7 @@ def read_session(
     decoders = {topic: TopicDecoder(topic, types[topic], str(path)) for topic in wanted}
     whole = start is None and stop is None
     window = None if whole else window_stamps(bag, types, start, stop)
-    if window is None or bag.foreign:
+    if window is None or bag.description.foreign:
         decode(bag, decoders)
     else:
         read_window(bag, decoders, *window)
@@ -127,7 +127,7 @@ def decode(bag: Bag, decoders: Decoders) -> None:
     StageError
         If the bag is damaged or a message is malformed.
     """
-    if bag.foreign:
+    if bag.description.foreign:
         read_foreign(bag, decoders)
     else:
         read_places(bag, decoders, lambda index, place: True)

@@ -61,7 +61,7 @@ class SessionRecorder(StageNode):
         self._pending = set(self.value('topics'))
         self._topics: set[str] = set()
         self._left_out: dict[str, str] = {}
-        self._taken: list[tuple[int, str, str, bytes, bool, dict[str, int]]] = []
+        self._taken: list[tuple[str, str, bytes, bool, dict[str, int]]] = []
         self._batches = Batches(self, self._write_batch)
         self._subscribe()
         create_trigger_service(self, '~/start', self._start)
@@ -123,16 +123,15 @@ class SessionRecorder(StageNode):
             if topic in topics.LATCHED:
                 self._latched[topic] = data
             if self._writer is not None:
-                self._taken.append(
-                    (info['received_timestamp'], topic, type_name, data, header, info)
-                )
+                self._taken.append((topic, type_name, data, header, info))
 
         return take
 
     def _write_batch(self) -> None:
         """Write what was taken in the order of its arrival."""
         taken, self._taken = self._taken, []
-        for _, topic, type_name, data, header, info in sorted(taken, key=lambda row: row[0]):
+        taken.sort(key=lambda row: row[-1]['received_timestamp'])
+        for topic, type_name, data, header, info in taken:
             if self._writer is not None:
                 self._drops[topic].add(info['publication_sequence_number'])
                 self._write(topic, type_name, data, header, info)

@@ -170,9 +170,7 @@ def _describe(directory: Path, old: metadata.BagMetadata | None, files: Sequence
         index = read_index(path)
         record = metadata.FileRecord(path.name, index.start, index.end, index.message_count)
         new.files.append(record)
-        inner = index.metadata.get('rosbag2', {}).get('serialized_metadata', '')
-        described = metadata.parse_inner(inner)
-        for key, value in (described.custom_data if described else {}).items():
+        for key, value in metadata.inner_custom_data(index.metadata).items():
             new.custom_data.setdefault(key, value)
         for number, channel in index.channels.items():
             schema = index.schemas.get(channel.schema_id)

@@ -35,7 +35,7 @@ def window_stamps(
 def _first_stamp(bag: Bag, types: Mapping[str, str], wanted: Sequence[str]) -> int:
     """First stamp of the session, from the first chunk with messages of each wanted topic."""
     decoders = {t: TopicDecoder(t, types[t], str(bag.path)) for t in wanted}
-    if bag.foreign:
+    if bag.description.foreign:
         read_foreign(bag, decoders)
         return _earliest(bag, decoders)
     for index in bag.files:

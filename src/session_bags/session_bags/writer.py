@@ -212,7 +212,8 @@ class SessionWriter:
         self._file.count = container.message_count
         for topic in self._metadata.topics:
             topic.count = container.counts[self._channels[topic.name]]
-        container.add_metadata('rosbag2', {'serialized_metadata': self._metadata.inner_text()})
+        inner = metadata.dump(self._metadata.content())
+        container.add_metadata('rosbag2', {'serialized_metadata': inner})
         container.finish()
         self._stream.close()
         self._metadata.save(self.path)

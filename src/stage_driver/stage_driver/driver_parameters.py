@@ -75,9 +75,7 @@ def _axis_parameters(axis: str, number: int) -> list[Parameter]:
 
 PARAMETERS: tuple[Parameter, ...] = (
     THREAD_PRIORITY,
-    Parameter(
-        'backend', 'servo', 'what drives the stage', choices=('servo', 'zaber'), read_only=True
-    ),
+    _fixed('backend', 'servo', 'what drives the stage', choices=('servo', 'zaber')),
     _fixed('axes', list(AXES), 'axes of the stage, of x and y'),
     _of(
         DriverConfig,
@@ -146,12 +144,11 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     _of(ZaberConfig, 'reply_timeout', 'zaber: longest wait for a reply', 's', minimum=0.01),
     _of(ZaberConfig, 'homing_timeout', 'zaber: longest homing', 's', minimum=1.0),
-    Parameter(
+    _fixed(
         'friction_compensation',
         'none',
         'servo: friction feed-forward into vc',
         choices=('none', 'lugre'),
-        read_only=True,
     ),
     *(
         parameter

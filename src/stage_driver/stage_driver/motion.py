@@ -224,7 +224,6 @@ class MotionGenerator:
         if stopping and resting:
             # From here the position loop holds: where it came to rest is the new reference.
             self.hold(encoder)
-            self._targets[:] = self.reference
             self.move(self.reference, self.max_velocity, encoder)
         return False
 

@@ -91,10 +91,6 @@ class StageDriver(StageNode):
         sys.setswitchinterval(SWITCH_INTERVAL)
         self._backend.start()
 
-    def thread_priority(self) -> int:
-        """In lockstep nothing is urgent."""
-        return 0 if self.value('use_sim_time') else int(self.value('thread_priority'))
-
     def shutdown(self) -> None:
         """Bring the stage to rest and close the wire."""
         self._backend.close()

@@ -168,17 +168,14 @@ class LineSplitter:
     def __init__(self) -> None:
         self._rest = b''
         self._overlong = False
-        self.dropped = 0
 
     def feed(self, received: bytes) -> list[bytes]:
-        """Complete, non-empty lines in order; an overlong one is dropped and counted."""
+        """Complete, non-empty lines in order; an overlong one is dropped."""
         pieces = _LINE_ENDS.split(self._rest + received)
         self._rest = pieces.pop()
         lines = []
         for piece in pieces:
-            if self._overlong or len(piece) > LONGEST_LINE:
-                self.dropped += 1
-            elif piece:
+            if piece and not self._overlong and len(piece) <= LONGEST_LINE:
                 lines.append(piece)
             self._overlong = False
         if len(self._rest) > LONGEST_LINE:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from stage_core import drive_link
+from stage_core.clocks import NANOSECONDS
 from stage_driver.backend import Listener
 from stage_driver.servo_axes import ServoAxes
-
-SECOND = 1_000_000_000
 
 
 class News:
@@ -37,8 +36,8 @@ class News:
         if datagram is not None:
             at = datagram.stamp
             self._listener.on_state(at, axes.encoder.tolist(), axes.velocity.tolist())
-            if at // SECOND != self._last_second and datagram.temperatures:
-                self._last_second = at // SECOND
+            if at // NANOSECONDS != self._last_second and datagram.temperatures:
+                self._last_second = at // NANOSECONDS
                 self._listener.on_temperatures(at, drive_link.SENSORS, datagram.temperatures)
         if stamp is not None:
             motion = axes.motion

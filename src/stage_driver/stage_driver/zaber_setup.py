@@ -40,9 +40,7 @@ class ZaberAxisHandle:
 
 
 def connect(
-    config: ZaberConfig,
-    clock: WallClock | None = None,
-    opened: Callable[[ZaberLink], object] = lambda link: None,
+    config: ZaberConfig, clock: WallClock, opened: Callable[[ZaberLink], object]
 ) -> tuple[ZaberLink, list[ZaberAxisHandle]]:
     """Open the port and prepare every device; nothing moves.
 
@@ -54,7 +52,6 @@ def connect(
     StageError
         If the port cannot be opened, nobody answers, or what answers is no Zaber ASCII device.
     """
-    clock = clock or WallClock()
     link = ZaberLink(config.port, config.baud, config.reply_timeout, clock.line_sent)
     try:
         opened(link)

@@ -6,16 +6,14 @@ import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from stage_core.clocks import NANOSECONDS
 from stage_driver.config import ZaberConfig
 from stage_driver.limits import AxisLimits
 from stage_driver.protocol import ProtocolError, Reply, warning_list
 from stage_driver.zaber_clock import WallClock
 from stage_driver.zaber_link import AnswersLate, LinkLost, NoAnswer, Query, ZaberLink
-from stage_driver.zaber_setup import ZaberAxisHandle, connect, integer
+from stage_driver.zaber_setup import connect, integer
 from stage_driver.zaber_words import FLAGS, describe_flag, describe_rejection
 
-NANOSECOND = 1.0 / NANOSECONDS
 #: How many control cycles a streamed move reaches ahead of the next one.
 LOOKAHEAD_CYCLES = 3
 
@@ -44,8 +42,6 @@ class ZaberStage:
     ) -> None:
         self.config = config
         self._clock = clock or WallClock()
-        self.link: ZaberLink
-        self.handles: list[ZaberAxisHandle]
         self.link, self.handles = connect(config, self._clock, opened)
         self.limits: list[AxisLimits] = [
             handle.narrowed(limits)
@@ -74,7 +70,7 @@ class ZaberStage:
 
     def velocities(self, before: Poll | None, poll: Poll) -> list[float]:
         """Difference of two polls [m/s]; zero where the first is missing or too long ago."""
-        elapsed = (poll.stamp - before.stamp) * NANOSECOND if before is not None else 0.0
+        elapsed = (poll.stamp - before.stamp) * 1e-9 if before is not None else 0.0
         if before is None or not 0.0 < elapsed < 1.0:
             return [0.0] * len(self.handles)
         then = self.metres(before.steps)

@@ -92,8 +92,9 @@ class StageNode(Node):
         return int(self.get_clock().now().nanoseconds)
 
     def thread_priority(self) -> int:
-        """SCHED_FIFO priority of this node's threads while it runs; 0 is ordinary scheduling."""
-        return 0
+        """SCHED_FIFO priority of this node's threads; 0 is ordinary, as all is in lockstep."""
+        urgent = self.has_parameter('thread_priority') and not self.value('use_sim_time')
+        return int(self.value('thread_priority')) if urgent else 0
 
     def shutdown(self) -> None:
         """Bring hardware to rest and close files; called once at the end, whatever ended it."""
