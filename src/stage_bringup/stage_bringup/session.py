@@ -21,13 +21,11 @@ from stage_bringup.graph import (
 from stage_bringup.interrupts import Interrupts
 from stage_bringup.processes import NodeCommand, Processes
 from stage_bringup.provenance import provenance
-from stage_core.errors import StageError, command_line
+from stage_core.errors import EXIT_INTERRUPTED, StageError, command_line
 from stage_core.whole_file import write_whole
 
 #: Nodes of this machine find each other well within this time [s].
 LOOKOUT = 1.5
-#: Exit status after Ctrl-C or SIGTERM.
-INTERRUPTED = 130
 
 EPILOG = (
     'Exit status: 0 when every step passed, 1 when one failed, 2 for an option that cannot be '
@@ -110,7 +108,7 @@ def run_graph(
         # An import that an interrupt broke off may raise an error of its own instead.
         if not interrupts.came:
             raise
-    return INTERRUPTED if interrupts.came else status
+    return EXIT_INTERRUPTED if interrupts.came else status
 
 
 def _run(
