@@ -10,14 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from stage_bringup.graph import (
-    CONTROL,
-    Options,
-    commands,
-    config_folder,
-    machine_parser,
-    options_of,
-)
+from stage_bringup.graph import CONTROL, Options, commands, machine_parser, options_of
 from stage_bringup.interrupts import Interrupts
 from stage_bringup.processes import NodeCommand, Processes
 from stage_bringup.provenance import provenance
@@ -71,7 +64,6 @@ def parse(arguments: Sequence[str] | None) -> Options:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the session; see ``--help``."""
     options = parse(arguments)
-    config_folder()
     begin, origin = time.monotonic(), provenance()
 
     def session(processes: Processes) -> None:
