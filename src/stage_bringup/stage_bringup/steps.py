@@ -124,8 +124,7 @@ def run_steps(options: Options, processes: Processes) -> SessionResult:
     StageError
         Of the step that failed, with its reason.
     """
-    client = SessionClient(0.6, options.clock == 'lockstep', options.backend == 'zaber')
-    try:
+    with SessionClient(0.6, options.clock == 'lockstep', options.backend == 'zaber') as client:
         session = Session(options, processes, client)
         _start(session)
         _align(session)
@@ -137,8 +136,6 @@ def run_steps(options: Options, processes: Processes) -> SessionResult:
         if options.diagnose:
             _diagnose(session)
         _stop(session)
-    finally:
-        client.close()
     session.result.data['rows'] = as_dict(session.result.rows)
     return session.result
 
