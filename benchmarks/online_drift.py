@@ -16,19 +16,18 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrator.models import make_model
 from calibrator.online import JUDGED_EVERY, OnlineAdapter
+from stage_bringup.graph import config_folder
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
 
 Array = NDArray[np.float64]
 
-CONFIG = Path(__file__).resolve().parents[1] / 'ros_ws' / 'config'
 PERIOD = 120.0
 MOVE, REST = 400, 400
 """Ticks of a move and of the rest after it."""
@@ -38,7 +37,7 @@ EXPANSION = 11.5e-6
 
 def warming_twin() -> TwinFile:
     """The reality of the sessions with screws that grow."""
-    twin = TwinFile.load(CONFIG / 'twin_reality.yaml')
+    twin = TwinFile.load(config_folder() / 'twin_reality.yaml')
     growth = {'coefficient': EXPANSION, 'fixed_point': -0.1}
     effects = {'thermal_expansion.x': growth, 'thermal_expansion.y': growth}
     return replace(twin, effects={**twin.effects, **effects})

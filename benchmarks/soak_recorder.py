@@ -26,13 +26,10 @@ from domains import reserve_domain
 PUBLISHER = """
 import sys, time, rclpy
 from sensor_msgs.msg import JointState
-from stage_core import topics
 from stage_core.ros.node import STATE_QOS, joint_state
 rclpy.init()
 node = rclpy.create_node('publisher')
-names = (topics.SETPOINT, topics.REFERENCE, topics.COMMAND, topics.JOINT_STATES,
-         topics.TARGET, '/stage/spare')
-publishers = [node.create_publisher(JointState, name, STATE_QOS) for name in names]
+publishers = [node.create_publisher(JointState, name, STATE_QOS) for name in sys.argv[3:]]
 while any(p.get_subscription_count() == 0 for p in publishers):
     time.sleep(0.1)
 print('ready', flush=True)
@@ -101,7 +98,7 @@ def started(folder: str, minutes: float, rate: float) -> tuple[Any, Any]:
          '--ros-args', '-p', f'directory:={folder}', '-p', f'topics:=[{", ".join(TOPICS)}]']
     )  # fmt: skip
     publisher = subprocess.Popen(
-        [sys.executable, '-c', PUBLISHER, str(minutes), str(rate)],
+        [sys.executable, '-c', PUBLISHER, str(minutes), str(rate), *TOPICS],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 import functools
 import re
 from pathlib import Path
 
 import pytest
+
+from ros2_standin.executables import entry_points
 
 from .test_references import headings
 
@@ -38,14 +39,7 @@ def each_page(function):
 @functools.cache
 def executables() -> set[tuple[str, str]]:
     """(package, executable) of every console script."""
-    found = set()
-    for setup in (ROOT / 'src').glob('*/setup.py'):
-        for node in ast.walk(ast.parse(setup.read_text(encoding='utf-8'))):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                name, equals, target = node.value.partition(' = ')
-                if equals and ':' in target:
-                    found.add((target.split('.')[0], name))
-    return found
+    return {(package, name) for package, names in entry_points().items() for name in names}
 
 
 def module_file(module: str) -> Path | None:

@@ -82,11 +82,6 @@ def stated(weights: Weights, found: Sequence[Row]) -> Array:
     )
 
 
-def log_loss(probability: Array, true: Array) -> float:
-    """Mean negative log-likelihood of statements that are true or false (n,)."""
-    return float(-np.mean(xlogy(true, probability) + xlogy(1.0 - true, 1.0 - probability)))
-
-
 def left_out(found: Sequence[Row], names: Sequence[str]) -> Array:
     """Probability (n,) of each statement by the statements of the other generators."""
     out = np.zeros(len(found))
@@ -99,9 +94,10 @@ def left_out(found: Sequence[Row], names: Sequence[str]) -> Array:
 
 
 def left_out_loss(found: Sequence[Row], names: Sequence[str]) -> float:
-    """Log-loss of statements by those of the other generators."""
+    """Log-loss (mean negative log-likelihood) of statements by those of the other generators."""
     true = np.array([s['true'] for s in found], dtype=float)
-    return log_loss(left_out(found, names), true)
+    probability = left_out(found, names)
+    return float(-np.mean(xlogy(true, probability) + xlogy(1.0 - true, 1.0 - probability)))
 
 
 def choose(found: Sequence[Row], candidates: Sequence[str]) -> list[str]:

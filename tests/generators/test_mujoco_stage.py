@@ -16,8 +16,8 @@ from benchmarks.generators.mujoco_stage.loop import Rig
 from benchmarks.generators.mujoco_stage.plan import planned
 
 
-def drawn(effect: str, seed: int = 8, axis: int = 0) -> list[Planted]:
-    wish = Wish(stage(), waves(2.0), axis, 1.0)
+def drawn(effect: str, seed: int = 8) -> list[Planted]:
+    wish = Wish(stage(), waves(2.0), 0, 1.0)
     return mujoco_stage.draw(np.random.default_rng(seed), effect, wish)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -14,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from stage_bringup import kernels
+from stage_bringup.graph import free_port
 from stage_bringup.up import parse
 from stage_core.drive_link import DEFAULT_PORT
 from stage_core.errors import StageError
@@ -90,9 +90,7 @@ def test_a_model_of_mujoco_is_the_machine(tmp_path: Path) -> None:
 
 
 def test_the_end_of_the_terminal_ends_all(tmp_path: Path, ros_env: dict[str, str]) -> None:
-    with socket.socket() as free:
-        free.bind(('127.0.0.1', 0))
-        port = free.getsockname()[1]
+    port = free_port()
     process = subprocess.Popen(
         [sys.executable, '-m', 'stage_bringup.up', '--out', str(tmp_path / 'up')]
         + ['--page-port', str(port)],

@@ -10,7 +10,7 @@ from stage_core.session import Series, Session, by_topic
 START = 1_700_000_000_000_000_000
 
 
-def circle_session(error: float = 2e-6, temperature: bool = True) -> Session:
+def circle_session(error: float = 2e-6) -> Session:
     """One turn each way on a 10 mm circle; the measured radius is larger one way by error."""
     count = 1200
     stamps = START + np.arange(2 * count, dtype=np.int64) * 1_000_000
@@ -28,11 +28,8 @@ def circle_session(error: float = 2e-6, temperature: bool = True) -> Session:
             topics.CONTOUR_ERROR, stamps, np.column_stack([zeros, zeros, zeros + error])
         ),
     )
-    if temperature:
-        key = topics.temperature_key('screw_x')
-        series[key] = Series(
-            topics.TEMPERATURE, stamps[::100], {'temperature': 20.0 + zeros[::100]}
-        )
+    key = topics.temperature_key('screw_x')
+    series[key] = Series(topics.TEMPERATURE, stamps[::100], {'temperature': 20.0 + zeros[::100]})
     return Session('circle', series)
 
 

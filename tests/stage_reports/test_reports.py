@@ -85,7 +85,7 @@ def test_a_calibration_page_counts_rests_and_not_the_way_between_them() -> None:
     assert model.domain_line() in told and 'beyond it the model holds its edge' in told
 
 
-def test_a_contour_page_leaves_out_approach_and_pauses(tmp_path: Path) -> None:
+def test_a_contour_page_leaves_out_approach_and_pauses() -> None:
     whole = circle_session(2e-6)
     contour = whole.series[topics.CONTOUR_ERROR]
     # The first 300 ticks are the approach, with a large error; 200 ticks of pause in the middle.

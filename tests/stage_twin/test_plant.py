@@ -99,11 +99,8 @@ def test_the_tracker_s_noise_follows_the_seed():
     point = first.tracker_point(0.0)[1]
     np.testing.assert_array_equal(point, same.tracker_point(0.0)[1])
     assert not np.array_equal(point, other.tracker_point(0.0)[1])
-    assert not replace_noise(twin).tracker_point(0.0)[1].any()
-
-
-def replace_noise(twin):
-    return ServoPlant(replace(twin, tracker=replace(twin.tracker, noise=0.0)))
+    quiet = replace(twin, tracker=replace(twin.tracker, noise=0.0))
+    assert not ServoPlant(quiet).tracker_point(0.0)[1].any()
 
 
 def test_a_stepper_twin_is_refused():

@@ -60,7 +60,7 @@ def test_lockstep_is_deterministic_and_the_tracker_sees_the_move(tmp_path):
     assert abs(first[-1][1][1]) < 8e-6
 
 
-def test_real_time_samples_at_the_trackers_rate(tmp_path):
+def test_real_time_samples_at_the_trackers_rate():
     recorder = PointRecorder()
     begin = time.time_ns()
     loop = StepperLoop(TWIN, recorder, noise=False)

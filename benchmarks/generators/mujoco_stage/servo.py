@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..record import Planted, Wish
-from .plan import AxisPlan, StagePlan
+from .plan import AxisPlan, Force, StagePlan
 
 Rng = np.random.Generator
 
@@ -39,6 +39,11 @@ def sets(**values: Any) -> Callable[[AxisPlan], None]:
             setattr(axis, key, value)
 
     return change
+
+
+def acts(law: Force) -> Callable[[AxisPlan], None]:
+    """A change that adds a force to those on the axis."""
+    return lambda axis: axis.forces.append(law)
 
 
 def _newtons(rng: Rng, wish: Wish, share: float = 1.0) -> float:
@@ -170,12 +175,9 @@ def position_force(rng: Rng, wish: Wish) -> Planted:
         width = rng.uniform(0.12, 0.3) * reach
         law = lambda p, v, t: -size * (p - place) / width * exp(-(((p - place) / width) ** 2))  # noqa: E731
 
-    def change(axis: AxisPlan) -> None:
-        axis.forces.append(law)
-
     curve = [law(p, 0.0, 0.0) for p in np.linspace(low, high, 40)]
     return planted(
-        wish, 'position_force', change, {'peak_to_peak': float(np.ptp(curve))},
+        wish, 'position_force', acts(law), {'peak_to_peak': float(np.ptp(curve))},
         shape={'force': curve}, companions=('force_offset', 'cable_force'),
     )  # fmt: skip
 
@@ -195,11 +197,8 @@ def force_ripple(rng: Rng, wish: Wish) -> Planted:
         more = second * sin(2.0 * a + turns[0]) + third * sin(6.0 * a + turns[1])
         return amplitude * (sin(a + phase) + more)
 
-    def change(axis: AxisPlan) -> None:
-        axis.forces.append(law)
-
     return planted(
-        wish, 'force_ripple', change,
+        wish, 'force_ripple', acts(law),
         {'amplitude': amplitude, 'period': period, 'phase': phase},
         shape={'second': second, 'sixth': third, 'phases': turns},
     )  # fmt: skip
@@ -214,10 +213,7 @@ def tool_bursts(rng: Rng, wish: Wish) -> Planted:
         window = max(0.0, sin(2.0 * pi * rate * t + phase))
         return size * window**3 * (1.0 + 0.5 * cos(2.0 * pi * hum * t))
 
-    def change(axis: AxisPlan) -> None:
-        axis.forces.append(law)
-
-    return planted(wish, 'tool_bursts', change, {}, shape={'force': size, 'rate': rate})
+    return planted(wish, 'tool_bursts', acts(law), {}, shape={'force': size, 'rate': rate})
 
 
 def wandering_force(rng: Rng, wish: Wish) -> Planted:
@@ -229,9 +225,7 @@ def wandering_force(rng: Rng, wish: Wish) -> Planted:
         walk[k] = 0.9 * walk[k - 1] + steps[k]
     walk *= _newtons(rng, wish, 1.0) / walk.std()
 
-    def change(axis: AxisPlan) -> None:
-        axis.forces.append(lambda p, v, t: float(np.interp(t, times, walk)))
-
+    change = acts(lambda p, v, t: float(np.interp(t, times, walk)))
     return planted(wish, 'wandering_force', change, {})
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 from ros2_standin.executables import find
 from ros2_standin.install import real_ros2
-from stage_core.errors import StageError, command_line
+from stage_core.errors import EXIT_INTERRUPTED, StageError, command_line
 
 _LAUNCH = (
     'ros2 launch needs the real ROS 2 (launch is not on PyPI): `ros2 run stage_bringup up` '
@@ -134,7 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return parsed.run(parsed) or 0
     except (KeyboardInterrupt, BrokenPipeError):
-        return 130
+        return EXIT_INTERRUPTED
 
 
 if __name__ == '__main__':

@@ -219,15 +219,8 @@ class SessionClient(GraphClient):
             )
         return np.mean(np.array(inside), axis=0)
 
-    def wait_for_subscribers(self, topic: str, count: int, timeout: float) -> None:
-        """Wait until `count` subscribers of a topic are known."""
-        self.wait_for(
-            lambda: self.node.count_subscribers(topic) >= count, timeout, f'a reader of {topic}'
-        )
-
-    def parameter(self, node: str, name: str, timeout: float = 10.0) -> Any:
+    def parameter(self, node: str, name: str) -> Any:
         """Value of a parameter of another node."""
-        response = self.call(
-            GetParameters, f'{node}/get_parameters', GetParameters.Request(names=[name]), timeout
-        )
+        request = GetParameters.Request(names=[name])
+        response = self.call(GetParameters, f'{node}/get_parameters', request, 10.0)
         return parameter_value_to_python(response.values[0])

@@ -98,10 +98,6 @@ class Processes:
                 preexec_fn=die_with_parent if sys.platform == 'linux' else None,
             )
 
-    def pid(self, name: str) -> int:
-        """Process id of a node."""
-        return self.running[name].pid
-
     def check(self) -> None:
         """Check that every node still runs.
 

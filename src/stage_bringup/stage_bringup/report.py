@@ -46,7 +46,7 @@ def write_report(options: Options, result: SessionResult) -> Path:
     found = json.loads(diagnosis.read_text()) if diagnosis.exists() else None
     if found is not None:
         cards.append(('Diagnosis', 'diagnosis/report.html', _verdict(found)))
-    page = _session_page(options, result, [*entries, ('Temperature', heat_words(session))], cards)
+    page = _session_page(result, [*entries, ('Temperature', heat_words(session))], cards)
     page.navigation([('Session', ''), *links])
     if found is not None:
         _diagnosis(page, found)
@@ -76,7 +76,7 @@ def _model(options: Options) -> model_file.StoredModel | None:
 
 
 def _session_page(
-    options: Options, result: SessionResult, entries: list[tuple[str, str]], cards: list[Link]
+    result: SessionResult, entries: list[tuple[str, str]], cards: list[Link]
 ) -> Page:
     before, after = result.before, result.after
     page = Page('A session: calibrate, follow a contour, diagnose')

@@ -10,24 +10,15 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from stage_bringup.graph import (
-    CONTROL,
-    Options,
-    commands,
-    config_folder,
-    machine_parser,
-    options_of,
-)
+from stage_bringup.graph import CONTROL, Options, commands, machine_parser, options_of
 from stage_bringup.interrupts import Interrupts
 from stage_bringup.processes import NodeCommand, Processes
 from stage_bringup.provenance import provenance
-from stage_core.errors import StageError, command_line
+from stage_core.errors import EXIT_INTERRUPTED, StageError, command_line
 from stage_core.whole_file import write_whole
 
 #: Nodes of this machine find each other well within this time [s].
 LOOKOUT = 1.5
-#: Exit status after Ctrl-C or SIGTERM.
-INTERRUPTED = 130
 
 EPILOG = (
     'Exit status: 0 when every step passed, 1 when one failed, 2 for an option that cannot be '
@@ -73,7 +64,6 @@ def parse(arguments: Sequence[str] | None) -> Options:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the session; see ``--help``."""
     options = parse(arguments)
-    config_folder()
     begin, origin = time.monotonic(), provenance()
 
     def session(processes: Processes) -> None:
@@ -110,7 +100,7 @@ def run_graph(
         # An import that an interrupt broke off may raise an error of its own instead.
         if not interrupts.came:
             raise
-    return INTERRUPTED if interrupts.came else status
+    return EXIT_INTERRUPTED if interrupts.came else status
 
 
 def _run(

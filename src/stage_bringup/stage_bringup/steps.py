@@ -124,8 +124,7 @@ def run_steps(options: Options, processes: Processes) -> SessionResult:
     StageError
         Of the step that failed, with its reason.
     """
-    client = SessionClient(0.6, options.clock == 'lockstep', options.backend == 'zaber')
-    try:
+    with SessionClient(0.6, options.clock == 'lockstep', options.backend == 'zaber') as client:
         session = Session(options, processes, client)
         _start(session)
         _align(session)
@@ -137,8 +136,6 @@ def run_steps(options: Options, processes: Processes) -> SessionResult:
         if options.diagnose:
             _diagnose(session)
         _stop(session)
-    finally:
-        client.close()
     session.result.data['rows'] = as_dict(session.result.rows)
     return session.result
 
@@ -161,7 +158,8 @@ def _start(session: Session) -> None:
         client.wait_for(lambda: client.connected, START_TIMEOUT, 'a tracker at the bridge')
         session.show(None, 'homing')
         client.trigger('/stage_driver/home', MOVE_TIMEOUT)
-        client.wait_for_subscribers(topics.TARGET, 1, 30.0)
+        count = client.node.count_subscribers
+        client.wait_for(lambda: count(topics.TARGET) > 0, 30.0, f'a reader of {topics.TARGET}')
     low = [client.parameter('/stage_driver', f'{axis}.limit_lower') for axis in 'xy']
     high = [client.parameter('/stage_driver', f'{axis}.limit_upper') for axis in 'xy']
     session.centre = 0.5 * (np.array(low) + np.array(high))

@@ -16,9 +16,9 @@ from typing import Any
 
 from stage_bringup.graph import Options, commands, machine_parser, options_of
 from stage_bringup.processes import NodeCommand, Processes
-from stage_bringup.session import INTERRUPTED, run_graph
+from stage_bringup.session import run_graph
 from stage_core.drive_link import DEFAULT_PORT as DRIVE_PORT
-from stage_core.errors import StageError, command_line
+from stage_core.errors import EXIT_INTERRUPTED, StageError, command_line
 
 #: A tracker without a port in its address listens here (emScon TPI).
 TPI_PORT = 700
@@ -101,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _follow(processes, [node.name for node in nodes])
 
     status = run_graph(options, nodes, follow)
-    return 0 if status == INTERRUPTED else status
+    return 0 if status == EXIT_INTERRUPTED else status
 
 
 def _follow(processes: Processes, names: list[str]) -> None:

@@ -127,10 +127,10 @@ def _largest(run: Run, seen: list[Tracking]) -> list[str]:
     """The largest error of a run, and at which angle of the circle."""
     said = f'The largest error is {measure(Metrics.of(run.contour).max, digits=2)}'
     circle = _circle(run, seen[0]) if seen else None
-    known = _places(run, seen[0]) if seen else None
-    if circle is None or known is None:
+    points = _places(run, seen[0]) if seen else None
+    if circle is None or points is None:
         return [f'{said}.']
-    x, y = known[1][int(np.argmax(np.abs(run.contour)))] - circle[0]
+    x, y = points[int(np.argmax(np.abs(run.contour)))] - circle[0]
     return [f'{said}, at {np.degrees(np.arctan2(y, x)) % 360.0:.0f}° of the circle.']
 
 
@@ -177,15 +177,13 @@ def _learning(page: Page, found: list[Run], rms: list[float]) -> None:
     )
 
 
-def _places(run: Run, tracking: Tracking) -> tuple[Array, Array] | None:
+def _places(run: Run, tracking: Tracking) -> Array | None:
     """Reference points (n, 2) [m] of a run, on the instants of its contour errors."""
     inside = run.within(tracking.seconds)
     if tracking.reference.shape[1] != 2 or inside.sum() < 8:
         return None
     seconds, points = tracking.seconds[inside], tracking.reference[inside]
-    return run.seconds, np.column_stack(
-        [np.interp(run.seconds, seconds, column) for column in points.T]
-    )
+    return np.column_stack([np.interp(run.seconds, seconds, column) for column in points.T])
 
 
 def _over_path(page: Page, found: list[Run], best: int, seen: list[Tracking]) -> None:
@@ -195,10 +193,9 @@ def _over_path(page: Page, found: list[Run], best: int, seen: list[Tracking]) ->
     circle = _circle(found[0], seen[0])
     curves: list[Curve] = []
     for run in chosen:
-        known = _places(run, seen[0])
-        if known is None:
+        points = _places(run, seen[0])
+        if points is None:
             return
-        points = known[1]
         if circle is None:
             steps = np.diff(points, axis=0, prepend=points[:1])
             place = 1e3 * np.cumsum(np.linalg.norm(steps, axis=1))

@@ -7,9 +7,10 @@ import numpy as np
 from stage_core.pages import Page
 from stage_core.session import Session
 from stage_core.wording import with_std
-from stage_reports.extract import PositioningRuns, positioning_runs
+from stage_reports.extract import PositioningRuns
 from stage_reports.iso230 import positioning
 from stage_reports.sections import (
+    axis_tests,
     condition_entries,
     positioning_section,
     recorded_section,
@@ -30,18 +31,10 @@ def positioning_tests(session: Session) -> tuple[Tracking, Tests] | None:
     for tracking in tracking_errors(session):
         if tracking.sensor != 'tracker':
             continue
-        found = {
-            axis: positioning_runs(
-                tracking.seconds, tracking.reference[:, column], tracking.measured[:, column]
-            )
-            for column, axis in enumerate(session.axes)
-        }
         tests = {
             axis: test
-            for axis, test in found.items()
-            if test is not None
-            and len(test.targets) >= FEWEST_TARGETS
-            and np.ptp(test.targets) >= SHORTEST_TRAVEL
+            for axis, test in axis_tests(session, tracking).items()
+            if len(test.targets) >= FEWEST_TARGETS and np.ptp(test.targets) >= SHORTEST_TRAVEL
         }
         if tests:
             return tracking, tests

@@ -12,7 +12,7 @@ from stage_core.pages import Page
 from stage_core.session import Session
 from stage_core.wording import date_words, measure, scaled, span, with_std
 from stage_reports import figures
-from stage_reports.extract import circular_paths, positioning_runs
+from stage_reports.extract import PositioningRuns, circular_paths, positioning_runs
 from stage_reports.iso230 import Circular, circular, positioning
 from stage_reports.tracking import Array, Tracking
 from stage_reports.uncertainty import positioning_uncertainty
@@ -57,20 +57,18 @@ def condition_entries(
     return list({**told, **dict(known or [])}.items())
 
 
-def positioning_section(page: Page, session: Session, tracking: Tracking) -> bool:
-    """Evaluate the axes that were tested by ISO 230-2; whether there was one."""
-    tests = {
-        axis: test
-        for column, axis in enumerate(session.axes)
-        if (
-            test := positioning_runs(
-                tracking.seconds, tracking.reference[:, column], tracking.measured[:, column]
-            )
-        )
-        is not None
-    }
+def axis_tests(session: Session, tracking: Tracking) -> dict[str, PositioningRuns]:
+    """The axes whose targets were approached from both sides, by ISO 230-2."""
+    columns = zip(session.axes, tracking.reference.T, tracking.measured.T, strict=True)
+    found = {axis: positioning_runs(tracking.seconds, *both) for axis, *both in columns}
+    return {axis: test for axis, test in found.items() if test is not None}
+
+
+def positioning_section(page: Page, session: Session, tracking: Tracking) -> None:
+    """Evaluate the axes that were tested by ISO 230-2."""
+    tests = axis_tests(session, tracking)
     if not tests:
-        return False
+        return
     page.heading(f'Positioning by ISO 230-2, {tracking.sensor}')
     values: dict[str, list[str]] = {name: [] for name, _ in POSITIONING_FIGURES}
     for axis, test in tests.items():
@@ -102,7 +100,6 @@ def positioning_section(page: Page, session: Session, tracking: Tracking) -> boo
                 f'{axis}: {len(test.targets)} targets with {count} approaches from each side. The '
                 'standard asks for five of each.'
             )
-    return True
 
 
 def circular_test(tracking: Tracking) -> tuple[Circular, Paths, str] | None:
@@ -120,11 +117,11 @@ def circular_test(tracking: Tracking) -> tuple[Circular, Paths, str] | None:
     return circular(first, second, paths.radius, paths.centre), (first, second), way
 
 
-def circular_section(page: Page, tracking: Tracking, which: str = '') -> bool:
-    """Evaluate a circle by ISO 230-4; whether there was one. `which` names the runs of it."""
+def circular_section(page: Page, tracking: Tracking, which: str = '') -> None:
+    """Evaluate a circle by ISO 230-4, if there is one. `which` names the runs of it."""
     test = circular_test(tracking)
     if test is None:
-        return False
+        return
     result, (first, second), way = test
     values: list[tuple[str, str, float | None]] = [
         (f'G, {way}', 'circular deviation: width of the thinnest ring around the path', result.G),
@@ -151,7 +148,6 @@ def circular_section(page: Page, tracking: Tracking, which: str = '') -> bool:
             f'The circle was followed {way} only. The standard asks for both directions, from '
             'which G(b) and H follow.'
         )
-    return True
 
 
 def temperature_section(page: Page, session: Session) -> None:

@@ -77,7 +77,7 @@ def _reference_at(session: Session, seconds: Array) -> Array:
 
 @dataclass(frozen=True)
 class Places:
-    """Rests of a session: wanted and measured table positions (n, axes) m, times (n,) s.
+    """Rests of a session: wanted and measured table positions (n, axes) m.
 
     `direction` (n, axes) is the sign of each axis' last move.
     """
@@ -85,7 +85,6 @@ class Places:
     wanted: Array
     measured: Array
     direction: Array
-    seconds: Array
 
     @property
     def errors(self) -> Array:
@@ -103,7 +102,7 @@ def places(session: Session) -> Places | None:
         return None
     if not samples.at_rest:
         return None
-    return Places(samples.command, samples.measured, samples.direction, samples.times)
+    return Places(samples.command, samples.measured, samples.direction)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from stage_core.clocks import NANOSECONDS
 from stage_core.drive_link import SENSORS
 from stage_core.errors import StageError
-from stage_core.twin_file import ServoAxis, TwinFile
+from stage_core.twin_file import TwinFile
 from stage_twin.mujoco_plant import MujocoPlant
 from stage_twin.plant import ServoPlant
 
@@ -54,8 +54,7 @@ class ServoMachine:
         self._ticks = 0
         self._force = np.zeros(len(self.axes))
         self._damping = np.array([twin.servo(axis).mass / BRAKING_TIME for axis in self.axes])
-        limits = [a.force_limit for a in twin.axes.values() if isinstance(a, ServoAxis)]
-        self._limit = np.array(limits)
+        self._limit = np.array([twin.servo(axis).force_limit for axis in self.axes])
         self._model = model
         self._plant = self._new_plant()
         self._plant.warm_up()

@@ -126,7 +126,7 @@ class StageTwin(StageNode):
 
     def _make_servo(self, twin: TwinFile) -> RealTimeLoop | LockstepLoop:
         # Everything is compiled before a socket opens: the first client meets a ready machine.
-        machine = ServoMachine(twin, self.value('seed'), self.value('noise'), self._model(twin))
+        machine = ServoMachine(twin, self.value('seed'), self.value('noise'), self._model())
         drive = DriveSocket(len(machine.axes), self.value('drive_port'))
         self._tracker = self._open_tracker(twin)
         if self.value('clock') == 'realtime':
@@ -140,7 +140,7 @@ class StageTwin(StageNode):
             self.value('clock_interval'),
         )
 
-    def _model(self, twin: TwinFile) -> str:
+    def _model(self) -> str:
         """The MuJoCo model that moves the stage; empty for the kernel."""
         model = str(self.value('model'))
         if (self.value('engine') == 'mujoco') != bool(model):

@@ -34,11 +34,6 @@ class KernelArrays(NamedTuple):
     transitions: np.ndarray
     schedule: np.ndarray
 
-    @property
-    def delay_ticks(self) -> int:
-        """Whole ticks of the longest delay."""
-        return int(self.schedule[:, layout.DELAY_TICKS].max())
-
 
 class Work(NamedTuple):
     """What a compiled loop over a machine works in, as it allocates nothing.

@@ -38,7 +38,8 @@ class ServoPlant:
         width = len(twin.axes)
         self._random = np.random.default_rng(seed)
         self._state = np.zeros((width, layout.STATE_WIDTH))
-        self._forces = np.zeros((width, self._arrays.delay_ticks + 2))
+        longest = int(self._arrays.schedule[:, layout.DELAY_TICKS].max())
+        self._forces = np.zeros((width, longest + 2))
         # Nothing pushes from outside.
         self._external = np.zeros(width)
         self._encoder = np.zeros(width)

@@ -44,48 +44,31 @@ class SimulationResult:
     tracker_points: np.ndarray
 
 
-def _run(
-    arrays: KernelArrays,
-    reference: np.ndarray,
-    velocity: np.ndarray,
-    compensation: np.ndarray | None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Channels (6, n, n_axes) of `run_session`, and the forces (n, n_axes) [N] as recorded."""
-    more = np.zeros_like(reference)
-    if compensation is not None:
-        more = columns('compensation', compensation, len(reference), arrays)
-    channels = np.zeros((6, *reference.shape))
-    force = np.zeros(reference.shape[::-1])
-    run_session(
-        arrays,
-        Work.of(len(arrays.axes)),
-        reference[0].copy(),
-        reference,
-        velocity,
-        more,
-        force,
-        channels,
-    )
-    recorded = [hooks.recorded(row, own) for row, own in zip(arrays.axes, force, strict=True)]
-    return channels, np.column_stack(recorded)
-
-
 def _loop(
     twin: TwinFile,
     reference: np.ndarray,
     reference_velocity: np.ndarray,
     compensation: np.ndarray | None,
 ) -> tuple[KernelArrays, np.ndarray, np.ndarray]:
-    """Arrays of the twin, and what `_run` gives of them; raises as `simulate` does."""
+    """Arrays of the twin, and channels (6, n, n_axes) of `run_session` with the recorded forces.
+
+    These are (n, n_axes) [N]. Raises as `simulate` does.
+    """
     if twin.kind != 'servo':
         raise StageError(f'a session can be simulated with a servo twin, this one is {twin.kind}')
     arrays = pack(twin)
     reference = columns('reference', reference, None, arrays)
     velocity = columns('reference_velocity', reference_velocity, len(reference), arrays)
-    channels, force = _run(arrays, reference, velocity, compensation)
-    if not np.isfinite(force).all():
+    more = np.zeros_like(reference)
+    if compensation is not None:
+        more = columns('compensation', compensation, len(reference), arrays)
+    channels, force = np.zeros((6, *reference.shape)), np.zeros(reference.shape[::-1])
+    start, work = reference[0].copy(), Work.of(len(arrays.axes))
+    run_session(arrays, work, start, reference, velocity, more, force, channels)
+    recorded = [hooks.recorded(row, own) for row, own in zip(arrays.axes, force, strict=True)]
+    if not np.isfinite(recorded).all():
         raise StageError(f'the twin flies away: weaken its effects {", ".join(twin.effects)}')
-    return arrays, channels, force
+    return arrays, channels, np.column_stack(recorded)
 
 
 def simulate_loop(
@@ -97,13 +80,6 @@ def simulate_loop(
     """Encoder [m] and force [N], both (n, n_axes), of what :func:`simulate` simulates."""
     _, channels, force = _loop(twin, reference, reference_velocity, compensation)
     return channels[0], force
-
-
-def _table(arrays: KernelArrays, channels: np.ndarray, rise: np.ndarray) -> np.ndarray:
-    """Table positions (n, n_axes) [m] where the screws are warmer by `rise` (n, n_axes) [K]."""
-    table = np.zeros_like(rise)
-    table_path(arrays, channels[3], channels[4], rise, table)
-    return table
 
 
 def simulate(
@@ -145,7 +121,8 @@ def simulate(
     rise, count = channels[5], len(force)
     if temperatures is not None:
         rise = columns('temperatures', temperatures, count, arrays) - twin.temperature_reference
-    table = _table(arrays, channels, rise)
+    table = np.zeros_like(rise)
+    table_path(arrays, channels[3], channels[4], rise, table)
     stamps, points = measure(twin, arrays, table, tracker_times, seed, noise)
     return SimulationResult(
         times=hooks.tick_stamp(arrays.common, np.arange(count) * arrays.period),

@@ -39,7 +39,7 @@ class _AxisMotion:
 class StepperPlant:
     """The stepper stage at any time: commands plan a motion, :meth:`advance_to` follows it.
 
-    Axes are counted 0, 1 in the order of `names`; positions in motor steps, speeds in steps/s,
+    Axes are counted 0, 1 in the order of the twin; positions in motor steps, speeds in steps/s,
     accelerations in steps/s^2.
 
     Raises
@@ -63,16 +63,6 @@ class StepperPlant:
         self._latency = -float(hooks.true_time(self._arrays.common, np.zeros(1))[0])
         # Table positions (time, point) back to the tracker's latency.
         self._seen: deque[tuple[float, np.ndarray]] = deque()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the axes."""
-        return tuple(self.twin.axes)
-
-    @property
-    def time(self) -> float:
-        """Time up to which the stage has moved [s]."""
-        return self._time
 
     def reset(self, steps: Sequence[float]) -> None:
         """Put the axes at rest at these motor steps, the play centred."""
@@ -150,10 +140,6 @@ class StepperPlant:
         rise = self._state[:, layout.RISE]
         table_point(self._arrays, motor, played, rise, out)
         return out
-
-    def temperatures(self) -> np.ndarray:
-        """Screw temperatures (n_axes,) [degC]; a stepper twin's stay where they start."""
-        return self.twin.temperature_reference + self._state[:, layout.RISE]
 
     def tracker_point(self, time: float, noise: bool = True) -> tuple[float, np.ndarray]:
         """Stamp [s] and point (3,) [m] that the tracker gives at `time`, which is now or later."""

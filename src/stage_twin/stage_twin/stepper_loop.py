@@ -41,10 +41,9 @@ class StepperLoop:
         link: str = '',
         publish_clock: Callable[[int], None] | None = None,
     ) -> None:
-        self.axes = tuple(twin.axes)
         _warm_up(twin)
         self._plant = StepperPlant(twin, seed)
-        self._plant.reset([0.0] * len(self.axes))
+        self._plant.reset([0.0] * len(twin.axes))
         self._tracker = tracker
         self._noise = noise
         self._interval = 1.0 / twin.tracker.rate if twin.tracker else 0.0
@@ -54,7 +53,7 @@ class StepperLoop:
         self._stamp = 0
         self._published = 0.0
         self._server = ZaberPty(
-            ZaberChain(self._plant, layout=(1,) * len(self.axes)),
+            ZaberChain(self._plant, layout=(1,) * len(twin.axes)),
             link=link or None,
             exchange_time=LOCKSTEP_EXCHANGE / NANOSECONDS if publish_clock else None,
             advanced=self._advanced,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -54,26 +54,24 @@ class Mjcf:
             self._actuator(axis)
 
     def _joint(self, axis: str) -> Element:
-        found = self.text.find(
-            lambda e: (
-                e.tag == 'joint' and 'worldbody' in e.path and e.attributes.get('name') == axis
-            )
-        )
-        if found is None:
-            raise StageError(
-                f'{self.path}: joint {axis} stands in an included file: give one file without '
-                'include (mujoco.mj_saveLastXML writes one)'
-            )
-        return found
+        def wanted(e: Element) -> bool:
+            return e.tag == 'joint' and 'worldbody' in e.path and e.attributes.get('name') == axis
+
+        return self._own(f'joint {axis}', wanted)
 
     def _actuator(self, axis: str) -> Element:
-        found = self.text.find(
-            lambda e: e.path[-1:] == ('actuator',) and e.attributes.get('joint') == axis
-        )
+        def wanted(e: Element) -> bool:
+            return e.path[-1:] == ('actuator',) and e.attributes.get('joint') == axis
+
+        return self._own(f'the actuator of joint {axis}', wanted)
+
+    def _own(self, what: str, wanted: Callable[[Element], bool]) -> Element:
+        """The element that is wanted, in the file itself."""
+        found = self.text.find(wanted)
         if found is None:
             raise StageError(
-                f'{self.path}: the actuator of joint {axis} stands in an included file: give one '
-                'file without include (mujoco.mj_saveLastXML writes one)'
+                f'{self.path}: {what} stands in an included file: give one file without include '
+                '(mujoco.mj_saveLastXML writes one)'
             )
         return found
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from stage_core.quantities import split_effect
 from stage_twin.effects import link_of
-
-Effects = Mapping[str, Mapping[str, float]]
+from stage_twin.models.plant import Effects
 
 #: Effects that a file says by a number of its own.
 FRICTION = ('viscous_friction', 'coulomb_friction')
