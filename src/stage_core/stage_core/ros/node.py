@@ -46,7 +46,7 @@ LATCHED_QOS = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 
-OK, WARN, ERROR, STALE = b'\x00', b'\x01', b'\x02', b'\x03'
+OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
 
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
