@@ -81,7 +81,7 @@ def _said(error: BaseException) -> str:
 
 def create_deferred_service(
     node: Any, service_type: type, name: str, begin: Callable[[Any], Future[str]]
-) -> Any:
+) -> None:
     """Create a service whose response is the outcome of the future that `begin(request)` returns.
 
     A result is the message of a success; a StageError the message of a failure.
@@ -113,4 +113,3 @@ def create_deferred_service(
         future.add_done_callback(answer)
 
     service.send_response = send_when_done
-    return service
