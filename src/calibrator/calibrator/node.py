@@ -148,15 +148,13 @@ class Calibrator(StageNode):
             self.get_logger().error(self._failure)
 
     def _on_temperature(self, message: Temperature) -> None:
-        now = self.get_clock().now().nanoseconds
         self._buffer.temperatures.hear(
-            message.header.frame_id, message.temperature, stamp_of(message.header), now
+            message.header.frame_id, message.temperature, stamp_of(message.header), self.now()
         )
 
     def _fresh(self) -> dict[str, float]:
         """Temperatures of the sensors that are heard."""
-        now = self.get_clock().now().nanoseconds
-        return self._buffer.temperatures.fresh(now, self.value('temperature_timeout'))
+        return self._buffer.temperatures.fresh(self.now(), self.value('temperature_timeout'))
 
     def _rates(self) -> dict[str, Rates]:
         """Derivatives of the temperatures that the model in use corrects by."""
