@@ -164,13 +164,12 @@ class Calibrator(StageNode):
         return self._buffer.temperatures.rates(stored.sensors)
 
     def _retrain(self) -> Future[str]:
-        answer: Future[str] = Future()
         try:
             job = self._job()
             training = self._trainer.start(job, Path(self._scratch.name) / 'job.json')
-        except (StageError, OSError) as error:
-            answer.set_exception(_as_stage_error(error))
-            return answer
+        except OSError as error:
+            raise StageError(f'training failed: {error}') from error
+        answer: Future[str] = Future()
         self.get_logger().info(f'training {job.method} for {job.out}')
 
         def finish(done: Future[str]) -> None:
@@ -321,10 +320,6 @@ def _options(text: str) -> dict[str, Any]:
 def _version_of(path: Path) -> int:
     digits = path.stem.removeprefix('model_')
     return int(digits) if digits.isdigit() else 0
-
-
-def _as_stage_error(error: Exception) -> StageError:
-    return error if isinstance(error, StageError) else StageError(f'training failed: {error}')
 
 
 def main() -> int:
