@@ -174,10 +174,7 @@ class Structured(Adaptable):
         if lead == 'search':
             return None
         leads = np.zeros(self.axes) if lead is None else np.asarray(lead, dtype=float)
-        leads = np.broadcast_to(leads, (self.axes,)).copy()
-        if not np.isfinite(leads).all() or (leads < 0).any():
-            raise StageError('option lead must be a length per axis in m, "search" or null')
-        return leads
+        return np.broadcast_to(leads, (self.axes,))
 
     def _design(self, command: Array, direction: Array, temperatures: Array, axis: int) -> Array:
         scaled = (command - self.state['centre']) / self.state['half']
