@@ -62,7 +62,7 @@ class Structured(Adaptable):
             'centre': centre,
             'half': half,
             'temperature': temperatures.mean(axis=0) if self.sensors else np.empty(0),
-            'reversal': np.array([_varies(direction[:, a]) for a in range(self.axes)], dtype=int),
+            'reversal': (np.ptp(direction, axis=0) > 0.0).astype(int),
             'leads': np.zeros(self.axes),
             # The period is searched beside a cubic: enough to flatten what a period is not.
             'degrees': np.full(self.axes, min(3, max(self._degrees()))),
@@ -287,7 +287,3 @@ def _left_out(design: Array, target: Array, ridge: float, labels: Labels) -> flo
         without = np.linalg.solve(normal - own.T @ own, right - own.T @ target[rows])
         total += float(np.sum((target[rows] - own @ without) ** 2))
     return total / len(target)
-
-
-def _varies(direction: Array) -> bool:
-    return bool(np.ptp(direction) > 0.0)
