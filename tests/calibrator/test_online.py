@@ -150,7 +150,7 @@ def test_wild_points_are_refused_and_a_jump_of_the_stage_is_followed():
 
 def test_methods_without_linear_weights_are_refused():
     with pytest.raises(StageError, match='no linear weights'):
-        OnlineAdapter(base('lolimot'))
+        OnlineAdapter(base('lolimot'), 1e-6, 1e-6, 0.99)
     with pytest.raises(StageError, match='forgetting'):
         RecursiveLeastSquares(np.zeros(1), np.ones(1), 1.0, 1.0, 1.5)
 
