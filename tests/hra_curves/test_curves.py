@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 
 import numpy as np
@@ -31,10 +30,10 @@ from hra_curves import (
 from hra_curves.arc_length import ArcLength
 from hra_curves.cycloid import cycloid
 from hra_curves.fitting import overshoot
+from hra_curves.tables import TURN
 from stage_core.errors import StageError
 
 ALL = [Bernstein(), Trigonometric(1.57), Hyperbolic(2.0), Rational(0.5, 3.0), Monomial(2.0)]
-TURN = 2.0 * math.pi
 
 
 @pytest.mark.parametrize('basis', ALL, ids=str)
