@@ -67,9 +67,9 @@ def test_evaluation_is_the_sum_over_the_basis(basis: Basis) -> None:
 def test_derivatives_agree_with_differences(basis: Basis, order: int) -> None:
     curve = HraCurve(basis, np.random.default_rng(3).normal(size=(7, 2)), (10.0, 13.0))
     u, step = np.array([10.4, 11.7, 12.6]), 1e-4
-    below = curve.derivative(u - step, order - 1)
-    above = curve.derivative(u + step, order - 1)
-    exact = curve.derivative(u, order)
+    below = curve.derivatives(u - step, order - 1)[-1]
+    above = curve.derivatives(u + step, order - 1)[-1]
+    exact = curve.derivatives(u, order)[-1]
     np.testing.assert_allclose(
         (above - below) / (2 * step), exact, rtol=1e-5, atol=1e-6 * np.abs(exact).max()
     )
