@@ -154,7 +154,7 @@ def defined_curve(method: str) -> Evaluator:
     if method == 'CAM':
         nodes, spline = chord_length_spline(cycloid(theta))
         return lambda u: spline(np.interp(u, places, nodes))
-    curve = hra_cycloid(DATA, BASIS_1 if method == 'IB1' else BASIS_2)
+    curve = hra_cycloid(cycloid(theta), BASIS_1 if method == 'IB1' else BASIS_2)
     return lambda u: curve.evaluate(np.interp(u, places, theta))
 
 
