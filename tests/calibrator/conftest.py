@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from stage_core import topics
+from stage_core.drive_link import SENSORS
 from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import TwinFile
 from stage_twin.kinematics import carry
 
 EPOCH = 1_700_000_000_000_000_000
-
-SENSORS = ('screw_x', 'screw_y', 'frame', 'air')
 WARM = TwinFile.nominal_servo().with_effects(
     {'thermal_expansion.x': {'coefficient': 23e-6}, 'thermal_expansion.y': {'coefficient': 12e-6}}
 )

@@ -7,10 +7,23 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped
+from sensor_msgs.msg import JointState, Temperature
+from std_msgs.msg import String
 
 from session_bags.writer import write_session
 from stage_core import topics
 from stage_core.errors import StageError
+from stage_core.ros.client_node import GraphClient
+from stage_core.ros.node import (
+    LATCHED_QOS,
+    SETPOINT_QOS,
+    STATE_QOS,
+    joint_state,
+    set_stamp,
+    stamp_of,
+)
 
 from ..node_process import node
 from ..patience import PATIENCE
@@ -24,13 +37,6 @@ def calibrator(ros_env, tmp_path):
 
 
 def test_node_learns_live_and_corrects_targets(calibrator, grid_session, planted_map):
-    from geometry_msgs.msg import PointStamped
-    from sensor_msgs.msg import JointState
-    from std_msgs.msg import String
-
-    from stage_core.ros.client_node import GraphClient
-    from stage_core.ros.node import LATCHED_QOS, SETPOINT_QOS, STATE_QOS, joint_state, set_stamp
-
     session = grid_session(40, rest=0.12)
     reference = session.series[topics.REFERENCE]
     points = session.series[topics.TRACKER_POINT]
@@ -116,7 +122,6 @@ def contour(ros_env):
 
 def contour_start(client):
     """Start point (2,) [m] that a contour asked for now moves to; the run is aborted there."""
-    from stage_core.ros.node import stamp_of
 
     def moved():
         message = client.latest(topics.SETPOINT)
@@ -137,12 +142,6 @@ def contour_start(client):
 def test_thermal_model_from_a_bag_follows_the_sensors_and_refuses_silent_ones(
     calibrator, contour, tmp_path, warming_session, warm_stage
 ):
-    from diagnostic_msgs.msg import DiagnosticArray
-    from sensor_msgs.msg import JointState, Temperature
-
-    from stage_core.ros.client_node import GraphClient
-    from stage_core.ros.node import SETPOINT_QOS, STATE_QOS, joint_state, set_stamp
-
     bag = write_session(tmp_path / 'warming', warming_session)
     states = []
 

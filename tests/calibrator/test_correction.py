@@ -24,6 +24,7 @@ from stage_core.errors import StageError
 from stage_core.session import Series, Session, by_topic
 
 from ..patience import PATIENCE, wait
+from .hearing import hear
 
 
 def stored(method='structured', size=4e-5, **options):
@@ -155,15 +156,9 @@ def test_live_buffer_gives_the_same_samples_as_the_session(grid_session, tmp_pat
     buffer = LiveBuffer(100_000)
     with pytest.raises(StageError, match='live buffer holds no pair'):
         buffer.session()
-    reference = session.series[topics.REFERENCE]
-    for stamp, row in zip(
-        reference.stamps, reference.columns('position', ('x', 'y')), strict=True
-    ):
-        buffer.add_reference(int(stamp), ('x', 'y'), row)
-    points = session.series[topics.TRACKER_POINT]
-    for i, stamp in enumerate(points.stamps):
-        buffer.add_point(int(stamp), [points.values[a][i] for a in 'xyz'])
-    buffer.temperatures.hear('air', 21.0, int(reference.stamps[0]), 0)
+    for _ in hear(buffer, session):
+        pass
+    buffer.temperatures.hear('air', 21.0, session.start_ns, 0)
     save_session(buffer.session(), tmp_path / 'live.npz')
     loaded = load_session(tmp_path / 'live.npz')
     expected = prepare(session)

@@ -11,20 +11,10 @@ from calibrator.adaptation import LiveAdaptation
 from calibrator.model_file import StoredModel
 from calibrator.models import make_model
 from calibrator.node import Calibrator
-from stage_core import topics
 from stage_core.ros.node import OK, WARN, make_executor, spin
 
 from ..patience import PATIENCE, wait
-
-
-def fill(buffer, session):
-    """Give a buffer what the node would hear in a session."""
-    reference, points = session.series[topics.REFERENCE], session.series[topics.TRACKER_POINT]
-    rows = reference.columns('position', ('x', 'y'))
-    for stamp, row in zip(reference.stamps, rows, strict=True):
-        buffer.add_reference(int(stamp), ('x', 'y'), row)
-    for k, stamp in enumerate(points.stamps):
-        buffer.add_point(int(stamp), [points.values[axis][k] for axis in 'xyz'])
+from .hearing import hear
 
 
 def test_a_training_that_ends_within_an_adaptation_waits_for_it(
@@ -37,7 +27,8 @@ def test_a_training_that_ends_within_an_adaptation_waits_for_it(
     points = np.random.default_rng(0).uniform(0.0, 0.05, (50, 2))
     old = StoredModel(make_model('affine').fit(points, points), version=7)
     node._correction.stored = old
-    fill(node._buffer, grid_session(40))
+    for _ in hear(node._buffer, grid_session(40)):
+        pass
     learn, answers, overlaps = LiveAdaptation.step, [], []
 
     def slow_step(adaptation, buffer):

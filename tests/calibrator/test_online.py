@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
+from calibrator.adaptation import LiveAdaptation
+from calibrator.live_buffer import LiveBuffer
+from calibrator.model_file import StoredModel
 from calibrator.models import make_model
 from calibrator.online import OnlineAdapter, RecursiveLeastSquares
+from calibrator.prepare import prepare
 from stage_core.errors import StageError
+
+from .hearing import hear
 
 
 def test_recursion_equals_batch_ridge_with_exponential_weights():
@@ -150,37 +156,24 @@ def test_wild_points_are_refused_and_a_jump_of_the_stage_is_followed():
 
 def test_methods_without_linear_weights_are_refused():
     with pytest.raises(StageError, match='no linear weights'):
-        OnlineAdapter(base('lolimot'))
+        OnlineAdapter(base('lolimot'), 1e-6, 1e-6, 0.99)
     with pytest.raises(StageError, match='forgetting'):
         RecursiveLeastSquares(np.zeros(1), np.ones(1), 1.0, 1.0, 1.5)
 
 
 def test_live_rests_are_learned_once_and_followed(grid_session, planted_map):
-    from calibrator.adaptation import LiveAdaptation
-    from calibrator.live_buffer import LiveBuffer
-    from calibrator.model_file import StoredModel
-    from calibrator.prepare import prepare
-    from stage_core import topics
-
     cold = prepare(grid_session(80, seed=1))
     model = make_model('structured', degree=2).fit(
         cold.command, cold.measured - 4e-6, cold.direction
     )
     session = grid_session(80, seed=2)
-    reference = session.series[topics.REFERENCE]
-    points = session.series[topics.TRACKER_POINT]
-    rows = reference.columns('position', ('x', 'y'))
     adaptation = LiveAdaptation(StoredModel(model), 5e-6, 5e-7, 0.98)
     buffer = LiveBuffer(100_000)
     # Silent ever since, and none of the model's.
-    buffer.temperatures.hear('air', 20.0, int(reference.stamps[0]) - 100 * 10**9, 0)
+    buffer.temperatures.hear('air', 20.0, session.start_ns - 100 * 10**9, 0)
     learned = 0
-    for i, stamp in enumerate(reference.stamps):
-        buffer.add_reference(int(stamp), ('x', 'y'), rows[i])
-        if i % 5 == 0:
-            row = [points.values[axis][i // 5] for axis in 'xyz']
-            buffer.add_point(int(points.stamps[i // 5]), row)
-        if i % 2000 == 1999:
+    for k in hear(buffer, session):
+        if k % 2000 == 1999:
             learned += adaptation.step(buffer)
     # What is in use stays as it was taken, whatever is learned meanwhile.
     taken = adaptation.stored.model
@@ -202,13 +195,9 @@ def test_live_rests_are_learned_once_and_followed(grid_session, planted_map):
 
 def adapt_along_x(model, rests, monkeypatch, sensors=()):
     """A stage of 10 µm play that rests for so many seconds along x, after a move of y."""
-    from calibrator import adaptation as module
-    from calibrator.live_buffer import LiveBuffer
-    from calibrator.model_file import StoredModel
-
-    monkeypatch.setattr(module, 'NEWEST', 600)
+    monkeypatch.setattr('calibrator.adaptation.NEWEST', 600)
     generator = np.random.default_rng(1)
-    adaptation = module.LiveAdaptation(StoredModel(model, sensors=sensors), 5e-6, 5e-7, 0.98)
+    adaptation = LiveAdaptation(StoredModel(model, sensors=sensors), 5e-6, 5e-7, 0.98)
     buffer, stamp, at = LiveBuffer(100_000), 0, np.array([0.01, 0.04])
 
     def put(goal, count):
@@ -266,27 +255,14 @@ def test_nothing_is_learned_while_a_sensor_of_the_model_is_unheard(monkeypatch):
 
 
 def test_a_clock_that_is_set_back_begins_a_session(grid_session):
-    from calibrator.adaptation import LiveAdaptation
-    from calibrator.live_buffer import LiveBuffer
-    from calibrator.model_file import StoredModel
-    from calibrator.prepare import prepare
-    from stage_core import topics
-
     buffer = LiveBuffer(100_000)
     adaptation = LiveAdaptation(StoredModel(playing()), 1e-4, 1e-6, 0.98)
     learned = []
     for seed in (1, 2):
         # The stamps of both sessions begin at the same second.
         session = grid_session(10, rest=0.2, seed=seed)
-        reference = session.series[topics.REFERENCE]
-        points = session.series[topics.TRACKER_POINT]
-        rows = reference.columns('position', ('x', 'y'))
-        for i, stamp in enumerate(reference.stamps):
-            buffer.add_reference(int(stamp), ('x', 'y'), rows[i])
-            if i % 5 == 0:
-                row = [points.values[axis][i // 5] for axis in 'xyz']
-                buffer.add_point(int(points.stamps[i // 5]), row)
-            if i == 1000:
+        for k in hear(buffer, session):
+            if k == 1000:
                 adaptation.step(buffer)
         learned.append(adaptation.step(buffer))
         np.testing.assert_array_equal(

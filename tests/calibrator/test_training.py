@@ -10,13 +10,15 @@ from hypothesis import strategies as st
 from calibrator.clock_shift import estimate_shift
 from calibrator.compare import compare, table
 from calibrator.prepare import approach_direction, prepare, splits
-from calibrator.samples import Samples, concatenate
+from calibrator.samples import concatenate
 from calibrator.thermal import derivatives_at
 from calibrator.training import Metrics, stored, train, twin_leads
 from stage_bringup.plan import calibration_grid
 from stage_core import topics
 from stage_core.errors import StageError
 from stage_core.session import Series, Session
+
+from .test_zoo import of
 
 
 @pytest.fixture(scope='module')
@@ -128,9 +130,8 @@ def test_the_drift_of_one_hour_is_no_error_of_the_stage(size):
     where = calibration_grid(0.03, 5)
     # The zero of x moves by 5 µm while the grid is visited there and back.
     drift = np.column_stack([np.linspace(0.0, 5e-6, len(where)), np.zeros(len(where))])
-    measured = (1.0 + size) * where + drift + rng.normal(0.0, 3e-7, where.shape)
-    none, times = np.empty((len(where), 0)), 3.0 * np.arange(len(where))
-    visits = Samples(where, measured, np.sign(where), none, times, (), ('x', 'y'), 0.0, True)
+    error = size * where + drift + rng.normal(0.0, 3e-7, where.shape)
+    visits = of(where, error, np.sign(where))
     early, late = (held for _, held in splits(visits, by='half'))
     assert late.times.min() > early.times.max() and len(early) + len(late) == len(visits)
     result = train(visits, 'affine')
@@ -145,11 +146,8 @@ def test_a_raster_tells_a_drift_apart_only_where_it_is_run_twice(visits):
     where = np.tile(raster, (visits, 1))
     # A perfect stage before a tracker that drifts by 10 µm and 5 µm.
     drift = np.linspace(0.0, 1.0, len(where))[:, None] * [1e-5, 5e-6]
-    measured = where + drift + np.random.default_rng(7).normal(0.0, 3e-7, where.shape)
-    none, times = np.empty((len(where), 0)), 3.0 * np.arange(len(where))
-    result = train(
-        Samples(where, measured, np.sign(where), none, times, (), ('x', 'y'), 0.0, True), 'affine'
-    )
+    error = drift + np.random.default_rng(7).normal(0.0, 3e-7, where.shape)
+    result = train(of(where, error, np.sign(where)), 'affine')
     once = visits == 1
     assert ('half of the time' in result.line()) != once
     assert ('drift was not told apart' in result.line()) == once
@@ -162,10 +160,7 @@ def test_halves_that_share_no_places_judge_nothing():
     where = np.column_stack([x, x])  # a diagonal
     error = 5e-5 * (where / 0.03) ** 2 + 3e-4 * where
     noise = np.random.default_rng(6).normal(0.0, 3e-7, where.shape)
-    none, times = np.empty((len(x), 0)), 3.0 * np.arange(len(x))
-    once = Samples(
-        where, where + error + noise, np.ones_like(where), none, times, (), ('x', 'y'), 0.0, True
-    )
+    once = of(where, error + noise, np.ones_like(where))
     assert splits(once, by='half') == []
     assert train(once, 'polynomial').gain.proven
 

@@ -14,10 +14,6 @@ from hra_curves import (
     Basis,
     Bernstein,
     Bidiagonal,
-    Hyperbolic,
-    Monomial,
-    Rational,
-    Trigonometric,
     collocation_matrix,
     determinant,
     exact,
@@ -31,8 +27,7 @@ from hra_curves import (
 )
 from stage_core.errors import StageError
 
-ALL = [Bernstein(), Trigonometric(1.57), Hyperbolic(2.0), Rational(0.5, 3.0), Monomial(2.0)]
-UNIT = np.finfo(float).eps
+from .test_curves import ALL
 
 
 def componentwise_error(computed: np.ndarray, exact_table: list[list[mpmath.mpf]]) -> float:

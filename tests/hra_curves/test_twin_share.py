@@ -12,6 +12,9 @@ from hra_curves import cycloid, twin_share
 from hra_curves.__main__ import main
 from stage_core.twin_file import TwinFile
 
+#: What Table 5 gives: its stops and its drives.
+Rows = tuple[list[twin_share.Hold], list[twin_share.Drive]]
+
 
 @pytest.fixture(scope='module')
 def twin() -> TwinFile:
@@ -19,7 +22,7 @@ def twin() -> TwinFile:
 
 
 @pytest.fixture(scope='module')
-def result(twin: TwinFile) -> tuple[list[twin_share.Hold], list[twin_share.Drive]]:
+def result(twin: TwinFile) -> Rows:
     return twin_share.table5(twin, placings=8, hold=1.0, speed=2e-3)
 
 
@@ -28,9 +31,7 @@ def test_the_twin_has_the_uncertainty_of_the_paper(twin: TwinFile) -> None:
     np.testing.assert_allclose(uncertainty, 0.50e-6, rtol=0.08)
 
 
-def test_the_definition_dominates_with_splines_only(
-    result: tuple[list[twin_share.Hold], list[twin_share.Drive]],
-) -> None:
+def test_the_definition_dominates_with_splines_only(result: Rows) -> None:
     holds, drives = result
     shares = {(row.name, row.method): row.share for row in holds}
     assert len(holds) == 16
@@ -44,9 +45,7 @@ def test_the_definition_dominates_with_splines_only(
     assert driven['linear'].largest_definition > driven['CAM'].largest_definition
 
 
-def test_the_points_give_the_definition_errors_printed(
-    result: tuple[list[twin_share.Hold], list[twin_share.Drive]],
-) -> None:
+def test_the_points_give_the_definition_errors_printed(result: Rows) -> None:
     errors = {(row.name, row.method): row.definition * 1e6 for row in result[0]}
     np.testing.assert_allclose(
         [errors[f'TP{k}', 'IB1'] for k in (1, 2, 3, 4)],
@@ -59,9 +58,7 @@ def test_the_points_give_the_definition_errors_printed(
     )
 
 
-def test_a_hold_reads_the_stage_and_not_the_motion(
-    result: tuple[list[twin_share.Hold], list[twin_share.Drive]], twin: TwinFile
-) -> None:
+def test_a_hold_reads_the_stage_and_not_the_motion(result: Rows, twin: TwinFile) -> None:
     assert twin.tracker is not None
     for row in result[0]:
         assert row.deviation == pytest.approx(twin.tracker.noise, rel=0.35)

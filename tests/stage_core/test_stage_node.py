@@ -10,8 +10,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from std_msgs.msg import String
 
 from stage_core.errors import StageError
+from stage_core.ros.client_node import GraphClient
 from stage_core.ros.parameter_files import check_files, refuse_misspelt
 
 from ..patience import PATIENCE
@@ -60,10 +63,6 @@ def tester(script: Path, ros_env: dict[str, str]) -> Iterator[subprocess.Popen]:
 
 
 def test_parameters_diagnostics_and_end(tester: subprocess.Popen) -> None:
-    from diagnostic_msgs.msg import DiagnosticArray
-
-    from stage_core.ros.client_node import GraphClient
-
     with GraphClient('judge') as client:
         client.watch(DiagnosticArray, '/diagnostics')
         assert client.trigger('/tester/feed', PATIENCE) == '1.0'
@@ -85,10 +84,6 @@ def test_parameters_diagnostics_and_end(tester: subprocess.Popen) -> None:
 
 
 def test_a_condition_may_call_services_while_messages_come(tester: subprocess.Popen) -> None:
-    from std_msgs.msg import String
-
-    from stage_core.ros.client_node import GraphClient
-
     ended = threading.Event()
     with GraphClient('judge') as client:
         client.watch(String, '/busy')
@@ -119,10 +114,6 @@ def test_a_condition_may_call_services_while_messages_come(tester: subprocess.Po
 def test_a_second_node_of_the_same_name_is_named(
     script: Path, tester: subprocess.Popen, ros_env: dict[str, str]
 ) -> None:
-    from diagnostic_msgs.msg import DiagnosticArray
-
-    from stage_core.ros.client_node import GraphClient
-
     second = subprocess.Popen(
         [sys.executable, str(script)], stderr=subprocess.PIPE, text=True, env=ros_env
     )

@@ -1,7 +1,5 @@
 """A second bridge on a tracker's connection is refused, by the name of the first."""
 
-import socket
-
 from diagnostic_msgs.msg import DiagnosticArray
 
 from stage_bringup.graph import free_port
@@ -15,7 +13,7 @@ BRIDGE = 'tracker_bridge.node'
 
 
 def test_a_tracker_connection_has_one_bridge(ros_env):
-    port = free_port(socket.SOCK_STREAM)
+    port = free_port()
     with node(BRIDGE, ros_env, port=port) as first, GraphClient('test_client') as client:
         client.watch(DiagnosticArray, topics.DIAGNOSTICS)
         client.wait_for(lambda: client.latest(topics.DIAGNOSTICS), PATIENCE, 'the first bridge')

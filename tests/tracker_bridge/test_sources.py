@@ -6,6 +6,7 @@ import struct
 
 import pytest
 
+from stage_bringup.graph import free_port
 from stage_core.errors import StageError
 from stage_twin.emulators.tracker import FLOOD_FACTOR, TrackerInstrument
 from stage_twin.emulators.tracker_server import SaTextSender, TrackerServer
@@ -268,9 +269,7 @@ def test_a_client_that_reads_nothing_is_dropped_and_time_goes_on(monkeypatch):
 
 
 def test_nobody_at_the_port_names_it_and_the_remedy():
-    with socket.socket() as probe:
-        probe.bind(('127.0.0.1', 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     source = EmsconSource(lambda _: None, '127.0.0.1', port)
     source.start()
     try:

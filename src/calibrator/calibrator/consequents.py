@@ -33,8 +33,8 @@ def rule_outputs(theta: Array, inputs: Array) -> Array:
 
 def fit_consequents(
     lower: Array, upper: Array, inputs: Array, target: Array, reduction: str
-) -> tuple[Array, float]:
-    """Consequents theta (M·(n+1),) with the smallest mean squared error, and that error.
+) -> Array:
+    """Consequents theta (M·(n+1),) with the smallest mean squared error.
 
     Minimum-norm least squares (eq. 33), singular values below 1e-8 of the largest dropped.
     """
@@ -50,4 +50,4 @@ def fit_consequents(
         if best is None or error < best_error:
             best, best_error = theta, error
     assert best is not None
-    return best, best_error
+    return best

@@ -148,15 +148,13 @@ class Calibrator(StageNode):
             self.get_logger().error(self._failure)
 
     def _on_temperature(self, message: Temperature) -> None:
-        now = self.get_clock().now().nanoseconds
         self._buffer.temperatures.hear(
-            message.header.frame_id, message.temperature, stamp_of(message.header), now
+            message.header.frame_id, message.temperature, stamp_of(message.header), self.now()
         )
 
     def _fresh(self) -> dict[str, float]:
         """Temperatures of the sensors that are heard."""
-        now = self.get_clock().now().nanoseconds
-        return self._buffer.temperatures.fresh(now, self.value('temperature_timeout'))
+        return self._buffer.temperatures.fresh(self.now(), self.value('temperature_timeout'))
 
     def _rates(self) -> dict[str, Rates]:
         """Derivatives of the temperatures that the model in use corrects by."""
@@ -166,13 +164,12 @@ class Calibrator(StageNode):
         return self._buffer.temperatures.rates(stored.sensors)
 
     def _retrain(self) -> Future[str]:
-        answer: Future[str] = Future()
         try:
             job = self._job()
             training = self._trainer.start(job, Path(self._scratch.name) / 'job.json')
-        except (StageError, OSError) as error:
-            answer.set_exception(_as_stage_error(error))
-            return answer
+        except OSError as error:
+            raise StageError(f'training failed: {error}') from error
+        answer: Future[str] = Future()
         self.get_logger().info(f'training {job.method} for {job.out}')
 
         def finish(done: Future[str]) -> None:
@@ -323,10 +320,6 @@ def _options(text: str) -> dict[str, Any]:
 def _version_of(path: Path) -> int:
     digits = path.stem.removeprefix('model_')
     return int(digits) if digits.isdigit() else 0
-
-
-def _as_stage_error(error: Exception) -> StageError:
-    return error if isinstance(error, StageError) else StageError(f'training failed: {error}')
 
 
 def main() -> int:

@@ -50,12 +50,7 @@ class RecursiveLeastSquares:
     """
 
     def __init__(
-        self,
-        weights: Array,
-        size: Array,
-        deviation: float,
-        noise: float,
-        forgetting: float = 0.99,
+        self, weights: Array, size: Array, deviation: float, noise: float, forgetting: float
     ) -> None:
         if not 0.0 < forgetting <= 1.0:
             raise StageError(f'the forgetting factor must lie in (0, 1], got {forgetting}')
@@ -109,11 +104,7 @@ class OnlineAdapter:
     """
 
     def __init__(
-        self,
-        model: CalibrationModel,
-        deviation: float = 1e-6,
-        noise: float = 1e-6,
-        forgetting: float = 0.99,
+        self, model: CalibrationModel, deviation: float, noise: float, forgetting: float
     ) -> None:
         if not isinstance(model, Adaptable):
             raise StageError(

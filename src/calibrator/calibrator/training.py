@@ -16,7 +16,6 @@ from calibrator.model_file import StoredModel, bag_hash
 from calibrator.models import METHODS, make_model
 from calibrator.models.base import CalibrationModel
 from calibrator.models.selection import conditions, deviation
-from calibrator.models.structured import Structured
 from calibrator.outliers import wild
 from calibrator.places import judged_places
 from calibrator.prepare import FEWEST_HELD, splits, told_apart
@@ -283,7 +282,7 @@ def twin_leads(session: Session) -> list[float] | None:
 
 def default_options(method: str, leads: list[float] | None) -> dict[str, Any]:
     """Options that a session settles: the screw's leads [m] from its nominal twin."""
-    if leads is not None and 'lead' in METHODS.get(method, Structured).defaults:
+    if leads is not None and 'lead' in METHODS[method].defaults:
         return {'lead': leads}
     return {}
 

@@ -136,7 +136,8 @@ class Bernstein(Basis):
 class Rational(Basis):
     """f = t/w, g = (1 - t)/w with w = w_0 (1 - t) + w_1 t on [0, 1]: rational curves.
 
-    The denominator w**n is common to all functions, so the basis sums to 1/w**n times one.
+    The denominator w**n is common to all functions, so the basis sums to 1/w**n times one; it
+    holds the constants, because the n-th power of w, a combination of t and 1 - t, is in the span.
     """
 
     first_weight: float = 1.0
@@ -153,10 +154,6 @@ class Rational(Basis):
     def domain(self) -> tuple[float, float]:
         """Closed interval [0, 1]."""
         return 0.0, 1.0
-
-    def contains_constants(self, degree: int) -> bool:
-        """Hold because w is a combination of t and 1 - t: its n-th power is in the span."""
-        return True
 
     def _weight(self, t: Any) -> Any:
         return self.first_weight * (1 - t) + self.last_weight * t

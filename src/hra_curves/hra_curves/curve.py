@@ -99,7 +99,3 @@ class HraCurve:
     def evaluate(self, u: ArrayLike) -> Array:
         """Point of the curve, metres: (d,) for a number, (m, d) for an array (m,)."""
         return self.derivatives(u, 0)[0].reshape(np.shape(u) + (-1,))
-
-    def derivative(self, u: ArrayLike, order: int = 1) -> Array:
-        """Derivative of the given order by the parameter, shaped as :meth:`evaluate`."""
-        return self.derivatives(u, order)[order].reshape(np.shape(u) + (-1,))

@@ -7,13 +7,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from hra_curves.bases import Basis, Trigonometric
-from hra_curves.curve import HraCurve
 from hra_curves.cycloid import cycloid, error_at_equal_parameter, error_to_the_curve
-from hra_curves.factorisation import factorise
-from hra_curves.fitting import parameter_nodes
 from hra_curves.printing import Entry
-from hra_curves.solvers import solve
-from hra_curves.tables import BASIS_1, MICRO, TABLE_3, TURN, differs
+from hra_curves.tables import BASIS_1, MICRO, TABLE_3, TURN, differs, hra_cycloid
 
 Array = NDArray[np.float64]
 
@@ -49,8 +45,7 @@ def polyline_errors(count: int, interval: int) -> dict[str, float]:
 def rounded_error(basis: Basis, count: int, interval: int, digits: int) -> float:
     """Error (m) of the interpolant as in Table 3, the data rounded to ``digits`` of a metre."""
     data = np.round(cycloid(np.linspace(0.0, TURN, count)), digits)
-    nodes = parameter_nodes(basis.domain, count, 'closed')
-    curve = HraCurve(basis, solve(factorise(basis, nodes), data), (0.0, TURN))
+    curve = hra_cycloid(data, basis)
     step = TURN / (count - 1)
     return error_at_equal_parameter(curve.evaluate, interval * step, (interval + 1) * step)
 

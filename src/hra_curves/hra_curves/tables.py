@@ -88,11 +88,10 @@ def table1(
     return entries
 
 
-def hra_cycloid(count: int, basis: Basis) -> HraCurve:
-    """Interpolant of the cycloid at 2 pi k/n with end points, parameter theta (Table 3)."""
-    theta = np.linspace(0.0, TURN, count)
-    nodes = parameter_nodes(basis.domain, count, 'closed')
-    return HraCurve(basis, solve(factorise(basis, nodes), cycloid(theta)), (0.0, TURN))
+def hra_cycloid(points: Array, basis: Basis) -> HraCurve:
+    """Interpolant of points (n+1, 2) [m] of the cycloid at 2 pi k/n, parameter theta (Table 3)."""
+    nodes = parameter_nodes(basis.domain, len(points), 'closed')
+    return HraCurve(basis, solve(factorise(basis, nodes), points), (0.0, TURN))
 
 
 def interval_errors(method: str, count: int, intervals: Sequence[int]) -> list[float]:
@@ -114,7 +113,7 @@ def interval_errors(method: str, count: int, intervals: Sequence[int]) -> list[f
     if method == 'quintic B-spline':
         curve = make_interp_spline(theta, points, k=5)
     else:
-        curve = hra_cycloid(count, BASIS_1 if method == 'IB1' else BASIS_2).evaluate
+        curve = hra_cycloid(points, BASIS_1 if method == 'IB1' else BASIS_2).evaluate
     return [error_at_equal_parameter(curve, k * step, (k + 1) * step) for k in intervals]
 
 

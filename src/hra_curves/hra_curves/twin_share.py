@@ -7,7 +7,7 @@ stopped at the paper's trajectory points, and read by its tracker.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from hra_curves import peers
 from hra_curves.cycloid import cycloid, nearest_points
+from hra_curves.peers import Evaluator, chord_length_spline
 from hra_curves.tables import BASIS_1, BASIS_2, TURN, hra_cycloid
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 
 Array = NDArray[np.float64]
-Evaluator = Callable[[Array], Array]
 
 METHODS = ('IB1', 'CAM', 'IB2', 'linear')
 DATA = 11
@@ -153,9 +152,9 @@ def defined_curve(method: str) -> Evaluator:
     if method == 'linear':
         return make_interp_spline(places, cycloid(theta), k=1)
     if method == 'CAM':
-        nodes, spline = peers.chord_length_spline(cycloid(theta))
+        nodes, spline = chord_length_spline(cycloid(theta))
         return lambda u: spline(np.interp(u, places, nodes))
-    curve = hra_cycloid(DATA, BASIS_1 if method == 'IB1' else BASIS_2)
+    curve = hra_cycloid(cycloid(theta), BASIS_1 if method == 'IB1' else BASIS_2)
     return lambda u: curve.evaluate(np.interp(u, places, theta))
 
 

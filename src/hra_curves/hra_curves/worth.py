@@ -93,7 +93,7 @@ def _cycloid_curves(count: int) -> dict[str, float]:
 
     return {
         'plain solve': error(plain),
-        'HRA': error(hra_cycloid(count, Bernstein()).evaluate(fine)),
+        'HRA': error(hra_cycloid(cycloid(theta), Bernstein()).evaluate(fine)),
         'cubic spline': error(CubicSpline(theta, cycloid(theta))(fine)),
     }
 

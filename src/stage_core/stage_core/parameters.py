@@ -22,11 +22,6 @@ class Parameter:
     choices: tuple[str, ...] = ()
     read_only: bool = False
 
-    @property
-    def text(self) -> str:
-        """Description with the unit, as rqt and Foxglove show it."""
-        return f'{self.description} [{self.unit}]' if self.unit else self.description
-
 
 #: Of a process that works tick by tick. Off by default: on a machine without processors to spare
 #: nothing ordinary would run any more, neither the recorder nor who calls ~/stop.

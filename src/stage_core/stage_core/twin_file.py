@@ -17,8 +17,6 @@ from stage_core.quantities import AXES
 from stage_core.untrusted import file_text, yaml_mapping
 from stage_core.whole_file import write_whole
 
-KINDS = ('servo', 'stepper', 'measured_force')
-
 
 @dataclass(frozen=True)
 class ServoAxis:
@@ -64,6 +62,7 @@ AXIS_TYPES: dict[str, type[Axis]] = {
     'stepper': StepperAxis,
     'measured_force': ForceAxis,
 }
+KINDS = tuple(AXIS_TYPES)
 
 #: Keys of an axis beyond its own: a rig described as a servo machine keeps its gains, unused.
 _UNUSED: dict[str, frozenset[str]] = {

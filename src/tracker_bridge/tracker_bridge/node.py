@@ -152,7 +152,7 @@ class TrackerBridge(StageNode):
 
         The executor is busy with the service meanwhile, so the joint states are taken here.
         """
-        asked = self.get_clock().now().nanoseconds
+        asked = self.now()
         # /clock waits for the executor too: simulated time is older here than what has come.
         simulated = bool(self.get_parameter('use_sim_time').value)
         deadline = time.monotonic() + ALIGN_TIMEOUT
@@ -188,7 +188,7 @@ class TrackerBridge(StageNode):
 
     def _stream_status(self) -> tuple[bytes, str, dict[str, Any]]:
         with self._lock:
-            self._bridge.look(self.get_clock().now().nanoseconds, self._source.connected)
+            self._bridge.look(self.now(), self._source.connected)
             complaints = self._bridge.complaints()
             values: dict[str, Any] = self._bridge.values()
         if isinstance(self._source, SaTextSource):

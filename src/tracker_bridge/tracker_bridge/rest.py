@@ -121,8 +121,7 @@ class RestPairs:
         self.last_stage = stamp
         rest = self._rest
         if self._standstill.moved(position) or rest is None:
-            if rest is not None:
-                self._close(rest)
+            self._waiting += self._so_far()
             self._rest = _Rest(stamp, stamp, np.zeros(len(position)), 0, deque())
             return
         if stamp - rest.begin > round(self.rules.longest * NANOSECONDS):
@@ -143,9 +142,13 @@ class RestPairs:
                 rest.total += position
                 rest.count += 1
 
-    def _close(self, rest: _Rest) -> None:
-        if rest.end - rest.begin >= round(self.rules.shortest * NANOSECONDS) and rest.count:
-            self._waiting.append((*self._window(rest), rest.total / rest.count))
+    def _so_far(self) -> list[tuple[int, int, NDArray[np.float64]]]:
+        """Window and mean position of the rest in progress, where it is long enough by now."""
+        rest = self._rest
+        shortest = round(self.rules.shortest * NANOSECONDS)
+        if rest is None or not rest.count or rest.end - rest.begin < shortest:
+            return []
+        return [(*self._window(rest), rest.total / rest.count)]
 
     def add_point(self, stamp: int, point: Point) -> None:
         """Take a tracker point [m] of a stamp [ns]; completes the rests that end before it."""
@@ -170,10 +173,6 @@ class RestPairs:
 
     def pairs(self) -> list[RestPair]:
         """Return all pairs, with those of rests that still last or whose points still come."""
-        found: list[RestPair | None] = list(self._pairs)
-        found += [self._pair(*interval) for interval in self._waiting]
-        rest = self._rest
-        shortest = round(self.rules.shortest * NANOSECONDS)
-        if rest is not None and rest.count and rest.end - rest.begin >= shortest:
-            found.append(self._pair(*self._window(rest), rest.total / rest.count))
+        intervals = [*self._waiting, *self._so_far()]
+        found = [*self._pairs, *(self._pair(*interval) for interval in intervals)]
         return [pair for pair in found if pair is not None]

@@ -77,7 +77,7 @@ class FuzzySystem(Adaptable):
         sets = AntecedentSets.from_vector(position, rules, self.axes)
         lower, upper = sets.firing(inputs)
         theta = [
-            fit_consequents(lower, upper, inputs, targets[:, axis], reduction)[0]
+            fit_consequents(lower, upper, inputs, targets[:, axis], reduction)
             for axis in range(self.axes)
         ]
         self.state.update(

@@ -41,15 +41,12 @@ class LocalLinear(CalibrationModel):
     def _error(self, command: Array, direction: Array, temperatures: Array) -> Array:
         inputs = (command - self.state['centre']) / self.state['half']
         overlap = float(self.options['overlap'])
-        outputs = [LocalLinearTree(overlap=overlap, **t).predict(inputs) for t in self._trees()]
-        return np.column_stack(outputs) * self.state['scale']
-
-    def _trees(self) -> list[dict[str, Array]]:
-        return list(self.state['trees'])
+        trees = [LocalLinearTree(overlap=overlap, **tree) for tree in self.state['trees']]
+        return np.column_stack([tree.predict(inputs) for tree in trees]) * self.state['scale']
 
     def describe(self) -> str:
         """Number of local models per axis."""
         if not self.fitted:
             return super().describe()
-        counts = [len(tree['low']) for tree in self._trees()]
+        counts = [len(tree['low']) for tree in self.state['trees']]
         return f'{self.method}: {self.summary}, {counts} local models'

@@ -62,7 +62,7 @@ class Structured(Adaptable):
             'centre': centre,
             'half': half,
             'temperature': temperatures.mean(axis=0) if self.sensors else np.empty(0),
-            'reversal': np.array([_varies(direction[:, a]) for a in range(self.axes)], dtype=int),
+            'reversal': (np.ptp(direction, axis=0) > 0.0).astype(int),
             'leads': np.zeros(self.axes),
             # The period is searched beside a cubic: enough to flatten what a period is not.
             'degrees': np.full(self.axes, min(3, max(self._degrees()))),
@@ -174,10 +174,7 @@ class Structured(Adaptable):
         if lead == 'search':
             return None
         leads = np.zeros(self.axes) if lead is None else np.asarray(lead, dtype=float)
-        leads = np.broadcast_to(leads, (self.axes,)).copy()
-        if not np.isfinite(leads).all() or (leads < 0).any():
-            raise StageError('option lead must be a length per axis in m, "search" or null')
-        return leads
+        return np.broadcast_to(leads, (self.axes,))
 
     def _design(self, command: Array, direction: Array, temperatures: Array, axis: int) -> Array:
         scaled = (command - self.state['centre']) / self.state['half']
@@ -290,7 +287,3 @@ def _left_out(design: Array, target: Array, ridge: float, labels: Labels) -> flo
         without = np.linalg.solve(normal - own.T @ own, right - own.T @ target[rows])
         total += float(np.sum((target[rows] - own @ without) ** 2))
     return total / len(target)
-
-
-def _varies(direction: Array) -> bool:
-    return bool(np.ptp(direction) > 0.0)

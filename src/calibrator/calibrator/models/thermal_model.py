@@ -66,13 +66,11 @@ class Thermal(CalibrationModel):
         if not self.fitted:
             return super().describe()
         kept = [int(np.count_nonzero(c)) for c in self.state['coefficients']]
-        return f'{self.method}: {self.summary}, {kept} of {self._candidates()} terms'
+        terms = self.state['coefficients'].shape[1]
+        return f'{self.method}: {self.summary}, {kept} of {terms} terms'
 
     def _readings(self) -> int:
         return self.sensors // 3 if self.options['derivatives'] else self.sensors
-
-    def _candidates(self) -> int:
-        return int(self.state['coefficients'].shape[1])
 
     def _columns(self, command: Array, temperatures: Array) -> Array:
         scaled = (command - self.state['centre']) / self.state['half']

@@ -47,7 +47,6 @@ class GraphClient:
         self._arrival: dict[str, float] = {}
         self._changed = threading.Condition()
         self._arrived = 0
-        self._subscriptions: dict[str, Any] = {}
         self._clients: dict[str, Any] = {}
         self._acquainted: dict[str, float] = {}
 
@@ -82,9 +81,7 @@ class GraphClient:
             if callback is not None:
                 callback(message)
 
-        self._subscriptions[topic] = self.node.create_subscription(
-            message_type, topic, arrived, qos
-        )
+        self.node.create_subscription(message_type, topic, arrived, qos)
 
     def _came(self, topic: str, message: Any) -> None:
         with self._changed:

@@ -8,9 +8,10 @@ from stage_core.parameters import Parameter
 
 
 def descriptor(parameter: Parameter) -> ParameterDescriptor:
-    """ROS descriptor of a parameter, with its range where it has one."""
+    """ROS descriptor of a parameter, with its unit and its range where it has one."""
+    text = parameter.description + (f' [{parameter.unit}]' if parameter.unit else '')
     result = ParameterDescriptor(
-        name=parameter.name, description=parameter.text, read_only=parameter.read_only
+        name=parameter.name, description=text, read_only=parameter.read_only
     )
     if parameter.choices:
         result.additional_constraints = 'one of ' + ', '.join(parameter.choices)

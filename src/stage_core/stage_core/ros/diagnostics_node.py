@@ -27,7 +27,7 @@ class Diagnostics:
         self._publisher = node.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         # A steady clock: replayed or stalled time must not silence the diagnostics.
         clock = rclpy.clock.Clock(clock_type=rclpy.clock.ClockType.STEADY_TIME)
-        self._timer = node.create_timer(1.0, self.publish, clock=clock)
+        node.create_timer(1.0, self.publish, clock=clock)
 
     def task(self, name: str, function: DiagnosticTask) -> None:
         """Add a task; its status is named ``node: name``."""

@@ -46,7 +46,7 @@ LATCHED_QOS = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 
-OK, WARN, ERROR, STALE = b'\x00', b'\x01', b'\x02', b'\x03'
+OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
 
 _RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 
@@ -67,12 +67,10 @@ class StageNode(Node):
         super().__init__(name, **options)
         parameter_files.refuse_misspelt(sys.argv, self.get_name())
         self._specifications = {p.name: p for p in parameters}
-        self._started = False
         self._refuse_unknown()
         for parameter in parameters:
             self._declare(parameter)
         self.add_on_set_parameters_callback(self._on_set_parameters)
-        self._started = True
         self.diagnostics = Diagnostics(self, hardware_id=name)
         #: How the system schedules this process, for /diagnostics.
         self.scheduling = 'ordinary'
@@ -169,7 +167,7 @@ class StageNode(Node):
             if wrong:
                 return SetParametersResult(successful=False, reason=wrong)
             changed[change.name] = change.value
-        reason = self.parameters_changed(changed) if changed and self._started else None
+        reason = self.parameters_changed(changed) if changed else None
         return SetParametersResult(successful=reason is None, reason=reason or '')
 
 

@@ -67,19 +67,21 @@ def create_trigger_service(node: Any, name: str, action: Callable[[], str]) -> N
     def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:
             response.message, response.success = action(), True
-        except StageError as error:
-            response.message = str(error)
         except Exception as error:
-            # A mistake in here is the caller's to hear, not the end of the node.
-            response.message = f'internal error: {error!r}'
+            response.message = _said(error)
         return response
 
     node.create_service(Trigger, name, answer)
 
 
+def _said(error: BaseException) -> str:
+    """An error for the caller; a mistake in here is theirs to hear, not the end of the node."""
+    return str(error) if isinstance(error, StageError) else f'internal error: {error!r}'
+
+
 def create_deferred_service(
     node: Any, service_type: type, name: str, begin: Callable[[Any], Future[str]]
-) -> Any:
+) -> None:
     """Create a service whose response is the outcome of the future that `begin(request)` returns.
 
     A result is the message of a success; a StageError the message of a failure.
@@ -105,16 +107,9 @@ def create_deferred_service(
         def answer(done: Future[str]) -> None:
             error = done.exception()
             response.success = error is None
-            if error is None:
-                response.message = done.result()
-            elif isinstance(error, StageError):
-                response.message = str(error)
-            else:
-                # A caller must not wait for ever because of a mistake in here.
-                response.message = f'internal error: {error!r}'
+            response.message = done.result() if error is None else _said(error)
             send_now(response, header)
 
         future.add_done_callback(answer)
 
     service.send_response = send_when_done
-    return service

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from tracker_bridge.samples import Sample
 
 Deliver = Callable[[Sample], None]
+#: A source looks this often whether it shall end [s].
+POLL = 0.2
 
 
 class Source(threading.Thread):

@@ -9,7 +9,7 @@ import time
 from stage_core.errors import StageError
 from tracker_bridge import tpi
 from tracker_bridge.samples import Sample
-from tracker_bridge.sources.base import Deliver, Source
+from tracker_bridge.sources.base import POLL, Deliver, Source
 from tracker_bridge.tpi_packets import (
     Answer,
     ErrorPacket,
@@ -36,8 +36,6 @@ LONGEST_BACKOFF = 2.0
 ECHO_TIME = 1.0
 # A tracker whose power went says nothing more: asked after 5 s of silence, lost after 5 s more.
 KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 1, socket.TCP_KEEPCNT: 5}
-# The thread looks this often whether it shall end.
-POLL = 0.2
 # Another client has changed what the numbers mean: they must not be read any more.
 SPOILING = {
     Event.UNITS_CHANGED: 'the units',

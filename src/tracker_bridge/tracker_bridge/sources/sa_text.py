@@ -7,9 +7,7 @@ import time
 
 from stage_core.errors import StageError
 from tracker_bridge.sa_text import SaFormat, SaTextDecoder, SaTextError
-from tracker_bridge.sources.base import Deliver, Source
-
-POLL = 0.2
+from tracker_bridge.sources.base import POLL, Deliver, Source
 
 
 class SaTextSource(Source):
