@@ -18,15 +18,13 @@ import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrator.models import make_model
 from calibrator.online import JUDGED_EVERY, OnlineAdapter
 from stage_bringup.graph import config_folder
+from stage_core.arrays import Array
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
-
-Array = NDArray[np.float64]
 
 PERIOD = 120.0
 MOVE, REST = 400, 400

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.sparse.linalg import LinearOperator, cg
 
@@ -16,10 +15,9 @@ from contour_ctrl.learning import Learner, LearningSettings
 from contour_ctrl.reference import Reference
 from contour_ctrl.rehearsal import Rehearsal
 from contour_ctrl.tick import EX, Controller, Gains
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
-
-FloatArray = NDArray[np.float64]
 
 PERIOD = 0.001
 RADIUS, FEED = 0.03, 0.06
@@ -38,13 +36,13 @@ NOMINAL = TwinFile.nominal_servo()
 
 
 def norm_optimal_update(
-    learned: FloatArray,
-    error: FloatArray,
-    impulse: FloatArray,
+    learned: Array,
+    error: Array,
+    impulse: Array,
     effort_weight: float,
     change_weight: float,
     tolerance: float = 1e-10,
-) -> FloatArray:
+) -> Array:
     """Return the u that minimises |e - G (u - u_j)|^2 + w_u |u|^2 + w_d |u - u_j|^2.
 
     The quadratic criterion of norm-optimal learning (Bristow, Tharayil, Alleyne, IEEE Control
@@ -56,13 +54,13 @@ def norm_optimal_update(
     size = next_fast_len(count + len(impulse))
     spectrum = rfft(impulse, size)
 
-    def forward(u: FloatArray) -> FloatArray:
+    def forward(u: Array) -> Array:
         return np.asarray(irfft(rfft(u, size) * spectrum, size)[:count])
 
-    def adjoint(e: FloatArray) -> FloatArray:
+    def adjoint(e: Array) -> Array:
         return np.asarray(irfft(rfft(e, size) * np.conj(spectrum), size)[:count])
 
-    def normal(u: FloatArray) -> FloatArray:
+    def normal(u: Array) -> Array:
         u = np.ravel(u)
         return adjoint(forward(u)) + (effort_weight + change_weight) * u
 

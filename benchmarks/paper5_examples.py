@@ -20,12 +20,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrator.lolimot import LocalLinearTree, grow, halves, validity
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 LARGEST_CONDITION = 1e8
 """A division whose scaled Jacobian is worse conditioned cannot be calibrated."""

@@ -9,12 +9,11 @@ columns at once and names what differs from zero by `SIGNIFICANT` standard error
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.blind.cases import Case
 from benchmarks.blind.machine import NOMINAL, Recording
+from stage_core.arrays import Array
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 
 SMOOTHING = 41  # ticks of the window that positions and forces are smoothed with

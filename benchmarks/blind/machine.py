@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.blind.plant import CONTROLLER, PLANT, run_axis, smooth_play
-
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 #: The nominal machine as a twin file tells it: the numbers of interfaces.md, "Twin file".
 NOMINAL: dict[str, Any] = {

@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit, xlogy
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
+
 Weights = dict[str, float]
 Row = dict[str, Any]
 

@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.calibrate.figures import NO_SHARE
 from benchmarks.calibrate.truth import belongs_to_machine
 from gap_diagnosis.evidence.describe import is_magnitude, model_of
+from stage_core.arrays import Array
 from stage_core.metrics import SIGMAS
 from stage_core.quantities import LINKS
 from stage_twin.effects import effect_of
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 Spread = dict[str, tuple[float, float]]
 

@@ -7,16 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_stamps
 from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import TrackerSpec, TwinFile
 from stage_twin.effects import EFFECTS
 from stage_twin.simulate import SimulationResult, simulate
 
-Array = NDArray[np.float64]
 Effects = Mapping[str, Mapping[str, float]]
 
 START = 1_750_000_000_000_000_000

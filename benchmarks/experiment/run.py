@@ -21,7 +21,6 @@ import numpy as np
 from benchmarks.experiment.machine import (
     MOTIONS,
     PERIOD,
-    Array,
     Case,
     draw,
     nominal,
@@ -34,6 +33,7 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.experiment.motions import Limits, Motion, sample
 from gap_diagnosis.experiment.propose import limits_of, propose
 from gap_diagnosis.result import Diagnosis
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
 TRAVEL = {'x': (-0.04, 0.04), 'y': (-0.04, 0.04)}

@@ -12,11 +12,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
-
-Array = NDArray[np.float64]
 
 #: Number of a law -> what it is, and whether its number to find is an exponent or a period.
 LAWS = {

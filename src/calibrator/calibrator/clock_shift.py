@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 JUMP = 3.0
 """A reference that is faster than the stage ever moves by this factor jumps to its target."""

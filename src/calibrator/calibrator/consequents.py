@@ -10,11 +10,9 @@ is what is solved. "Interval" consequents of eq. 2 collapse to crisp ones in eqs
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrator.type_reduction import effective_weights
-
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 SIGN_PASSES = 3
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrator.model_file import StoredModel
 from calibrator.prepare import last_moves
 from calibrator.temperatures import silence
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 ELSEWHERE = 1e-6
 """Further than this [m] from where it was sent, the stage is on its way or was moved by others."""

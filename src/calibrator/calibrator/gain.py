@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 DRAWS = 2000
 """Resamples of the places: the 2.5 % quantile then moves by some 2 % of the interval's width."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 LOWEST_EXPONENT = -60.0
 """Firing strengths are kept above exp(-60) of the strongest rule of the same point.

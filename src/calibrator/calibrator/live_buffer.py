@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from calibrator.ring import Ring
 from calibrator.temperatures import LiveTemperatures
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.rests import REFERENCE_BAND
 from stage_core.session import Series, Session, by_topic
 from stage_core.whole_file import replacing
 
-Array = NDArray[np.float64]
 BACK = 1_000_000_000
 """A reference that is earlier than the one before it by this [ns] begins another session."""
 

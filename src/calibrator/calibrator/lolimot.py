@@ -10,11 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibrator.models import model_from_dict
-from calibrator.models.base import Array, CalibrationModel
+from calibrator.models.base import CalibrationModel
 from calibrator.models.encoding import to_json
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.metrics import SIGMAS
 from stage_core.quantities import AXES

@@ -6,16 +6,14 @@ import copy
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrator.gain import held_out_gain
 from calibrator.models.adaptable import Adaptable
 from calibrator.models.base import CalibrationModel
 from calibrator.places import distinct_places
 from calibrator.prepare import FEWEST_PLACES
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 JUDGED_EVERY = 5
 """Each fifth sample is held out: judged with the prediction made before, never learned."""

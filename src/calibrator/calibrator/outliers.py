@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 WILD = 10.0
 """Deviations beyond which a sample is wild; ten times those that half of the samples keep."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
+
 Labels = NDArray[np.int64]
 
 REPEAT_GAP = 10.0

@@ -11,12 +11,11 @@ from calibrator.places import folds, judged_places, revisited
 from calibrator.samples import Samples
 from calibrator.temperatures import rates_at, readings_at
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.rests import REFERENCE_BAND, find_rests
 from stage_core.session import Session
-
-Array = NDArray[np.float64]
 
 INPUTS = ('reference', 'encoder')
 TARGETS = ('tracker', 'encoder', 'reference')

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from calibrator.models.base import CalibrationModel
 from calibrator.models.encoding import from_json, to_json
 from calibrator.thermal import DERIVATIVE_SPAN
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,11 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from calibrator.it2_sets import LOWEST_EXPONENT
 from calibrator.type_reduction import SIGN_BAND
+from stage_core.arrays import Array
 
-Array = NDArray[np.float64]
 Tag = tuple[int, ...]
 Firing = tuple[Array, Array, Array, Array]
 

@@ -6,16 +6,15 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrator.ring import Ring
 from calibrator.thermal import DERIVATIVE_SPAN, derivatives_at
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.session import Series, Session
 
-Array = NDArray[np.float64]
 Rates = tuple[float, float]
 """First and second derivative of a temperature [K/s], [K/s2]."""
 

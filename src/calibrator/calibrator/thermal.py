@@ -10,11 +10,9 @@ from __future__ import annotations
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 SETS = ('geometric', 'thermal', 'correlated', 'derivatives')
 """Groups of terms in the order of the paper's section V.B; each set holds those before it."""

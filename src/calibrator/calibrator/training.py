@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrator.gain import Gain, held_out_gain
 from calibrator.model_file import StoredModel, bag_hash
@@ -20,12 +19,11 @@ from calibrator.outliers import wild
 from calibrator.places import judged_places
 from calibrator.prepare import FEWEST_HELD, splits, told_apart
 from calibrator.samples import Samples
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.metrics import Metrics
 from stage_core.quantities import AXES
 from stage_core.session import Session
-
-Array = NDArray[np.float64]
 
 SESSIONS, HALVES = 'whole sessions are', 'half of the time is'
 BORDER = 'half of the places is'

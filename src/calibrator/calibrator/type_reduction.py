@@ -7,11 +7,9 @@ expressed by its effective weights: y = sum_j weights_j F_j, so that least squar
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 SIGN_BAND = 2e-9
 """Outputs closer to the mean than this share of it count as equal to it (sign 0).

@@ -6,13 +6,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrator.model_file import StoredModel, load
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 #: What has to stand in the announcement of an active model, and as what.
 ANNOUNCED: dict[str, type | tuple[type, ...]] = {
@@ -58,7 +56,7 @@ def inverse(
     readings: Mapping[str, float],
     rates: Mapping[str, tuple[float, float]],
     largest: float,
-) -> Callable[[FloatArray], FloatArray]:
+) -> Callable[[Array], Array]:
     """Map of wanted table points (n, 2) [m] to commands; the temperatures hold for all of them.
 
     Of a sensor that is not among the readings [degC] the mean of the training stands in. The map
@@ -66,7 +64,7 @@ def inverse(
     """
     row = stored.temperature_row(readings, rates)
 
-    def commands(points: FloatArray) -> FloatArray:
+    def commands(points: Array) -> Array:
         heat = None if row is None else np.tile(row, (len(points), 1))
         return stored.invert(points, None, heat, largest)
 

@@ -15,11 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 UPDATES = ('gradient', 'literal')
 
@@ -32,7 +30,7 @@ def _cell(layer: int, layers: int, cells: int, x: float, y: float) -> tuple[int,
 
 
 @njit(cache=True)
-def output(weights: FloatArray, x: float, y: float) -> float:
+def output(weights: Array, x: float, y: float) -> float:
     """Return U = sum of the active weights (eq. 3) at the input (x, y), both in [0, 1]."""
     layers, cells = weights.shape[0], weights.shape[1] - 1
     total = 0.0
@@ -44,7 +42,7 @@ def output(weights: FloatArray, x: float, y: float) -> float:
 
 @njit(cache=True)
 def update(
-    weights: FloatArray, x: float, y: float, increment: float, keep: float, limit: float
+    weights: Array, x: float, y: float, increment: float, keep: float, limit: float
 ) -> None:
     """Add `increment` / N_e to each active weight (eqs. 4 and 19), after a leak `keep` <= 1.
 
@@ -94,6 +92,6 @@ class CmacSettings:
         if not (self.rate >= 0.0 and self.leak >= 0.0 and self.limit > 0.0):
             raise StageError('CMAC rate and leak must not be negative, limit must be positive')
 
-    def empty_weights(self) -> FloatArray:
+    def empty_weights(self) -> Array:
         """Return zero weights (layers, cells + 1, cells + 1)."""
         return np.zeros((self.layers, self.cells + 1, self.cells + 1))

@@ -10,16 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from contour_ctrl.path import PathTable
-
-FloatArray = NDArray[np.float64]
+from stage_core.arrays import Array
 
 
 @njit(cache=True)
 def path_point(
-    values: FloatArray, step: float, closed: bool, s: float
+    values: Array, step: float, closed: bool, s: float
 ) -> tuple[float, float, float, float, float, float]:
     """Return x, y, x', y', x'', y'' of a path table at parameter s (quintic Hermite)."""
     cells = values.shape[0] - 1
@@ -37,7 +35,7 @@ def path_point(
 
 @njit(cache=True)
 def _hermite(
-    values: FloatArray, cell: int, axis: int, step: float, t: float
+    values: Array, cell: int, axis: int, step: float, t: float
 ) -> tuple[float, float, float]:
     c0 = values[cell, axis]
     c1 = values[cell, axis + 2] * step
@@ -56,7 +54,7 @@ def _hermite(
 
 @njit(cache=True)
 def parameter_estimate(
-    values: FloatArray, step: float, closed: bool, s: float, qx: float, qy: float, steps: int
+    values: Array, step: float, closed: bool, s: float, qx: float, qy: float, steps: int
 ) -> float:
     """Return the signed contour error [m] of (qx, qy), started at the reference's parameter s.
 
@@ -78,7 +76,7 @@ def parameter_estimate(
 
 @njit(cache=True)
 def osculating_estimate(
-    values: FloatArray, step: float, closed: bool, s: float, qx: float, qy: float
+    values: Array, step: float, closed: bool, s: float, qx: float, qy: float
 ) -> float:
     """Return the signed contour error [m] against the osculating circle at parameter s."""
     x, y, dx, dy, ddx, ddy = path_point(values, step, closed, s)
@@ -94,9 +92,7 @@ def osculating_estimate(
 
 
 @njit(cache=True)
-def estimates(
-    values: FloatArray, step: float, closed: bool, s: FloatArray, q: FloatArray, steps: int
-) -> FloatArray:
+def estimates(values: Array, step: float, closed: bool, s: Array, q: Array, steps: int) -> Array:
     """Return (n,) signed contour errors of points (n, 2) with reference parameters (n,)."""
     result = np.empty(len(s))
     for k in range(len(s)):
@@ -104,6 +100,6 @@ def estimates(
     return result
 
 
-def of_record(path: PathTable, arc: FloatArray, q: FloatArray) -> FloatArray:
+def of_record(path: PathTable, arc: Array, q: Array) -> Array:
     """Contour error (n,) [m] of measured points (n, 2), fully converged."""
     return estimates(path.values, path.step, path.closed, arc, np.ascontiguousarray(q), 12)

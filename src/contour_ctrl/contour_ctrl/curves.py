@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 from contour_ctrl import nurbs
 from hra_curves.arc_length import Curve
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 NAMES = ('circle', 'square', 'star', 'eight', 'freeform', 'nurbs', 'hra')
 
@@ -28,18 +27,18 @@ class CallableCurve:
     error is of the sixth order in the spacing.
     """
 
-    function: Callable[[FloatArray], FloatArray]
+    function: Callable[[Array], Array]
     domain: tuple[float, float]
     closed: bool = False
-    exact: Callable[[FloatArray, int], FloatArray] | None = None
+    exact: Callable[[Array, int], Array] | None = None
     samples: int = 2000
 
     @property
-    def breaks(self) -> FloatArray:
+    def breaks(self) -> Array:
         """(2,) the ends of the domain."""
         return np.array(self.domain)
 
-    def derivatives(self, parameter: ArrayLike, order: int) -> FloatArray:
+    def derivatives(self, parameter: ArrayLike, order: int) -> Array:
         """Return (order + 1, n, 2): the point [m] and its derivatives by the parameter."""
         u = np.clip(np.atleast_1d(np.asarray(parameter, dtype=float)), *self.domain)
         if self.exact is not None:
@@ -47,7 +46,7 @@ class CallableCurve:
         return np.stack([self._spline(u, nu) for nu in range(order + 1)])
 
     @cached_property
-    def _spline(self) -> Callable[..., FloatArray]:
+    def _spline(self) -> Callable[..., Array]:
         u = np.linspace(*self.domain, self.samples + 1)
         points = np.asarray(self.function(u), dtype=float)
         if points.shape != (len(u), 2) or not np.all(np.isfinite(points)):
@@ -153,7 +152,7 @@ def eight(width: float, height: float, centre: tuple[float, float] = (0.0, 0.0))
     _positive('height', height)
     middle = np.asarray(centre, dtype=float)
 
-    def exact(u: FloatArray, order: int) -> FloatArray:
+    def exact(u: Array, order: int) -> Array:
         result = np.empty((order + 1, len(u), 2))
         for k in range(order + 1):
             result[k, :, 0] = 0.5 * width * np.sin(u + 0.5 * np.pi * k)
@@ -217,13 +216,13 @@ def check_regular(curve: Curve) -> None:
             )
 
 
-def _turn(before: FloatArray, after: FloatArray) -> FloatArray:
+def _turn(before: Array, after: Array) -> Array:
     """Angle [rad] from the first direction to the second."""
     cross = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
     return np.arctan2(cross, np.sum(before * after, axis=-1))
 
 
-def _smallest_radius(blend: FloatArray) -> float:
+def _smallest_radius(blend: Array) -> float:
     """Smallest radius of curvature of one quintic Bezier segment (6, 2)."""
     piece = nurbs.bezier_chain(blend[None])
     first, second = piece.derivatives(np.linspace(*piece.domain, 401), 2)[1:]
@@ -231,7 +230,7 @@ def _smallest_radius(blend: FloatArray) -> float:
     return float(1.0 / np.max(bend / np.linalg.norm(first, axis=1) ** 3))
 
 
-def _line(start: FloatArray, stop: FloatArray) -> FloatArray:
+def _line(start: Array, stop: Array) -> Array:
     share = np.linspace(0.0, 1.0, 6)[:, None]
     return start + share * (stop - start)
 

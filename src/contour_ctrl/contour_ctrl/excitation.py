@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contour_ctrl.feedrate import AxisLimits, SCurve
 from contour_ctrl.reference import Reference
 from contour_ctrl.timed import free_motion
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 #: Pauses between moves, so that stiction shows [s].
 PAUSE = 0.1
@@ -89,8 +87,8 @@ def excitation(
 
 
 def _straight(
-    start: FloatArray, stop: FloatArray, speed: float, period: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    start: Array, stop: Array, speed: float, period: float
+) -> tuple[Array, Array, Array]:
     length = float(np.linalg.norm(stop - start))
     direction = (stop - start) / length
     profile = SCurve.plan(length, speed, *RAMP)
@@ -104,8 +102,8 @@ def _straight(
 
 
 def _multisine(
-    reach: FloatArray, duration: float, period: float, limits: AxisLimits, seed: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    reach: Array, duration: float, period: float, limits: AxisLimits, seed: int
+) -> tuple[Array, Array, Array]:
     generator = np.random.default_rng(seed)
     omega = 2.0 * np.pi * np.array(FREQUENCIES)
     share = 0.5 / len(omega)
@@ -127,9 +125,9 @@ def _sines(
     duration: float,
     period: float,
     frequencies: Sequence[float],
-    amplitude: FloatArray,
-    phase: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    amplitude: Array,
+    phase: Array,
+) -> tuple[Array, Array, Array]:
     """Sum of sines on each axis that fades in and out; amplitude [m] and phase are (2, k)."""
     time = period * np.arange(int(np.ceil(duration / period)) + 1)
     edge = np.clip(np.minimum(time, time[-1] - time) / FADE, 0.0, 1.0)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.quantities import AXES
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -27,9 +26,7 @@ class AxisLimits:
             if not all(np.isfinite(value) and value > 0.0 for value in values):
                 raise StageError(f'the axis limit of {name} must be positive, not {values}')
 
-    def excess(
-        self, velocity: FloatArray, acceleration: FloatArray, jerk: FloatArray
-    ) -> tuple[float, str, int]:
+    def excess(self, velocity: Array, acceleration: Array, jerk: Array) -> tuple[float, str, int]:
         """Return the largest ratio of need to limit, the limit's name, and its tick."""
         worst, name, tick = 0.0, '', 0
         for quantity, unit, values, limits in (
@@ -60,7 +57,7 @@ class SCurve:
     length: float
     feed: float
     jerk: float
-    durations: FloatArray
+    durations: Array
 
     @staticmethod
     def plan(length: float, feed: float, acceleration: float, jerk: float) -> SCurve:
@@ -91,7 +88,7 @@ class SCurve:
         """Total time [s]."""
         return float(self.durations.sum())
 
-    def at(self, time: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def at(self, time: ArrayLike) -> tuple[Array, Array, Array]:
         """Return arc [m], feed [m/s] and tangential acceleration [m/s^2] at times (n,) [s]."""
         t = np.clip(np.atleast_1d(np.asarray(time, dtype=float)), 0.0, self.duration)
         signs = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0]) * self.jerk
@@ -104,7 +101,7 @@ class SCurve:
         return np.clip(arc, 0.0, self.length), np.maximum(feed, 0.0), acceleration
 
 
-def _integrate(state: FloatArray, jerk: FloatArray, time: FloatArray) -> FloatArray:
+def _integrate(state: Array, jerk: Array, time: Array) -> Array:
     """Advance (position, speed, acceleration) by a constant jerk for `time`."""
     position, speed, acceleration = state
     return np.stack(

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from stage_core.arrays import Array
 from stage_core.metrics import Metrics
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -29,6 +25,6 @@ class Figures:
         )
 
 
-def figures(tracking: FloatArray, contour: FloatArray) -> Figures:
+def figures(tracking: Array, contour: Array) -> Figures:
     """Eqs. 13, 31 and 32 of tracking errors (n, 2) and contour errors (n,) [m]."""
     return Figures(Metrics.of(tracking[:, 0]), Metrics.of(tracking[:, 1]), Metrics.of(contour))

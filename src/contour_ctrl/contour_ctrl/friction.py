@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class LuGre:
         if self.damping < 0.0 or self.viscous < 0.0:
             raise StageError(f'LuGre damping and viscous must not be negative: {self}')
 
-    def packed(self) -> FloatArray:
+    def packed(self) -> Array:
         """Return (6,) for the kernels."""
         return np.array(
             [
@@ -50,7 +48,7 @@ class LuGre:
 
 @njit(cache=True)
 def lugre_step(
-    parameters: FloatArray, deflection: float, velocity: float, period: float
+    parameters: Array, deflection: float, velocity: float, period: float
 ) -> tuple[float, float]:
     """Advance one tick: return the new bristle deflection [m] and the force [N].
 
@@ -69,7 +67,7 @@ def lugre_step(
 
 
 @njit(cache=True)
-def lugre_force(parameters: FloatArray, velocity: FloatArray, period: float) -> FloatArray:
+def lugre_force(parameters: Array, velocity: Array, period: float) -> Array:
     """Friction force (n,) [N] along a velocity record (n,), bristles relaxed at the start."""
     force = np.empty(len(velocity))
     deflection = 0.0

@@ -26,11 +26,10 @@ from contour_ctrl.friction_estimate import (
     refuse_useless,
 )
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.errors import StageError, command_line
 from stage_core.metrics import Metrics
 from stage_core.session import Session
-
-FloatArray = NDArray[np.float64]
 
 #: Bounds of F_s/F_c - 1 and v_s [m/s], and of the presliding distance [m].
 LOWER, UPPER = np.array([1e-3, 1e-4]), np.array([4.0, 0.1])
@@ -53,11 +52,11 @@ UNITS = {'coulomb': 'N', 'static': 'N', 'stribeck_velocity': 'm/s', 'stiffness':
 
 
 def identify(
-    position: FloatArray,
-    effort: FloatArray,
+    position: Array,
+    effort: Array,
     period: float,
     smoothing: float = 0.005,
-    extra: FloatArray | None = None,
+    extra: Array | None = None,
 ) -> FrictionEstimate:
     """Fit the force balance to one axis.
 
@@ -120,7 +119,7 @@ def _left_without(balance: _Balance) -> float:
 
 
 def _stiffness(
-    ways: FloatArray, static: float, coulomb: float, left_over: Callable[[float], float]
+    ways: Array, static: float, coulomb: float, left_over: Callable[[float], float]
 ) -> tuple[float, float]:
     """Stiffness of the bristle, and its standard deviation as a share of it.
 
@@ -145,16 +144,16 @@ class _Balance:
     read at all, and those that neither stand nor reverse; `width` [ticks] of the smoothing.
     """
 
-    place: FloatArray
-    velocity: FloatArray
-    target: FloatArray
-    base: FloatArray
+    place: Array
+    velocity: Array
+    target: Array
+    base: Array
     inside: NDArray[np.bool_]
     sliding: NDArray[np.bool_]
     period: float
     width: float
 
-    def design(self, shape: FloatArray, presliding: float, used: NDArray[np.bool_]) -> FloatArray:
+    def design(self, shape: Array, presliding: float, used: NDArray[np.bool_]) -> Array:
         """Columns of the balance with friction of Coulomb force one; rows of the ticks `used`.
 
         `shape` holds the logarithms of F_s/F_c - 1 and v_s.
@@ -166,11 +165,11 @@ class _Balance:
 
 
 def _balance(
-    position: FloatArray,
-    effort: FloatArray,
+    position: Array,
+    effort: Array,
     period: float,
     smoothing: float,
-    extra: FloatArray | None,
+    extra: Array | None,
 ) -> _Balance:
     """The balance of a record; arguments and errors of `identify`."""
     width = max(smoothing / period, 1.0)
@@ -202,11 +201,11 @@ def _balance(
     return _Balance(place, velocity, target, base, inside, sliding, period, width)
 
 
-def _shape_of_sliding(balance: _Balance) -> FloatArray:
+def _shape_of_sliding(balance: _Balance) -> Array:
     """Logarithms of F_s/F_c - 1 and v_s that leave the least force while sliding."""
     target = balance.target[balance.sliding]
 
-    def residual(shape: FloatArray) -> FloatArray:
+    def residual(shape: Array) -> Array:
         matrix = balance.design(shape, TYPICAL_PRESLIDING, balance.sliding)
         return np.asarray(target - matrix @ _solve(matrix, target))
 
@@ -226,7 +225,7 @@ def _shape_of_sliding(balance: _Balance) -> FloatArray:
     return np.asarray(min(fits, key=lambda fit: float(fit.cost)).x)
 
 
-def _spreads(matrix: FloatArray, left: FloatArray, width: float) -> dict[str, float]:
+def _spreads(matrix: Array, left: Array, width: float) -> dict[str, float]:
     """Standard deviations of mass, viscous part, offset and Coulomb force."""
     # Smoothing leaves about one independent residual per filter length.
     spread = np.sqrt(np.diag(np.linalg.pinv(matrix.T @ matrix)) * np.var(left) * 3.5 * width)
@@ -234,9 +233,7 @@ def _spreads(matrix: FloatArray, left: FloatArray, width: float) -> dict[str, fl
     return {name: float(spread[index]) for name, index in names.items()}
 
 
-def _presliding(
-    balance: _Balance, friction: FloatArray, static: float, speed: float
-) -> FloatArray:
+def _presliding(balance: _Balance, friction: Array, static: float, speed: float) -> Array:
     """Presliding distances F_s / sigma_0 (k,) [m] of the slow reversals of a record.
 
     While the friction goes from -a F_s to a F_s, eq. 6 with v << v_s gives the way
@@ -288,7 +285,7 @@ def identify_session(session: Session) -> dict[str, FrictionEstimate | NoFrictio
     return found
 
 
-def _solve(matrix: FloatArray, target: FloatArray) -> FloatArray:
+def _solve(matrix: Array, target: Array) -> Array:
     """Least squares with scaled columns: accelerations and offsets differ by decades."""
     scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0.0] = 1.0

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.twin_file import ServoAxis
 
-FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 FILTER_ORDER = 2
 
 
-def zero_phase_lowpass(signal: FloatArray, cutoff: float, period: float) -> FloatArray:
+def zero_phase_lowpass(signal: Array, cutoff: float, period: float) -> Array:
     """Filter (n,) or (n, 2) forwards and backwards: Q of eq. 11, no phase shift.
 
     A Butterworth filter of second order, run twice: -6 dB at `cutoff` [Hz].
@@ -33,13 +33,13 @@ def zero_phase_lowpass(signal: FloatArray, cutoff: float, period: float) -> Floa
 
 
 def p_type_update(
-    learned: FloatArray,
-    error: FloatArray,
-    gain: FloatArray | float,
+    learned: Array,
+    error: Array,
+    gain: Array | float,
     cutoff: float,
     period: float,
     lead: int = 0,
-) -> FloatArray:
+) -> Array:
     """Return Q[u_j(k) + L e_j(k + lead)] (eq. 11; eqs. 26 and 30).
 
     Parameters
@@ -58,7 +58,7 @@ def p_type_update(
 
 
 def convergence_factor(
-    impulse: FloatArray, gain: float, cutoff: float, period: float, lead: int = 0
+    impulse: Array, gain: float, cutoff: float, period: float, lead: int = 0
 ) -> float:
     """Return max over frequency of |Q (1 - L z^lead G)|: the error shrinks where it is < 1.
 
@@ -70,9 +70,7 @@ def convergence_factor(
     return float(np.max(_response_of_q(frequency, cutoff, period) * np.abs(1.0 - gain * ahead)))
 
 
-def design(
-    impulse: FloatArray, gain: float, period: float, factor: float = 0.5
-) -> tuple[int, float]:
+def design(impulse: Array, gain: float, period: float, factor: float = 0.5) -> tuple[int, float]:
     """Return the lead [ticks] and the cutoff [Hz] that this closed loop can learn with.
 
     The highest cutoff, in steps of 5 Hz, at which some lead makes every frequency's error
@@ -101,9 +99,7 @@ def design(
     return found
 
 
-def closed_loop_impulse(
-    axis: ServoAxis, position_gain: float, period: float, count: int
-) -> FloatArray:
+def closed_loop_impulse(axis: ServoAxis, position_gain: float, period: float, count: int) -> Array:
     """Position (count,) [m] of the nominal axis after a velocity command of 1 m/s for one tick.
 
     The loop of interfaces.md, "Servo controller", without quantisation and force limit:
@@ -133,7 +129,7 @@ def closed_loop_impulse(
     return result
 
 
-def _response(impulse: FloatArray, period: float) -> tuple[FloatArray, ComplexArray]:
+def _response(impulse: Array, period: float) -> tuple[Array, ComplexArray]:
     """Frequencies (m,) [Hz] and the closed loop's response (m,) at them."""
     from scipy.fft import next_fast_len, rfft
 
@@ -141,7 +137,7 @@ def _response(impulse: FloatArray, period: float) -> tuple[FloatArray, ComplexAr
     return np.asarray(np.fft.rfftfreq(size, period), dtype=float), np.asarray(rfft(impulse, size))
 
 
-def _response_of_q(frequency: FloatArray, cutoff: float, period: float) -> FloatArray:
+def _response_of_q(frequency: Array, cutoff: float, period: float) -> Array:
     """Q at frequencies (m,) [Hz]: the filter's power response, since it runs twice."""
     from scipy.signal import sosfreqz
 
@@ -149,7 +145,7 @@ def _response_of_q(frequency: FloatArray, cutoff: float, period: float) -> Float
     return np.asarray(np.abs(once) ** 2)
 
 
-def _filter(cutoff: float, period: float) -> FloatArray:
+def _filter(cutoff: float, period: float) -> Array:
     from scipy.signal import butter
 
     if not 0.0 < cutoff < 0.5 / period:

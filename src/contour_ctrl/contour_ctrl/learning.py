@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contour_ctrl import ilc
 from contour_ctrl.reinforcement import LearningRate
 from contour_ctrl.ringing import OSCILLATES, RINGS, own_swing, ringing
 from contour_ctrl.tick import EX, Controller
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 #: Correlation of a growing error with the change of the signal beyond which the learning made it:
 #: 0.7 to 0.9 under a wrong model, 0.1 to 0.3 after a push (`benchmarks/paper3_tables.py --peers`).
@@ -82,11 +80,11 @@ class Lap:
     `weights` are the CMAC's at its end, `began` those at its beginning.
     """
 
-    rms: FloatArray
-    error: FloatArray
-    signal: FloatArray
-    weights: FloatArray
-    began: FloatArray
+    rms: Array
+    error: Array
+    signal: Array
+    weights: Array
+    began: Array
 
 
 @dataclass
@@ -121,8 +119,8 @@ class Learner:
         self.factors: list[tuple[float, float]] = []
         self.returns: list[bool] = []
         #: Weights of the CMAC as the iteration at hand began; None: empty.
-        self.began: FloatArray | None = None
-        self._last: FloatArray | None = None
+        self.began: Array | None = None
+        self._last: Array | None = None
         self._repeated = self._distrusted = False
         self._regulate()
 
@@ -150,7 +148,7 @@ class Learner:
         if self.guarded:
             controller.freeze_cmac()
 
-    def learn(self, error: FloatArray, weights: FloatArray) -> FloatArray:
+    def learn(self, error: Array, weights: Array) -> Array:
         """Take the tracking error (n, 2) [m] of an iteration; return the next signal (n, 2).
 
         `weights` of the CMAC are put back where the best iteration returns.
@@ -179,7 +177,7 @@ class Learner:
         self._update(lap)
         return self.learned
 
-    def _widen(self, error: FloatArray) -> None:
+    def _widen(self, error: Array) -> None:
         """Learn up to a higher frequency, but stay below a swing that is the loop's own.
 
         The CMAC changes until the second iteration, and the signal in one that grew.
@@ -190,7 +188,7 @@ class Learner:
                 self.widest = min(self.widest, NARROWER * swing)
         self.band = min(self.widest, self.band * (WIDER if self.band < 0.5 else LAST_WIDER))
 
-    def _oscillates(self, error: FloatArray, controller: Controller) -> bool:
+    def _oscillates(self, error: Array, controller: Controller) -> bool:
         """Whether the first iteration is no measure of the loop; a CMAC that rings is forgotten.
 
         Raises
@@ -207,7 +205,7 @@ class Learner:
             raise unstable[0].refusal()
         return bool(unstable)
 
-    def _lap(self, error: FloatArray, weights: FloatArray) -> Lap:
+    def _lap(self, error: Array, weights: Array) -> Lap:
         began = np.zeros_like(weights) if self.began is None else self.began
         self.began = weights.copy()
         rms = np.sqrt(np.mean(error**2, axis=0))
@@ -230,7 +228,7 @@ class Learner:
             return True
         return bool(np.any(lap.began != best.began))
 
-    def _return_to(self, best: Lap, weights: FloatArray) -> None:
+    def _return_to(self, best: Lap, weights: Array) -> None:
         self.returns[-1] = True
         self.rate *= 0.5
         self.widest = min(self.widest, WIDEST * self.band)
@@ -259,7 +257,7 @@ class Learner:
         self.factors.append((factors[0], factors[1]))
 
 
-def _following(cause: FloatArray, effect: FloatArray, longest: int) -> tuple[int, float]:
+def _following(cause: Array, effect: Array, longest: int) -> tuple[int, float]:
     """Delay [ticks] up to `longest` at which (n,) follows (n,) most, and the correlation there."""
     longest = min(longest, len(cause) - 1)
     products = [float(cause[: len(cause) - k] @ effect[k:]) for k in range(longest + 1)]

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from math import comb
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -31,9 +30,9 @@ class NurbsCurve:
     """
 
     degree: int
-    knots: FloatArray
-    control_points: FloatArray
-    weights: FloatArray | None = None
+    knots: Array
+    control_points: Array
+    weights: Array | None = None
     _spline: BSpline = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -70,7 +69,7 @@ class NurbsCurve:
         return float(self.knots[self.degree]), float(self.knots[-self.degree - 1])
 
     @property
-    def breaks(self) -> FloatArray:
+    def breaks(self) -> Array:
         """(k,) distinct knots of the domain, where the smoothness may drop."""
         first, last = self.domain
         return np.unique(np.clip(self.knots, first, last))
@@ -82,7 +81,7 @@ class NurbsCurve:
         span = np.ptp(self.control_points, axis=0).max()
         return bool(np.linalg.norm(ends[1] - ends[0]) <= 1e-9 * span)
 
-    def derivatives(self, parameter: ArrayLike, order: int) -> FloatArray:
+    def derivatives(self, parameter: ArrayLike, order: int) -> Array:
         """Return (order + 1, n, 2): the point and its derivatives by the parameter.
 
         The quotient rule on the homogeneous curve (Piegl and Tiller, The NURBS Book, eq. 4.8).
@@ -101,7 +100,7 @@ class NurbsCurve:
         return result
 
 
-def bezier_chain(segments: FloatArray) -> NurbsCurve:
+def bezier_chain(segments: Array) -> NurbsCurve:
     """Join Bezier segments (m, p + 1, 2) [m] end to end into one NURBS of degree p.
 
     The parameter grows by each segment's chord, so that its speed stays near 1 m per unit.

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from hra_curves.arc_length import ArcLength, Curve
-
-FloatArray = NDArray[np.float64]
+from stage_core.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class PathTable:
     """
 
     step: float
-    values: FloatArray
+    values: Array
     closed: bool
 
     @property
@@ -49,13 +47,13 @@ class PathTable:
         )
 
     @staticmethod
-    def from_points(points: FloatArray, length: float, closed: bool) -> PathTable:
+    def from_points(points: Array, length: float, closed: bool) -> PathTable:
         """Make a table from (m, 2) points that are equally spaced in the parameter."""
         step = length / (len(points) - 1)
         return PathTable(step, np.column_stack(sampled_derivatives(points, step)), closed)
 
 
-def sampled_derivatives(values: FloatArray, step: float) -> tuple[FloatArray, ...]:
+def sampled_derivatives(values: Array, step: float) -> tuple[Array, ...]:
     """Return values, first and second derivative, (n, 2) each, of equally spaced samples.
 
     They come from the quintic spline through the samples.
@@ -65,9 +63,7 @@ def sampled_derivatives(values: FloatArray, step: float) -> tuple[FloatArray, ..
     return values, spline(grid, 1), spline(grid, 2)
 
 
-def arc_derivatives(
-    curve: Curve, parameter: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def arc_derivatives(curve: Curve, parameter: Array) -> tuple[Array, Array, Array]:
     """Return point, unit tangent and curvature vector dT/ds, (n, 2) each."""
     position, first, second = curve.derivatives(parameter, 2)
     speed = np.linalg.norm(first, axis=1, keepdims=True)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from contour_ctrl.contour_error import of_record
@@ -15,9 +14,8 @@ from contour_ctrl.curves import check_regular
 from contour_ctrl.feedrate import AxisLimits, SCurve
 from contour_ctrl.path import PathTable, arc_derivatives, sampled_derivatives
 from hra_curves.arc_length import ArcLength, Curve
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,11 +44,11 @@ class Reference:
     """
 
     period: float
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    angle: FloatArray
-    arc: FloatArray
+    position: Array
+    velocity: Array
+    acceleration: Array
+    angle: Array
+    arc: Array
     path: PathTable | None
     feed: float
     fluctuation: float
@@ -71,7 +69,7 @@ class Reference:
         ticks = np.round(self.position * 1e9).astype(np.int64)
         return hashlib.sha256(ticks.tobytes() + repr(self.period).encode()).hexdigest()
 
-    def contour_errors(self, measured: FloatArray) -> FloatArray:
+    def contour_errors(self, measured: Array) -> Array:
         """Contour error (n,) [m] of the encoder (n, 2) at each tick.
 
         A motion without a path has no nearest point: its error is taken across its direction.
@@ -81,7 +79,7 @@ class Reference:
         x, y = (self.position - measured).T
         return -np.sin(self.angle) * x + np.cos(self.angle) * y
 
-    def corrected(self, invert: Callable[[FloatArray], FloatArray]) -> Reference:
+    def corrected(self, invert: Callable[[Array], Array]) -> Reference:
         """Reference in stage coordinates: `invert` maps wanted table points (n, 2) to them.
 
         Velocity and acceleration follow from the corrected points, and the path with them.
@@ -112,9 +110,7 @@ class Reference:
             wanted=self.digest(),
         )
 
-    def braked(
-        self, tick: int, stop_time: float, learned: FloatArray
-    ) -> tuple[Reference, FloatArray]:
+    def braked(self, tick: int, stop_time: float, learned: Array) -> tuple[Reference, Array]:
         """Reference from `tick` that comes to rest on the same path within `stop_time` [s].
 
         Also returns the `learned` signal (n, 2) on the slowed clock, fading with the rate.
@@ -131,7 +127,7 @@ class Reference:
         grid = np.arange(len(self), dtype=float)[window]
         clock = np.minimum(clock, grid[-1])
 
-        def at(values: FloatArray) -> FloatArray:
+        def at(values: Array) -> Array:
             return make_interp_spline(grid, values[window], k=3)(clock)
 
         velocity = at(self.velocity) * rate[:, None]

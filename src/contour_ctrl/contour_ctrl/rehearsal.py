@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contour_ctrl.figures import Figures, figures
 from contour_ctrl.learning import Learner
 from contour_ctrl.tick import EX, QX, Controller, tick
+from stage_core.arrays import Array
 from stage_core.twin_file import TwinFile
 from stage_twin.compiled import compiled
 from stage_twin.kernel import (
@@ -20,18 +20,16 @@ from stage_twin.kernel import (
 )
 from stage_twin.packing import KernelArrays, Work, pack
 
-FloatArray = NDArray[np.float64]
-
 
 @compiled
 def _run(
     machine: KernelArrays,
     work: Work,
-    external: FloatArray,
-    force: FloatArray,
-    start: FloatArray,
-    command: FloatArray,
-    arrays: tuple[FloatArray, ...],
+    external: Array,
+    force: Array,
+    start: Array,
+    command: Array,
+    arrays: tuple[Array, ...],
 ) -> None:
     axes, period = machine.axes, machine.period
     count = force.shape[1]
@@ -63,7 +61,7 @@ class Rehearsal:
     def __init__(self, twin: TwinFile) -> None:
         self.machine: KernelArrays = pack(twin)
 
-    def run(self, controller: Controller, external: FloatArray | None = None) -> Figures:
+    def run(self, controller: Controller, external: Array | None = None) -> Figures:
         """Run once; the record stays in `controller.record`.
 
         `external` (n, 2) [N] acts on the moving masses. Figures use the exact contour error.
@@ -88,7 +86,7 @@ class Rehearsal:
         controller: Controller,
         learner: Learner | None,
         iterations: int,
-        external: list[FloatArray] | None = None,
+        external: list[Array] | None = None,
     ) -> list[Figures]:
         """Run `iterations` times, learning in between; `external` holds one array per run."""
         results = []

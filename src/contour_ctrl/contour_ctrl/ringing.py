@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contour_ctrl.tick import Controller
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.quantities import AXES
-
-FloatArray = NDArray[np.float64]
 
 #: Above the frequencies of a contour [Hz], within a band of this half width [Hz] about its peak.
 ABOVE, BAND = 7.0, 2.0
@@ -51,7 +50,7 @@ class Ringing:
         )
 
 
-def ringing(error: FloatArray, controller: Controller) -> list[Ringing]:
+def ringing(error: Array, controller: Controller) -> list[Ringing]:
     """Swing of each axis in the tracking error (n, 2) [m] that the controller recorded."""
     reference = controller.reference
     found = []
@@ -64,7 +63,7 @@ def ringing(error: FloatArray, controller: Controller) -> list[Ringing]:
     return found
 
 
-def own_swing(error: FloatArray, before: FloatArray, period: float) -> float:
+def own_swing(error: Array, before: Array, period: float) -> float:
     """Lowest frequency [Hz] at which the loop swings by itself; infinite where it does not.
 
     A narrow swing whose phase is another one than that of the iteration before, errors (n, 2) [m].
@@ -77,7 +76,7 @@ def own_swing(error: FloatArray, before: FloatArray, period: float) -> float:
     return lowest
 
 
-def _peak(error: FloatArray, period: float) -> tuple[float, float, float]:
+def _peak(error: Array, period: float) -> tuple[float, float, float]:
     """Frequency [Hz] of the largest swing of (n,), its share of the power, and the power."""
     frequency, spectrum = _spectrum(error, period)
     power = np.where(frequency < ABOVE, 0.0, np.abs(spectrum) ** 2)
@@ -86,7 +85,7 @@ def _peak(error: FloatArray, period: float) -> tuple[float, float, float]:
     return peak, near / max(total, 1e-300), total
 
 
-def _repeats(error: FloatArray, before: FloatArray, peak: float, period: float) -> float:
+def _repeats(error: Array, before: Array, peak: float, period: float) -> float:
     """Correlation of two errors (n,) about a frequency [Hz]."""
     frequency, first = _spectrum(before, period)
     near = np.abs(frequency - peak) <= BAND
@@ -95,7 +94,7 @@ def _repeats(error: FloatArray, before: FloatArray, peak: float, period: float) 
     return float(np.vdot(first, second).real) / size if size > 0.0 else 0.0
 
 
-def _spectrum(error: FloatArray, period: float) -> tuple[FloatArray, NDArray[np.complex128]]:
+def _spectrum(error: Array, period: float) -> tuple[Array, NDArray[np.complex128]]:
     """Frequencies [Hz] and windowed spectrum of (n,)."""
     spectrum = np.fft.rfft(error * np.hanning(len(error)))
     return np.asarray(np.fft.rfftfreq(len(error), period)), np.asarray(spectrum)

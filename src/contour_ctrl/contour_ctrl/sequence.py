@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contour_ctrl.curves import circle
 from contour_ctrl.figures import Figures, figures
@@ -17,10 +16,9 @@ from contour_ctrl.phases import Pair, Phase, RunSettings, SetPoint
 from contour_ctrl.reference import plan
 from contour_ctrl.tick import EX, QX, Controller, Gains
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import NANOSECONDS
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 #: At rest: moved less than this [m] for this long [s]. The position loop takes 0.35 s to forget
 #: the lag of the move to the start; a contour that begins earlier begins with an error of its own.
@@ -144,7 +142,7 @@ class ContourRun:
             'is stage_driver running, enabled and homed?'
         )
 
-    def newest_record(self) -> FloatArray:
+    def newest_record(self) -> Array:
         """Return the row of the last tick: encoder, tracking error, contour errors."""
         return self._active.record[self.tick]
 
@@ -317,7 +315,7 @@ class ContourRun:
         self.success, self.message = success, message
 
 
-def _pair(values: FloatArray) -> Pair:
+def _pair(values: Array) -> Pair:
     return float(values[0]), float(values[1])
 
 

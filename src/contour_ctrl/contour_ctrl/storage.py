@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.untrusted import json_object
 from stage_core.whole_file import replacing
-
-FloatArray = NDArray[np.float64]
 
 FORMAT = 'contour-learning/1'
 #: What a file that is no archive of arrays raises.
@@ -28,8 +26,8 @@ class Learned:
 
     contour: str
     machine: str
-    signal: FloatArray
-    weights: FloatArray
+    signal: Array
+    weights: Array
 
 
 def file_of(folder: str | Path, contour: str, machine: str, scheme: str) -> Path:

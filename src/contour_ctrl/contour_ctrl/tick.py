@@ -10,16 +10,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numba import float64, int64, njit, typeof
-from numpy.typing import NDArray
 
 from contour_ctrl import cmac
 from contour_ctrl.cmac import CmacSettings
 from contour_ctrl.contour_error import parameter_estimate
 from contour_ctrl.friction import LuGre, lugre_step
 from contour_ctrl.reference import Reference
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 # Columns of the table of ticks.
 RX, VX, AX, ANGLE, ARC = 0, 2, 4, 6, 7
@@ -36,7 +34,7 @@ RECORD = 6
 
 @njit(cache=True)
 def _against_friction(
-    axis: int, velocity: float, settings: FloatArray, friction: FloatArray, memory: FloatArray
+    axis: int, velocity: float, settings: Array, friction: Array, memory: Array
 ) -> float:
     """Velocity that makes the PI velocity loop put out exactly the force of the LuGre model."""
     memory[BRISTLE + axis], force = lugre_step(
@@ -52,15 +50,15 @@ def tick(
     k: int,
     qx: float,
     qy: float,
-    table: FloatArray,
-    path: FloatArray,
-    settings: FloatArray,
-    learned: FloatArray,
-    weights: FloatArray,
-    friction: FloatArray,
-    memory: FloatArray,
-    record: FloatArray,
-    command: FloatArray,
+    table: Array,
+    path: Array,
+    settings: Array,
+    learned: Array,
+    weights: Array,
+    friction: Array,
+    memory: Array,
+    record: Array,
+    command: Array,
 ) -> None:
     """Compute the velocity command of tick k from the encoder (qx, qy) into `command` (2,).
 
@@ -223,7 +221,7 @@ class Controller:
         """Keep the CMAC's weights as they are from now on."""
         self.settings[RATE], self.settings[KEEP] = 0.0, 1.0
 
-    def tick(self, k: int, qx: float, qy: float) -> FloatArray:
+    def tick(self, k: int, qx: float, qy: float) -> Array:
         """Return vc (2,) [m/s] of tick k; the array is overwritten by the next tick."""
         tick(k, qx, qy, *self.arrays)
         return self.command

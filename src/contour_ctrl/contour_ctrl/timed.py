@@ -5,21 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.reference import LONGEST, Reference
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-FloatArray = NDArray[np.float64]
 
 COLUMNS = 't,x,y'
 
 
-def free_motion(
-    period: float, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
-) -> Reference:
+def free_motion(period: float, position: Array, velocity: Array, acceleration: Array) -> Reference:
     """Reference of a motion (n, 2) that follows no contour: it has no path."""
     return Reference(
         period=period,
@@ -55,7 +51,7 @@ def from_text(text: str, origin: str, period: float, limits: AxisLimits) -> Refe
     return free_motion(period, position, velocity, acceleration)
 
 
-def _table(text: str, origin: str) -> tuple[FloatArray, FloatArray]:
+def _table(text: str, origin: str) -> tuple[Array, Array]:
     """Times (n,) [s] and positions (n, 2) [m]."""
     head, _, body = text.partition('\n')
     remedy = f'give a first line {COLUMNS} and rows of numbers in s and m'

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
@@ -53,8 +52,6 @@ from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import link_of
 from stage_twin.packing import pack
-
-Array = NDArray[np.float64]
 
 
 def silent(message: str) -> None:

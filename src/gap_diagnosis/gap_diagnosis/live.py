@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from gap_diagnosis.closed_loop.replay import declared_commands
 from gap_diagnosis.input.data import Record, motion_step
 from gap_diagnosis.input.ticks import machine_clock, tick_numbers
+from stage_core.arrays import Array
 from stage_core.frames import RigidTransform
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
-
-Array = NDArray[np.float64]
 
 BACK = 10**9  # ns by which stamps may run backwards before another session has begun
 MOST_WINDOWS = 2  # windows of messages that are kept while a topic is silent: 3 MiB each

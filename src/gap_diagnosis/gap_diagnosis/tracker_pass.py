@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gap_diagnosis.input import coarse
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.memory import Memory
@@ -26,9 +23,8 @@ from gap_diagnosis.selection.parts import (
     fit_part,
 )
 from gap_diagnosis.selection.rivals import find_rivals
+from stage_core.arrays import Array
 from stage_twin.effects import seen_by_tracker
-
-Array = NDArray[np.float64]
 
 
 def tracker_part(

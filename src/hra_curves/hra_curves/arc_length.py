@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
-Array = NDArray[np.float64]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _BISECTIONS = 60
 #: Arc lengths that are inverted together: what they need stays in the processor's cache.

@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
+
 RADIUS = 1e-3
 SAMPLES = 400
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hra_curves.bases import Basis
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
 try:
@@ -15,7 +16,6 @@ try:
 except ImportError:  # pragma: no cover - a run-time installation without the oracle
     mpmath = None
 
-Array = NDArray[np.float64]
 DIGITS = 100
 Table = list[list[Any]]
 

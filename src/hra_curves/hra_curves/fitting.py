@@ -7,15 +7,15 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hra_curves.bases import Basis, Bernstein
 from hra_curves.curve import HraCurve
 from hra_curves.factorisation import check_nodes, factorise
 from hra_curves.solvers import least_squares, solve
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
-Array = NDArray[np.float64]
 PLACEMENTS = ('closed', 'interior', 'chebyshev')
 
 

@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, make_lsq_spline
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
-Array = NDArray[np.float64]
 Evaluator = Callable[[Array], Array]
 
 

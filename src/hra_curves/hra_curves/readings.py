@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from hra_curves.bases import Basis, Trigonometric
 from hra_curves.cycloid import cycloid, error_at_equal_parameter, error_to_the_curve
 from hra_curves.printing import Entry
 from hra_curves.tables import BASIS_1, MICRO, TABLE_3, TURN, differs, hra_cycloid
-
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 
 def polyline_errors(count: int, interval: int) -> dict[str, float]:

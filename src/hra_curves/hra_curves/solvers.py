@@ -6,13 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hra_curves import kernels
 from hra_curves.factorisation import Bidiagonal
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 
 def _right_hand_side(matrix: Bidiagonal, values: ArrayLike) -> Array:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from hra_curves import exact, peers
@@ -17,8 +16,8 @@ from hra_curves.factorisation import collocation_matrix, factorise
 from hra_curves.fitting import parameter_nodes
 from hra_curves.printing import Entry
 from hra_curves.solvers import least_squares, solve
+from stage_core.arrays import Array
 
-Array = NDArray[np.float64]
 TURN = 2.0 * math.pi
 MICRO = 1e6
 TOLERANCE = 0.05e-6

@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from hra_curves.cycloid import cycloid, nearest_points
 from hra_curves.peers import Evaluator, chord_length_spline
 from hra_curves.tables import BASIS_1, BASIS_2, TURN, hra_cycloid
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
-
-Array = NDArray[np.float64]
 
 METHODS = ('IB1', 'CAM', 'IB2', 'linear')
 DATA = 11

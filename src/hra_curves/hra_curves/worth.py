@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from hra_curves import exact
@@ -18,8 +17,7 @@ from hra_curves.factorisation import collocation_matrix, factorise
 from hra_curves.fitting import HraWarning, interpolate, least_squares_curve, parameter_nodes
 from hra_curves.solvers import least_squares, solve
 from hra_curves.tables import MICRO, TURN, hra_cycloid, least_squares_error
-
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.ros.joint_state_wire import ENCAPSULATION, JointStateLayout, append_string
 
-Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 _ENCAPSULATION = 4

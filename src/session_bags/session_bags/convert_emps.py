@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from session_bags.measured import DAY, EPOCH, Array, converter, drive_session, load
+from session_bags.measured import DAY, EPOCH, converter, drive_session, load
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_stamps
 from stage_core.session import Series, Session
 from stage_core.twin_file import ServoAxis, TwinFile

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from session_bags.measured import DAY, EPOCH, Array, converter, derivative, load
+from session_bags.measured import DAY, EPOCH, converter, derivative, load
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_stamps
 from stage_core.session import Series, Session, by_topic
 from stage_core.twin_file import StepperAxis, TrackerSpec, TwinFile

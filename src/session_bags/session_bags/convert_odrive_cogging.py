@@ -11,7 +11,6 @@ import numpy as np
 from session_bags.measured import (
     EPOCH,
     MINUTE,
-    Array,
     converter,
     derivative,
     drive_session,
@@ -19,6 +18,7 @@ from session_bags.measured import (
     load,
     second_derivative,
 )
+from stage_core.arrays import Array
 from stage_core.session import Session
 from stage_core.twin_file import ForceAxis, TwinFile
 

@@ -9,7 +9,6 @@ from session_bags.measured import (
     DAY,
     EPOCH,
     MINUTE,
-    Array,
     converter,
     derivative,
     drive_session,
@@ -18,6 +17,7 @@ from session_bags.measured import (
     second_derivative,
 )
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_stamps
 from stage_core.errors import StageError
 from stage_core.session import Series, Session

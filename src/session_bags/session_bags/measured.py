@@ -8,16 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from session_bags.writer import write_session
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_stamps
 from stage_core.errors import StageError, command_line
 from stage_core.session import Series, Session, by_topic
-
-Array = NDArray[np.float64]
 
 #: The files give no date: sessions begin near zero [ns], and no report takes that for a date.
 EPOCH = 1_000_000_000

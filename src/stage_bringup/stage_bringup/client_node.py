@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, TransformStamped
-from numpy.typing import NDArray
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform, alignment_in
 from stage_core.patience import Patience
@@ -34,8 +34,6 @@ from stage_core.ros.node import (
     joint_state,
     stamp_of,
 )
-
-Array = NDArray[np.float64]
 
 #: The encoder counts as at rest while it stays within this band [m].
 REST_BAND = 4.0e-6

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrator import model_file
 from stage_bringup.client_node import SessionClient
@@ -28,10 +27,9 @@ from stage_bringup.processes import Processes
 from stage_bringup.progress import Progress, State
 from stage_bringup.table import Row, as_dict, heldout_rows, render
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.quantities import MICROMETRE
-
-Array = NDArray[np.float64]
 
 #: Time that one move may take [s], in lockstep of simulated time: see `SessionClient.go_to`.
 MOVE_TIMEOUT = 120.0

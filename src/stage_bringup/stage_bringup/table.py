@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.metrics import Metrics
 from stage_core.quantities import MICROMETRE
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from calibrator.model_file import StoredModel
+from stage_core.arrays import Array
 from stage_core.pages import Page
 from stage_core.session import Session
 from stage_core.wording import span, with_interval, with_std
@@ -17,7 +18,7 @@ from stage_reports.sections import (
     recorded_section,
     temperature_section,
 )
-from stage_reports.tracking import Array, Places, tracking_errors
+from stage_reports.tracking import Places, tracking_errors
 
 
 def calibration_page(

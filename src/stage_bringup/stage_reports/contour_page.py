@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibrator.model_file import StoredModel
+from stage_core.arrays import Array
 from stage_core.metrics import Metrics
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
@@ -24,7 +25,7 @@ from stage_reports.sections import (
     recorded_section,
     temperature_section,
 )
-from stage_reports.tracking import Array, Run, Tracking, tracking_errors
+from stage_reports.tracking import Run, Tracking, tracking_errors
 
 MICRO = 1.0 / MICROMETRE
 #: A run that leaves more than this share of the RMS before it has hardly lowered it.

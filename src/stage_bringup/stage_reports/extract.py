@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.rests import REFERENCE_BAND, find_rests
 from stage_reports.iso230 import least_squares_circle
 
-Array = NDArray[np.float64]
 #: Two targets closer than this (m) are the same one.
 SAME_TARGET = 1e-7
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from stage_core.errors import StageError
 
-Array = NDArray[np.float64]
 #: Stretches that a path is resampled in, and how often.
 STRETCHES = 24
 DRAWS = 2000

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import linprog
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
-Array = NDArray[np.float64]
 COVERAGE = 2.0
 
 

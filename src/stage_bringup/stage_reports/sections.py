@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.metrics import Metrics
 from stage_core.pages import Page
 from stage_core.session import Session
@@ -14,7 +15,7 @@ from stage_core.wording import date_words, measure, scaled, span, with_std
 from stage_reports import figures
 from stage_reports.extract import PositioningRuns, circular_paths, positioning_runs
 from stage_reports.iso230 import Circular, circular, positioning
-from stage_reports.tracking import Array, Tracking
+from stage_reports.tracking import Tracking
 from stage_reports.uncertainty import positioning_uncertainty
 
 #: Both directions of a circle; the second may not have been run.

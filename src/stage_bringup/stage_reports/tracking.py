@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from calibrator.prepare import prepare
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.session import Session
 
-Array = NDArray[np.float64]
 #: A stage position beyond this (m) is not in metres: a stepper's joint states are motor steps.
 LONGEST_STAGE = 20.0
 #: A pause this long (s) between two contour errors separates two runs of the contour.

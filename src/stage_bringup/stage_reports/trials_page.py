@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.pages import Page
 from stage_core.quantities import MICROMETRE
@@ -15,7 +16,7 @@ from stage_core.wording import measure, with_interval
 from stage_reports import figures
 from stage_reports.intervals import distance_rms, path_interval, rms_interval
 from stage_reports.sections import condition_entries
-from stage_reports.tracking import Array, places, runs, tracking_errors
+from stage_reports.tracking import places, runs, tracking_errors
 
 #: What a recording shows, the figure of the headline first, in words.
 ERRORS = {

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.theme import SERIES, STYLE
 
-Array = NDArray[np.float64]
 Arguments = ParamSpec('Arguments')
 MILLI = 1e3
 #: Points of a curve in a picture. More make the page large and show nothing else.

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform
 from stage_core.quantities import AXES
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 OTHER_UNIT = 10.0
 """Times that one topic moves as far as another: no error of a machine.

@@ -9,13 +9,11 @@ from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_driver import servo_loop
 from stage_driver.limits import AxisLimits, Setpoint, SetpointKind
 from stage_driver.profile import profile_tick, seed_window, step_speed, stream_tick, within
-
-Floats = NDArray[np.float64]
 
 #: Slower than this counts as at rest when a stop ends [m/s]; the position loop takes the rest.
 REST_SPEED = 1e-9
@@ -51,7 +49,7 @@ class MotionGenerator:
     def __init__(
         self,
         limits: Sequence[AxisLimits],
-        gains: Floats,
+        gains: Array,
         period: float,
         max_jerk: float,
         settle_time: float,
@@ -97,7 +95,7 @@ class MotionGenerator:
         """Whether `command` is for the position loop to give."""
         return self.mode in (Mode.HOLD, Mode.PROFILE)
 
-    def hold(self, encoder: Floats) -> None:
+    def hold(self, encoder: Array) -> None:
         """Hold here: the reference of a start, or after the position jumped."""
         self.mode = Mode.HOLD
         self.reference[:] = encoder
@@ -105,13 +103,13 @@ class MotionGenerator:
         self.speed[:] = 0.0
         self.command[:] = 0.0
 
-    def come_to_rest(self, encoder: Floats) -> None:
+    def come_to_rest(self, encoder: Array) -> None:
         """Bring a stage of unknown speed to rest: velocity command zero, then hold and dwell."""
         self.hold(encoder)
         self._dwell = self.settle_ticks
         self.mode = Mode.STOPPING
 
-    def take(self, setpoint: Setpoint, encoder: Floats) -> None:
+    def take(self, setpoint: Setpoint, encoder: Array) -> None:
         """Execute a checked set-point from now on."""
         if setpoint.kind is SetpointKind.POSITION:
             targets = [
@@ -135,7 +133,7 @@ class MotionGenerator:
                 self.reference[:] = encoder
             self.mode = Mode.VELOCITY
 
-    def move(self, targets: Floats, speeds: Floats, encoder: Floats) -> None:
+    def move(self, targets: Array, speeds: Array, encoder: Array) -> None:
         """Start a profile to `targets` [m] at most at `speeds` [m/s], from any motion."""
         if self.mode not in (Mode.HOLD, Mode.PROFILE):
             # The position loop must go on with the velocity command of now.
@@ -151,7 +149,7 @@ class MotionGenerator:
         self._dwell = self.settle_ticks
         self.mode = Mode.PROFILE
 
-    def stop(self, encoder: Floats) -> None:
+    def stop(self, encoder: Array) -> None:
         """Start a controlled stop: the velocity command ramps to zero."""
         if self.mode in (Mode.HOLD, Mode.STOPPING):
             return
@@ -159,12 +157,12 @@ class MotionGenerator:
         self._dwell = self.settle_ticks
         self.mode = Mode.STOPPING
 
-    def stop_from(self, encoder: Floats, velocity: Floats) -> None:
+    def stop_from(self, encoder: Array, velocity: Array) -> None:
         """Start a controlled stop at the speed of the stage [m/s], not at that of the command."""
         self.come_to_rest(encoder)
         self.command[:] = velocity
 
-    def tick(self, encoder: Floats) -> bool:
+    def tick(self, encoder: Array) -> bool:
         """Advance one period, fill `reference` and `speed`; True when a motion ended."""
         if self.mode is Mode.STREAM:
             self.clamped += stream_tick(
@@ -187,7 +185,7 @@ class MotionGenerator:
         self.predicted[:] = self.reference
         return ended
 
-    def _advance(self, encoder: Floats) -> bool:
+    def _advance(self, encoder: Array) -> bool:
         if self.mode is Mode.PROFILE:
             arrived = profile_tick(
                 self._generators,
@@ -205,7 +203,7 @@ class MotionGenerator:
             return False
         return self._velocity_tick(encoder)
 
-    def _velocity_tick(self, encoder: Floats) -> bool:
+    def _velocity_tick(self, encoder: Array) -> bool:
         """One tick of a followed velocity, or of a stop."""
         stopping = self.mode is Mode.STOPPING
         resting = True

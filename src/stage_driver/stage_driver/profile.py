@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from stage_core.arrays import Array
 
 
 @njit(cache=True)
@@ -54,7 +52,7 @@ def step_speed(speed: float, wanted: float, acceleration: float, period: float) 
 
 
 @njit(cache=True)
-def seed_window(window: Floats, position: float, speed: float, period: float) -> float:
+def seed_window(window: Array, position: float, speed: float, period: float) -> float:
     """Fill the moving average for a motion under way; return the generator's position [m].
 
     The average of the seeds is `position`, so the profile goes on without a step.
@@ -66,7 +64,7 @@ def seed_window(window: Floats, position: float, speed: float, period: float) ->
 
 
 @njit(cache=True)
-def step_window(window: Floats, newest: float) -> float:
+def step_window(window: Array, newest: float) -> float:
     """Push `newest` into the moving average (newest first); return the average."""
     total = newest
     for i in range(len(window) - 1, 0, -1):
@@ -78,14 +76,14 @@ def step_window(window: Floats, newest: float) -> float:
 
 @njit(cache=True)
 def profile_tick(
-    generators: Floats,
-    windows: Floats,
-    targets: Floats,
-    speeds: Floats,
-    accelerations: Floats,
+    generators: Array,
+    windows: Array,
+    targets: Array,
+    speeds: Array,
+    accelerations: Array,
     period: float,
-    reference: Floats,
-    rate: Floats,
+    reference: Array,
+    rate: Array,
 ) -> bool:
     """Advance all axes one tick; whether every axis has arrived.
 
@@ -131,18 +129,18 @@ def within(
 
 @njit(cache=True)
 def stream_tick(
-    positions: Floats,
-    velocities: Floats,
-    encoder: Floats,
-    lower: Floats,
-    upper: Floats,
-    decelerations: Floats,
+    positions: Array,
+    velocities: Array,
+    encoder: Array,
+    lower: Array,
+    upper: Array,
+    decelerations: Array,
     period: float,
     age: int,
-    reference: Floats,
-    rate: Floats,
-    command: Floats,
-    predicted: Floats,
+    reference: Array,
+    rate: Array,
+    command: Array,
+    predicted: Array,
 ) -> int:
     """Follow a streamed set-point that came `age` ticks ago; how many axes had to be slowed.
 

@@ -12,11 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.twin_file import TwinFile
-
-Floats = NDArray[np.float64]
 
 POSITION_GAIN, FEEDFORWARD, VELOCITY_GAIN, INTEGRAL_GAIN, FILTER_POLE, FORCE_LIMIT = range(6)
 """Columns of the gains array; the filter's pole is a = exp(-Ts * velocity_filter)."""
@@ -24,7 +22,7 @@ PREVIOUS, VELOCITY, INTEGRAL = range(3)
 """Columns of the memory array: q_(k-1) [m], vf_(k-1) [m/s], I_k [N]."""
 
 
-def loop_gains(twin: TwinFile, axes: Sequence[str]) -> Floats:
+def loop_gains(twin: TwinFile, axes: Sequence[str]) -> Array:
     """Gains (axes, 6) of a twin file; rows in the order of `axes`."""
     rows = []
     for axis in axes:
@@ -43,7 +41,7 @@ def loop_gains(twin: TwinFile, axes: Sequence[str]) -> Floats:
     return np.array(rows, dtype=np.float64)
 
 
-def start_memory(encoder: Floats) -> Floats:
+def start_memory(encoder: Array) -> Array:
     """Memory (axes, 3) at rest: q_(-1) = q_0, vf_(-1) = 0, I_0 = 0."""
     memory = np.zeros((len(encoder), 3))
     memory[:, PREVIOUS] = encoder
@@ -51,7 +49,7 @@ def start_memory(encoder: Floats) -> Floats:
 
 
 @njit(cache=True)
-def estimate_velocity(encoder: Floats, memory: Floats, gains: Floats, period: float) -> None:
+def estimate_velocity(encoder: Array, memory: Array, gains: Array, period: float) -> None:
     """vf_k = a vf_(k-1) + (1 - a) (q_k - q_(k-1)) / Ts, into the memory."""
     for i in range(len(encoder)):
         pole = gains[i, FILTER_POLE]
@@ -62,7 +60,7 @@ def estimate_velocity(encoder: Floats, memory: Floats, gains: Floats, period: fl
 
 @njit(cache=True)
 def position_loop(
-    reference: Floats, speed: Floats, encoder: Floats, gains: Floats, command: Floats
+    reference: Array, speed: Array, encoder: Array, gains: Array, command: Array
 ) -> None:
     """vc_k = velocity_feedforward * dr_k + position_gain * (r_k - q_k), into `command`."""
     for i in range(len(encoder)):
@@ -70,20 +68,20 @@ def position_loop(
         command[i] = forward + gains[i, POSITION_GAIN] * (reference[i] - encoder[i])
 
 
-def matching_reference(command: Floats, encoder: Floats, gains: Floats) -> Floats:
+def matching_reference(command: Array, encoder: Array, gains: Array) -> Array:
     """Reference r (axes,) [m] at which the position loop gives `command` as dr and as vc."""
     rest = (1.0 - gains[:, FEEDFORWARD]) * command
     return np.asarray(encoder + rest / gains[:, POSITION_GAIN])
 
 
-def following_lag(gains: Floats) -> Floats:
+def following_lag(gains: Array) -> Array:
     """Time [s] (axes,) by which a loop without full feed-forward is behind its reference."""
     return np.asarray((1.0 - gains[:, FEEDFORWARD]) / gains[:, POSITION_GAIN])
 
 
 @njit(cache=True)
 def velocity_loop(
-    command: Floats, memory: Floats, gains: Floats, period: float, force: Floats
+    command: Array, memory: Array, gains: Array, period: float, force: Array
 ) -> None:
     """F_k = clip(velocity_gain * ev_k + I_k), then I_(k+1), held while that would wind up."""
     for i in range(len(command)):
@@ -98,7 +96,7 @@ def velocity_loop(
 
 @njit(cache=True)
 def lugre_velocity(
-    speed: Floats, bristles: Floats, friction: Floats, gains: Floats, period: float, out: Floats
+    speed: Array, bristles: Array, friction: Array, gains: Array, period: float, out: Array
 ) -> None:
     """Add the velocity that makes the loop's P part push with the LuGre friction force.
 
@@ -121,9 +119,7 @@ def lugre_velocity(
 
 
 @njit(cache=True)
-def expect(
-    predicted: Floats, before: Floats, lag: Floats, period: float, expected: Floats
-) -> None:
+def expect(predicted: Array, before: Array, lag: Array, period: float, expected: Array) -> None:
     """Error of a first-order loop, de/dt = dr/dt - e / lag, one tick on.
 
     `predicted` (axes,) [m] is the reference of now, `before` that of the last tick, which it
@@ -135,7 +131,7 @@ def expect(
 
 
 @njit(cache=True)
-def stray(predicted: Floats, encoder: Floats, expected: Floats, limit: float) -> int:
+def stray(predicted: Array, encoder: Array, expected: Array, limit: float) -> int:
     """First axis whose error is larger by `limit` [m] than expected; -1 where none is."""
     for i in range(len(encoder)):
         if abs(predicted[i] - encoder[i]) - abs(expected[i]) > limit:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.frames import RigidTransform, fit_rigid
 from stage_core.tracker_frame import TURNED, other_unit
 from stage_core.wording import measure
-
-Array = NDArray[np.float64]
 
 FEWEST_PAIRS = 3
 # Points nearer to one line than this do not fix the rotation about it [m].

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibrator.models.base import CalibrationModel
-from calibrator.models.inputs import Array
+from stage_core.arrays import Array
 
 
 class Adaptable(CalibrationModel):

@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike
 
 from calibrator.models.domain import Domain
 from calibrator.models.encoding import from_json, to_json
-from calibrator.models.inputs import Array, checked, require_finite
+from calibrator.models.inputs import checked, require_finite
 from calibrator.models.inverse import TOLERANCE, invert
 from calibrator.models.options import checked_options
 from calibrator.models.selection import Conditions, Learner, choose, conditions, deviation
 from calibrator.places import Labels, distinct_places
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
 MODEL_SCHEMA = 2

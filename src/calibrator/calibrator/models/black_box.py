@@ -12,7 +12,8 @@ from abc import abstractmethod
 import numpy as np
 
 from calibrator.models.base import CalibrationModel
-from calibrator.models.inputs import Array, scaling_of
+from calibrator.models.inputs import scaling_of
+from stage_core.arrays import Array
 
 
 class BlackBox(CalibrationModel):

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrator.places import distinct_places
+from stage_core.arrays import Array
 from stage_core.quantities import AXES
-
-Array = NDArray[np.float64]
 
 MOST_PLACES = 200
 """Places that a domain keeps; of more, those that lie furthest from one another."""

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 
 def checked(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calibrator.models.inputs import Array
+from stage_core.arrays import Array
 
 STEP = 1e-7
 """Step of the finite differences [m]."""

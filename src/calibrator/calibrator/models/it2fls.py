@@ -11,11 +11,12 @@ from calibrator.consequents import fit_consequents, regressors, rule_outputs
 from calibrator.it2_sets import AntecedentSets, vector_bounds
 from calibrator.models.adaptable import Adaptable
 from calibrator.models.base import CalibrationModel
-from calibrator.models.inputs import Array, scaling_of
+from calibrator.models.inputs import scaling_of
 from calibrator.models.selection import Conditions
 from calibrator.models.structured import Structured
 from calibrator.pso import minimise
 from calibrator.type_reduction import REDUCTIONS, effective_weights
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
 SAMPLES_PER_CONSEQUENT = 10

@@ -8,8 +8,9 @@ import numpy as np
 
 from calibrator.models.adaptable import Adaptable
 from calibrator.models.base import CalibrationModel
-from calibrator.models.inputs import Array, scaling_of
+from calibrator.models.inputs import scaling_of
 from calibrator.thermal import monomials
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from calibrator.lolimot import LocalLinearTree, grow
 from calibrator.models.base import CalibrationModel
-from calibrator.models.inputs import Array, scaling_of
+from calibrator.models.inputs import scaling_of
+from stage_core.arrays import Array
 
 
 class LocalLinear(CalibrationModel):

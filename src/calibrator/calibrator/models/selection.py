@@ -16,10 +16,10 @@ from scipy.special import stdtrit
 
 from calibrator.models.domain import Domain
 from calibrator.places import distinct_places, folds, judged_places
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.metrics import SIGMAS
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FOLDS, FOLDS_OF_ONE = 5, 10

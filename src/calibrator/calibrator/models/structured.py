@@ -14,9 +14,10 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from calibrator.models.adaptable import Adaptable
-from calibrator.models.inputs import Array, scaling_of
+from calibrator.models.inputs import scaling_of
 from calibrator.models.linear import legendre_products
 from calibrator.places import Labels, distinct_places, judged_places
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.quantities import AXES
 

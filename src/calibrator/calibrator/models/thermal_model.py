@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from calibrator.models.base import CalibrationModel
-from calibrator.models.inputs import Array, scaling_of
+from calibrator.models.inputs import scaling_of
 from calibrator.stepwise import stepwise
 from calibrator.thermal import SETS, thermal_terms, up_to
+from stage_core.arrays import Array
 
 
 class Thermal(CalibrationModel):

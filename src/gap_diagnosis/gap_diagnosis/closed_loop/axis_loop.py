@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.polish import closest, polish
 from gap_diagnosis.closed_loop.replay import AWAY, mean_square, of_axis, replayed_gap, replays
@@ -17,10 +16,9 @@ from gap_diagnosis.input.windows import held_out_windows, inside, judging, score
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,10 @@ from gap_diagnosis.evidence.acceptance import FAR, Sides
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import STARTED, judging, scored_ticks
 from gap_diagnosis.selection.parts import Part
+from stage_core.arrays import Array
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS, misreads
-
-Array = NDArray[np.float64]
 
 
 @dataclass

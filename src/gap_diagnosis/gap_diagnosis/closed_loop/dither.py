@@ -16,16 +16,15 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import AxisNoise
+from stage_core.arrays import Array
 from stage_core.twin_file import ServoAxis, TwinFile
 from stage_twin.effects.shared import filtered
 from stage_twin.simulate import simulate_loop
 
-Array = NDArray[np.float64]
 Axes = tuple[tuple[str, ServoAxis], ...]
 
 #: Step [m] of an encoder that does not round.

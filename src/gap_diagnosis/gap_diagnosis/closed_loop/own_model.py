@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.replay import declared_commands
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows, inside, judging, scored_ticks
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
 from stage_core.whole_file import write_whole
@@ -24,7 +24,6 @@ from stage_twin.models.mjcf import Mjcf, differs
 from stage_twin.models.plant import Plant
 from stage_twin.mujoco_plant import MujocoPlant
 
-Array = NDArray[np.float64]
 Plants = Mapping[str, Plant]
 
 #: Numbers whose small changes move the encoder smoothly; a delay counts in steps of the model.

@@ -23,13 +23,12 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import fitted_ticks
 from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.metrics import SIGMAS
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS
-
-Array = NDArray[np.float64]
 
 #: Steps at most, and the share of the squared gap above which a step leaves as much as the last.
 ROUNDS, SETTLED = 40, 1.0 - 1e-4

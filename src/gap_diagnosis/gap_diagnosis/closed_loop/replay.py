@@ -16,6 +16,7 @@ from gap_diagnosis.input.windows import fitted_ticks
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.recording import CONVENTION
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ForceAxis, TwinFile
@@ -23,8 +24,6 @@ from stage_twin import hooks
 from stage_twin.effects import link_of
 from stage_twin.measured_force import simulate_measured_force, smooth_motion
 from stage_twin.simulate import simulate_loop
-
-Array = NDArray[np.float64]
 
 AWAY = 1e9  # m or N
 #: Draws of the encoders' noise whose squared gaps count by their mean where a friction holds an

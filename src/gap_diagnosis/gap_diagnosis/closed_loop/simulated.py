@@ -17,13 +17,12 @@ from gap_diagnosis.closed_loop.replay import by_channel, replay
 from gap_diagnosis.input.data import Record, load_record
 from gap_diagnosis.residuals.commands import controller_findings
 from gap_diagnosis.residuals.controller import with_found
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS
-
-Array = NDArray[np.float64]
 
 #: Least share of a session that the simulator has to run.
 COVERED = 0.8

@@ -10,15 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.input.windows import judging, scored_ticks
 from gap_diagnosis.parameters import Effects
+from stage_core.arrays import Array
 from stage_twin.effects import effect_of
-
-Array = NDArray[np.float64]
 
 #: What a swing's size hangs on most: with a play of a foreign contact the twin swung 0.23 times as
 #: much as the record, and 0.96 times with half the damping that was found.

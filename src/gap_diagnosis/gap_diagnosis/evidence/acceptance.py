@@ -11,7 +11,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.evidence.calibrated import SPREAD
 from gap_diagnosis.evidence.describe import model_of
@@ -19,11 +18,11 @@ from gap_diagnosis.evidence.judgement import SERVO_STRUCTURE
 from gap_diagnosis.input.noise import CLEARLY, white_part
 from gap_diagnosis.selection.forward import LACKING
 from gap_diagnosis.selection.gains import weights
+from stage_core.arrays import Array
 from stage_core.metrics import SIGMAS
 from stage_core.quantities import split_effect
 from stage_twin.effects import EFFECTS, effect_of, link_of
 
-Array = NDArray[np.float64]
 Values = Mapping[str, tuple[float, float]]
 
 #: The same of the largest of many: noise has this amplitude at one of the hundred periods that a

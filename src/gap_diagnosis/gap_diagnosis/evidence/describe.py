@@ -11,8 +11,9 @@ from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.residuals.uncertainty import uncertainty
 from gap_diagnosis.selection.model import Selection
+from stage_core.arrays import Array
 from stage_twin.effects import effect_of, link_of
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 
 def describe(selection: Selection, regression: Regression, given: str | None = None) -> Parameters:

@@ -15,6 +15,7 @@ from gap_diagnosis.input.noise import encoder_step
 from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.model import Evidence
+from stage_core.arrays import Array
 from stage_core.quantities import UNKNOWN
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of
@@ -22,8 +23,6 @@ from stage_twin.effects import effect_of
 if TYPE_CHECKING:
     from gap_diagnosis.closed_loop.channels import Channel
     from gap_diagnosis.selection.parts import Part
-
-Array = NDArray[np.float64]
 
 NONE = 'none'
 

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.low_pass import smooth
 from gap_diagnosis.residuals.operators import central_difference, second_difference
+from stage_core.arrays import Array
 from stage_core.twin_file import TwinFile
 from stage_twin.effects.friction import presliding_state
 
 if TYPE_CHECKING:
     from gap_diagnosis.selection.parts import Part
-
-Array = NDArray[np.float64]
 
 PERMUTATIONS = 199
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.experiment.library import Library
 from gap_diagnosis.experiment.motions import KINDS, PACES, Limits, Motion, amplitude, feed, joined
@@ -14,9 +13,8 @@ from gap_diagnosis.experiment.prediction import Predictor
 from gap_diagnosis.experiment.questions import Pair, separated
 from gap_diagnosis.experiment.scene import PIECE, Question, Scene, Tried
 from gap_diagnosis.experiment.separation import decided
+from stage_core.arrays import Array
 from stage_core.errors import StageError
-
-Array = NDArray[np.float64]
 
 LONGER = 1.15  # ways between the pieces take time too
 

@@ -18,11 +18,11 @@ from gap_diagnosis.experiment.separation import apart
 from gap_diagnosis.input.checks import turns
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.result import Diagnosis
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.quantities import UNKNOWN, split_effect
 from stage_twin.effects import EFFECTS, effect_of
 
-Array = NDArray[np.float64]
 #: Channels (c, m) of a motion with any effects.
 Shown = Callable[[Effects], Array]
 

@@ -11,9 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 KINDS = ('strokes', 'sweep', 'multisine', 'raster')
 #: Which axes move: one alone, both alike, both at their own pace.

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.low_pass import band_limited
 from gap_diagnosis.residuals.nominal import merged
+from stage_core.arrays import Array
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TrackerSpec, TwinFile
 from stage_twin.simulate import simulate
-
-Array = NDArray[np.float64]
 
 #: Of a prediction [s]: means of so much are one value; effects last longer.
 STEP = 0.02

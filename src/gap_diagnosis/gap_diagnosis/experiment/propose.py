@@ -7,7 +7,6 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.experiment.design import Experiment, design
 from gap_diagnosis.experiment.library import left_open
@@ -18,7 +17,6 @@ from gap_diagnosis.experiment.scene import PIECE, Scene
 from gap_diagnosis.residuals.force_rows import ATTENUATION, CUTS, ForceRows
 from gap_diagnosis.result import Diagnosis
 
-Array = NDArray[np.float64]
 Travel = Mapping[str, tuple[float, float]]
 
 #: Of a session [s], that is simulated with every effect that may be.

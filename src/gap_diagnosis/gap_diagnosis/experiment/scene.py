@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.experiment.library import Library
 from gap_diagnosis.experiment.motions import Limits, Motion, boldest, draw, excess, sample
@@ -14,10 +13,10 @@ from gap_diagnosis.experiment.prediction import STEP, Predictor
 from gap_diagnosis.experiment.questions import Pair
 from gap_diagnosis.experiment.separation import Predicted, margin, squashed
 from gap_diagnosis.parameters import Effects, Parameters, plain_values
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_twin.effects import effect_of
 
-Array = NDArray[np.float64]
 Runs = tuple[Predicted, Predicted, Array]
 
 PIECE = 6.0  # s, of one motion

@@ -11,11 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.selection.parts import SERVO_RULES
-
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 #: What a selection asks before it prefers one of two effects (`rivals.find_rivals`): a share of
 #: the noise's mean square and one of what the effects explain, those of the force balance.

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.session import Series
 from stage_core.tracker_frame import OTHER_UNIT, OUTER, SINGLE, extent, other_unit
@@ -16,8 +16,6 @@ from stage_core.twin_file import TwinFile
 
 if TYPE_CHECKING:
     from gap_diagnosis.input.data import Record
-
-Array = NDArray[np.float64]
 
 MINIMUM_DURATION = 8.0  # s of all records; below it no held-out window has a reversal of its own
 SHORTEST = 1.0  # s of one record, of which the first half is not judged

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows, inside
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
-Array = NDArray[np.float64]
 Plane = NDArray[np.complexfloating]
 
 #: Effects that are taken out.

@@ -34,6 +34,7 @@ from gap_diagnosis.input.ticks import Clock
 from gap_diagnosis.input.windows import LAST_THIRD, inside
 from gap_diagnosis.parameters import Parameters, plain_values
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.session import Series, Session
@@ -42,7 +43,6 @@ from stage_core.twin_file import ForceAxis, ServoAxis, StepperAxis, TwinFile
 if TYPE_CHECKING:
     from gap_diagnosis.input.coarse import Coarse
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: s before and after a stretch of lost ticks in which nothing is judged: the low-pass looks as far

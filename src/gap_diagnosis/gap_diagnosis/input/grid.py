@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from gap_diagnosis.input.ticks import Clock, machine_clock, tick_numbers
+from stage_core.arrays import Array
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.session import Series
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LONG = 5  # ticks lost in a row, from which on nothing is interpolated for a judgement

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
+
 Mask = NDArray[np.bool_]
 
 ORDER = 6  # of the difference

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gap_diagnosis.parameters import Estimates
 from gap_diagnosis.residuals.low_pass import band_limited
 from gap_diagnosis.residuals.operators import central_difference
+from stage_core.arrays import Array
 from stage_twin.effects import periodic
 from stage_twin.effects.encoder_interpolation import (
     EFFECT,
@@ -27,7 +28,6 @@ from stage_twin.effects.encoder_interpolation import (
     peaks,
 )
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 MISREADS = EFFECT.name

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.stepper import sides
-
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 #: Share of the travel within which places are one: at its limit switches an axis came to rest
 #: within 1.1 % of it.

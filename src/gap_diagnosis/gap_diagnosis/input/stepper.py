@@ -12,7 +12,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import (
     MINIMUM_TRAVEL,
@@ -31,14 +30,13 @@ from gap_diagnosis.input.data import (
 from gap_diagnosis.input.grid import SAME
 from gap_diagnosis.input.noise import CLEARLY_NOISIER, GAUSS, Noise, axis_noise
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.quantities import AXES
 from stage_core.rests import find_rests
 from stage_core.session import Series, Session
 from stage_core.twin_file import StepperAxis, TwinFile
-
-Array = NDArray[np.float64]
 
 LARGEST_TRAVEL = 20.0  # m; a larger number is a count of motor steps
 STILL = 2.5e-7  # m between two counts at rest

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
+
 Ints = NDArray[np.int64]
 
 JUMP = 1.5  # control periods between two stamps, from which on a tick may be missing

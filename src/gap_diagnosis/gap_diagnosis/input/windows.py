@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import least_travel
+from stage_core.arrays import Array
 
 if TYPE_CHECKING:
     from gap_diagnosis.input.data import Record
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LAST_THIRD = 2.0 / 3.0  # of a block: where its held-out window begins

@@ -6,13 +6,12 @@ from collections import Counter
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.law.library import Candidate
+from stage_core.arrays import Array
 from stage_twin.effects import law_terms as lt
 from stage_twin.effects.term import Theta
 
-Array = NDArray[np.float64]
 #: Name -> value, standard deviation (0: chosen, not fitted) and unit.
 Parameters = dict[str, tuple[float, float, str]]
 

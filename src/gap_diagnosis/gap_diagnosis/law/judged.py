@@ -17,10 +17,10 @@ from gap_diagnosis.law.signals import Signals
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.residuals.uncertainty import uncertainty
+from stage_core.arrays import Array
 from stage_twin.effects.law_terms import CURVE, TERMS
 from stage_twin.effects.term import Term, Theta
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Least share of the held-out mean square above the noise that a law or a map has to take.

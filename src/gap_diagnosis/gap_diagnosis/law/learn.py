@@ -20,12 +20,12 @@ from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.parts import LEAST_ROWS, Part
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.metrics import SIGMAS
 from stage_core.twin_file import TwinFile
 from stage_twin.effects.friction import DRY
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Of its share of an axis' rows, what an effect of this axis alone may do to the other's.

@@ -12,13 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.law.signals import Signal, Signals, remembered, shaped
+from stage_core.arrays import Array
 from stage_twin.effects import law_terms as lt
 from stage_twin.effects.term import Term, Theta
-
-Array = NDArray[np.float64]
 
 EXPONENTS = (0.3, 0.6, 1.5, 2.0, 3.0)  # starts; 1 is the linear shape
 EXPONENT_BOUNDS = (0.15, 5.0)

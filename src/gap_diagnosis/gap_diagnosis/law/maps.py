@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.law.library import REACHES, Candidate, Shape
 from gap_diagnosis.law.signals import Signals
+from stage_core.arrays import Array
 from stage_twin.effects import law_terms as lt
 from stage_twin.effects.knots import smooth
 from stage_twin.effects.term import Term, Theta
-
-Array = NDArray[np.float64]
 
 #: Points of the curve of one knot, between which it is straight.
 POINTS = 481

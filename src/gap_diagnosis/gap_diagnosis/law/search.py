@@ -6,14 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit, Regression
 from gap_diagnosis.selection.gains import block_rms_gains, bootstrap_interval
 from stage_twin.effects.law_terms import EVEN, LINEAR, ODD, PLAIN, TERMS
-
-Array = NDArray[np.float64]
 
 #: Candidates whose nonlinear parameters are refined after the grid has ranked them.
 REFINED = 6

@@ -8,19 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import reverses
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.low_pass import smooth
 from gap_diagnosis.residuals.operators import central_difference
+from stage_core.arrays import Array
 from stage_twin.effects import law_terms
 from stage_twin.effects.backlash import slack
 from stage_twin.effects.friction import presliding_state
 from stage_twin.effects.shared import filtered
 
-Array = NDArray[np.float64]
 Signal = list[Array]
 
 PATH = 60.0  # Hz, low-pass of the velocity that stands in a nonlinear function

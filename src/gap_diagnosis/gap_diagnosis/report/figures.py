@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.report.words import condition_words
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array, canvas, envelope, legend_above, paired, plain, styled
+from stage_core.arrays import Array
+from stage_core.drawing import canvas, envelope, legend_above, paired, plain, styled
 from stage_core.theme import BLUE, MUTED, ORANGE, RULE
 from stage_core.wording import effect_words
 

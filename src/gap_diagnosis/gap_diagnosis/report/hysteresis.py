@@ -14,7 +14,8 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import judging
 from gap_diagnosis.report.figures import AFTER, BEFORE, scale
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array, legend_above, paired, plain, styled
+from stage_core.arrays import Array
+from stage_core.drawing import legend_above, paired, plain, styled
 from stage_core.theme import INK
 from stage_core.wording import effect_words
 

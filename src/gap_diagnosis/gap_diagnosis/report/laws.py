@@ -6,7 +6,8 @@ from matplotlib.figure import Figure
 
 from gap_diagnosis.law.judged import Law
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array, canvas, styled
+from stage_core.arrays import Array
+from stage_core.drawing import canvas, styled
 from stage_core.pages import Page
 from stage_core.theme import BLUE, ORANGE
 from stage_core.wording import effect_words, measure, scaled, span, with_std

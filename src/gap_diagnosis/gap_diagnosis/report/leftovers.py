@@ -9,7 +9,7 @@ import numpy as np
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import judging
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array
+from stage_core.arrays import Array
 
 #: A leftover beyond so many robust standard deviations is an event. Of a million samples of
 #: normal noise, one exceeds five.

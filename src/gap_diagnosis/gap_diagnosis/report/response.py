@@ -13,7 +13,8 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import judging
 from gap_diagnosis.report.figures import AFTER, BEFORE
 from gap_diagnosis.result import Diagnosis
-from stage_core.drawing import Array, canvas, plain, styled
+from stage_core.arrays import Array
+from stage_core.drawing import canvas, plain, styled
 from stage_core.theme import INK
 
 #: Ticks of one stretch of a frequency response, and the coherence of reference and encoder from

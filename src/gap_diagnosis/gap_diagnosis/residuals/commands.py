@@ -14,9 +14,9 @@ from gap_diagnosis.input.noise import GAUSS
 from gap_diagnosis.parameters import Estimates, Parameters
 from gap_diagnosis.residuals.control_law import EDGE, force_increments, quiet, velocity_law
 from gap_diagnosis.residuals.controller import MISMATCH, follows, is_plain, mismatch, with_found
+from stage_core.arrays import Array
 from stage_core.twin_file import ServoAxis, TwinFile
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Ticks at the largest force that make a limit: by chance a peak lasts one or two.

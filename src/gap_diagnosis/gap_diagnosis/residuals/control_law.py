@@ -20,10 +20,10 @@ from scipy.optimize import minimize_scalar
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows, inside
 from gap_diagnosis.residuals.low_pass import band_limited
+from stage_core.arrays import Array
 from stage_core.twin_file import ServoAxis
 from stage_twin.effects import shared
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 #: What is counted of increments (n,) or (n, k) on the ticks in use.
 Rows = Callable[[Record, int, Array, Mask], Array]

@@ -10,7 +10,6 @@ import math
 from dataclasses import asdict, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows, inside
@@ -35,7 +34,6 @@ from stage_twin import hooks
 from stage_twin.effects import EFFECTS
 from stage_twin.effects.definition import Effect
 
-Array = NDArray[np.float64]
 MISMATCH = EFFECTS['controller_mismatch']
 
 #: Share that another law may leave of what the twin's does of the held-out increments of velocity

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.control_law import filtered, velocity_law
 from gap_diagnosis.residuals.low_pass import smooth
 from gap_diagnosis.residuals.operators import central_difference
+from stage_core.arrays import Array
 from stage_core.twin_file import ServoAxis
-
-Array = NDArray[np.float64]
 
 SLOW = 5.0  # Hz, below which the following error tells the position gain
 

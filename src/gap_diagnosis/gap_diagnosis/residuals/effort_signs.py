@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.control_law import force_increments, velocity_law
+from stage_core.arrays import Array
 from stage_core.twin_file import ServoAxis
-
-Array = NDArray[np.float64]
 
 ROUNDS = 3  # of signs and unit in turn
 

@@ -15,9 +15,9 @@ from gap_diagnosis.residuals.late_ticks import forces_as_held
 from gap_diagnosis.residuals.low_pass import band_limited, smooth
 from gap_diagnosis.residuals.nominal import Prediction
 from gap_diagnosis.residuals.operators import central_difference, centred_hold, second_difference
+from stage_core.arrays import Array
 from stage_core.twin_file import TwinFile
 
-Array = NDArray[np.float64]
 Rows = TypeVar('Rows', bound='ForceRows')
 
 CORNER = 30.0  # Hz; above it the quantisation of the acceleration is white after the low-pass

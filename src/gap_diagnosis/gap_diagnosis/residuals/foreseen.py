@@ -10,11 +10,9 @@ their squares: of a row that was foreseen up to its noise that is the same.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.normal import RIDGE
-
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 #: Mean square of what a set leaves of the rows that it was fitted to, over that of their noise,
 #: up to which its curve is believed elsewhere. Beside a delay that was found later a force left

@@ -26,10 +26,9 @@ from gap_diagnosis.residuals.nominal import Prediction, re_estimated
 from gap_diagnosis.residuals.operators import Spline, sure_turns
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.stands import stands_of
+from stage_core.arrays import Array
 from stage_core.twin_file import TwinFile
 from stage_twin import effects
-
-Array = NDArray[np.float64]
 
 BLOCK = 1.0  # s, length of the blocks that are resampled
 PATH = 30.0  # Hz, low-pass of a noisy encoder's path; it has no overshoot at reversals

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.residuals.low_pass import band_limited, smooth
 from gap_diagnosis.residuals.operators import central_difference, second_difference
-
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 #: Hz, below which the motion is, and above which the moments of reading show.
 MOTION = 30.0

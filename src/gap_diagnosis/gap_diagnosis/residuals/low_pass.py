@@ -13,9 +13,8 @@ from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 #: Added to what a recursive filter takes in: after an input of zeros its state fades below what a
 #: processor computes at full speed (2e-308), and each later step takes twelve times as long.

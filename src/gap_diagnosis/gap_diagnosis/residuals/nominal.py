@@ -11,19 +11,17 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.input.coarse import Coarse
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.parameters import Effects
+from stage_core.arrays import Array
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of, held_by, link_of
 from stage_twin.effects.term import Term, Theta
 from stage_twin.kinematics import carry, motor_path
 from stage_twin.measured_force import required_force
-
-Array = NDArray[np.float64]
 
 QUANTISATION, INTERPOLATION = 'encoder_quantisation', 'encoder_interpolation'
 NOTHING = 0.05  # of what the twin's effect does, below which the machine does not have it

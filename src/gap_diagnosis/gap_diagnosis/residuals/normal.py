@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 #: Added to the unit diagonal of normal equations, against exact collinearity.
 RIDGE = 1e-10

@@ -12,12 +12,10 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.problem import Problem
+from stage_core.arrays import Array
 from stage_twin.effects.term import Term, Theta
-
-Array = NDArray[np.float64]
 
 #: Of the largest singular value, below which a direction of the columns is rounding.
 RANK = 1e-7

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import spline_filter1d
 
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 
 def second_difference(position: Array, period: float) -> Array:

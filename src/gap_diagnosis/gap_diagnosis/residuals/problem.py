@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from gap_diagnosis.input.rest_places import RestPlaces
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.residuals.stands import Stands
+from stage_core.arrays import Array
 from stage_twin.effects.term import Term
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 

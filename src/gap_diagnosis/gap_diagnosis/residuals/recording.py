@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import check_controller
 from gap_diagnosis.input.data import Record
@@ -32,10 +31,9 @@ from gap_diagnosis.residuals.controller import MISMATCH
 from gap_diagnosis.residuals.effort_signs import signs_of
 from gap_diagnosis.residuals.low_pass import smooth
 from gap_diagnosis.residuals.operators import central_difference, centred_hold, second_difference
+from stage_core.arrays import Array
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ServoAxis, TwinFile
-
-Array = NDArray[np.float64]
 
 CONVENTION = 'effort_convention'
 #: Share of the recorded increments' mean square that the law times a factor must explain.

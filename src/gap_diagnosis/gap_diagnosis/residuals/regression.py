@@ -21,9 +21,8 @@ from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.search import Recent, Search
 from gap_diagnosis.residuals.shared_columns import yield_shared
 from gap_diagnosis.residuals.starts import Grid, Grids
+from stage_core.arrays import Array
 from stage_twin.effects.term import Theta
-
-Array = NDArray[np.float64]
 
 FOLD, FOLDS = 2.0, 6  # s, and number of the folds of cross-validation
 KEPT = 96 << 20  # bytes of columns that a search may need again

@@ -11,12 +11,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.normal import solve_gram
+from stage_core.arrays import Array
 from stage_twin.effects.term import Term, Theta
-
-Array = NDArray[np.float64]
 
 
 class Recent:

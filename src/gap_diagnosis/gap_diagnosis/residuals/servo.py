@@ -21,10 +21,10 @@ from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.nominal import re_estimated
 from gap_diagnosis.residuals.nuisance import without_nuisances
 from gap_diagnosis.residuals.problem import Problem
+from stage_core.arrays import Array
 from stage_twin import effects
 from stage_twin.effects.term import Term
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 #: Factor within which a mass that no force tells may be another one: so far viscous friction

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from stage_core.arrays import Array
 from stage_twin.effects.term import Term
-
-Array = NDArray[np.float64]
 
 
 def yield_shared(

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import CLEARLY, encoder_step
+from stage_core.arrays import Array
 
-Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 

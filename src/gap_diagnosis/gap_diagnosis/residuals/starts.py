@@ -10,12 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.normal import solve_gram
+from stage_core.arrays import Array
 from stage_twin.effects.term import Term, Theta
-
-Array = NDArray[np.float64]
 
 KEPT = 512 << 20  # bytes of the columns of grids
 #: Share of a column's square that a set leaves, below which the difference of products is too

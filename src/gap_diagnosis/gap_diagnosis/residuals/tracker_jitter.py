@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.noise import AGREE, LEAST_BLOCKS, SURE, TRACKER_BLOCK, rough, speed_fit
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.selection.parts import Part
+from stage_core.arrays import Array
 
-Array = NDArray[np.float64]
 #: Largest correlation of neighbouring points of a white residual, less what chance makes of it.
 WHITE = 0.2
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.regression import Fit, Regression
+from stage_core.arrays import Array
 from stage_twin.effects.term import Theta
-
-Array = NDArray[np.float64]
 
 LEAST_BLOCKS = 12  # of which a deviation is told
 SEEN = 1e-10  # least eigenvalue of what the rows show, over the largest: rounding makes 1e-12

@@ -14,7 +14,6 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 from scipy.optimize import least_squares, minimize_scalar
 
@@ -25,10 +24,10 @@ from gap_diagnosis.residuals.operators import centred_hold
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import MASS, Servo
 from gap_diagnosis.residuals.without_forces import NOT_TOLD
+from stage_core.arrays import Array
 from stage_core.quantities import split_effect
 from stage_core.twin_file import ServoAxis, TwinFile
 
-Array = NDArray[np.float64]
 Theta = tuple[float, ...]
 
 #: Effects whose columns hold the force itself: they need its law first.

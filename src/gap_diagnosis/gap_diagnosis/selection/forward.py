@@ -11,7 +11,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit, Regression
@@ -22,9 +21,8 @@ from gap_diagnosis.selection.pairs import pair
 from gap_diagnosis.selection.possible import refined, too_few_places
 from gap_diagnosis.selection.simpler import merge, plain
 from gap_diagnosis.selection.trials import best_shape
+from stage_core.arrays import Array
 from stage_twin.effects import EFFECTS, effect_of
-
-Array = NDArray[np.float64]
 
 #: Among effects that gain about the same, the one with fewer parameters is taken.
 ABOUT_THE_SAME = 0.98

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Fit
-
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 
 def block_gains(problem: Problem, base: Fit, other: Fit) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.evidence.judgement import Structure
 from gap_diagnosis.residuals.problem import Problem
@@ -13,10 +12,9 @@ from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.forward import LACKING, Selector
 from gap_diagnosis.selection.gains import block_rms_gains, bootstrap_interval
 from gap_diagnosis.selection.model import Selection
+from stage_core.arrays import Array
 from stage_twin.effects import link_of
 from stage_twin.effects.term import Theta
-
-Array = NDArray[np.float64]
 
 #: Least share of an effect's own contribution that a general curve over its condition may still
 #: find in the remainder, before the effect is held for an imitation of something unknown. Models

@@ -19,11 +19,10 @@ from gap_diagnosis.selection.imitations import imitations
 from gap_diagnosis.selection.model import Evidence, Rules, Selection
 from gap_diagnosis.selection.other_ways import select_best
 from gap_diagnosis.selection.slow_rows import speed_weights
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
 from stage_twin.effects import link_of
-
-Array = NDArray[np.float64]
 
 #: A gain in the force balance is told from noise that regressors share with the residual.
 SERVO_RULES = Rules(of_noise=0.05, of_gap=6e-4)

@@ -9,13 +9,11 @@ friction is, and what acts beside it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.model import Selection
-
-Array = NDArray[np.float64]
+from stage_core.arrays import Array
 
 #: Edges of the classes of speed, over the root mean square of the speeds.
 EDGES = (0.03, 0.1, 0.3, 1.0)

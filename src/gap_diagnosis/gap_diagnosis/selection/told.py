@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
@@ -19,9 +18,8 @@ from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import bootstrap_interval
 from gap_diagnosis.selection.model import Selection
 from gap_diagnosis.selection.parts import Part
+from stage_core.arrays import Array
 from stage_twin.effects import effect_of
-
-Array = NDArray[np.float64]
 
 #: Share of the least gap that a set leaves below which another one takes its place where the loop
 #: stays far from the record with either. On two seeds of foreign simulators a right delay or lag

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stage_core.drawing import Array
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 
 

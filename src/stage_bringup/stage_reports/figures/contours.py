@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MultipleLocator
 
-from stage_core.drawing import Array, canvas, colours, envelope, styled
+from stage_core.arrays import Array
+from stage_core.drawing import canvas, colours, envelope, styled
 from stage_core.errors import StageError
 from stage_core.quantities import MICROMETRE
 from stage_core.theme import INK

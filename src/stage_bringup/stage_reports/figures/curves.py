@@ -10,7 +10,8 @@ from matplotlib.ticker import LogLocator
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from stage_core.drawing import Array, canvas, colours, envelope, legend_above, plain, styled
+from stage_core.arrays import Array
+from stage_core.drawing import canvas, colours, envelope, legend_above, plain, styled
 from stage_core.errors import StageError
 from stage_core.quantities import MICROMETRE
 from stage_core.wording import measure, scaled

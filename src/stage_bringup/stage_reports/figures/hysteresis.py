@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from stage_core.drawing import MILLI, Array, envelope, legend_above, paired, styled
+from stage_core.arrays import Array
+from stage_core.drawing import MILLI, envelope, legend_above, paired, styled
 from stage_core.theme import BLUE, ORANGE
 from stage_core.wording import scaled
 

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from stage_core.drawing import MILLI, Array, canvas, colours, styled, thin
+from stage_core.arrays import Array
+from stage_core.drawing import MILLI, canvas, colours, styled, thin
 from stage_core.errors import StageError
 from stage_core.quantities import MICROMETRE
 from stage_core.theme import BLUE, MUTED, ORANGE

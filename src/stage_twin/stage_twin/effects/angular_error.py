@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.polynomial.legendre import legval
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import (
@@ -16,7 +17,7 @@ from stage_twin.effects.shared import (
     roughness,
     within_seen,
 )
-from stage_twin.effects.term import Array, Term, Theta, constant
+from stage_twin.effects.term import Term, Theta, constant
 
 _HIGHER = tuple(
     Parameter(f'p{k}', 'rad', -5e-3, 5e-3, 0.0, f'factor of P{k}(s) in the yaw')

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect
 from stage_twin.effects.friction import (
     CREEP,
@@ -20,7 +21,7 @@ from stage_twin.effects.friction import (
     viscous,
 )
 from stage_twin.effects.rows import ForceRows, Signal
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 EFFECT = Effect(
     name='asymmetric_friction',

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Array, Term, constant
+from stage_twin.effects.term import Term, constant
 
 EFFECT = Effect(
     name='axis_crosstalk',

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import Signal, TrackerRows
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 #: Of five right widths of foreign simulators, whose edges are soft, one missed by 2.3 %, two by
 #: 0.9 %.

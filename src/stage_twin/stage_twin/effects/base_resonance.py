@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows, TrackerRows
 from stage_twin.effects.structural_resonance import (
@@ -18,7 +19,7 @@ from stage_twin.effects.structural_resonance import (
     starts,
     swinging,
 )
-from stage_twin.effects.term import Array, Term, constant
+from stage_twin.effects.term import Term, constant
 
 #: Highest frequency of mounts that a search admits [Hz].
 HIGHEST = 40.0

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.shared import filtered
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 #: Drives lag in two stages: one of two right ones of foreign simulators missed by 3.5 %.
 DOUBT = 0.03

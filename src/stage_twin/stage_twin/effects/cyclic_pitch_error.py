@@ -7,12 +7,13 @@ from functools import partial
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects import periodic, waveform
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.encoder_interpolation import USUAL
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import PERIOD, PHASE, screw_angle
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 #: Waves are no sines: of four right amplitudes of foreign simulators one missed by 3.8 %, the
 #: others by 0.9 % at most.

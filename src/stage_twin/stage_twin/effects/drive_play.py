@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.play_search import DAMPING, FREQUENCY, SOFTEST, STIFFEST, Crossing, push
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Array, Term
+from stage_twin.effects.term import Term
 
 #: Radians of the contact's oscillation that a substep may cover.
 REACH = 0.2

@@ -8,11 +8,12 @@ from functools import partial
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects import periodic, waveform
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import PHASE
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 #: Signal periods of encoders [m]: of interferential scales, and of photoelectric ones seen through
 #: a mask (0.2 to 0.5 mm where they are coarse). Longer ones are rather those of screws and

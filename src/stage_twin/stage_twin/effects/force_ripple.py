@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from stage_core.arrays import Array
 from stage_twin.effects import periodic, waveform
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.shared import PERIOD, PHASE, screw_angle
-from stage_twin.effects.term import Array, Term
+from stage_twin.effects.term import Term
 
 EFFECT = Effect(
     name='force_ripple',

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 #: Least correlation of the clipped force with the acceleration where it clips most of the time:
 #: 0.92 and more with an amplifier that clips 97 % of the ticks, 0.63 at most on seven development

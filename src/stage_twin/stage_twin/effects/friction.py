@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numba import njit
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Parameter
 from stage_twin.effects.rows import ForceRows, Signal
-from stage_twin.effects.term import Array
 
 #: Presliding [m] beside which a friction holds firmly. A longer one may let the loop hunt, and the
 #: low-pass of the force balance hides which it is.

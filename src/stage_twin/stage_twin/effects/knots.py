@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Parameter
-from stage_twin.effects.term import Array
 
 #: What the mean square curvature of a force counts beside the mean square of what it leaves. Two
 #: bumps that were passed once are predicted to 0.999 with it, and not at all without.

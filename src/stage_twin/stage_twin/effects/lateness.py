@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.term import Array
 
 STEP = 0.5e-3  # s
 

@@ -11,9 +11,9 @@ import math
 
 from numba import njit
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Parameter
 from stage_twin.effects.knots import smooth
-from stage_twin.effects.term import Array
 
 TERMS, KNOTS = 4, 13
 

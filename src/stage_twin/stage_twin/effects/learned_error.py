@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from stage_core.arrays import Array
 from stage_twin.effects import law_terms
 from stage_twin.effects.definition import Effect
-from stage_twin.effects.term import Array
 
 VARIABLES = ('1', 'p', 'v', 's', 't', 'q', 'T')
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects import law_terms
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import SHORTEST_PRESLIDING
-from stage_twin.effects.term import Array
 
 VARIABLES = ('1', 'p', 'v', 's', 'F', 't', 'u', 'w')
 

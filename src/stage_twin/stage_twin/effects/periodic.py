@@ -10,7 +10,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from stage_twin.effects.term import Array, Term, Theta
+from stage_core.arrays import Array
+from stage_twin.effects.term import Term, Theta
 from stage_twin.effects.waveform import HARMONICS, WAVES, grown
 
 Rows = slice | NDArray[np.bool_]

@@ -14,8 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
+from stage_core.arrays import Array
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Array, Theta
+from stage_twin.effects.term import Theta
 
 #: Contact where nothing is said of it: natural frequency [Hz] and damping ratio.
 FREQUENCY, DAMPING = 300.0, 0.2

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from numba import njit
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import (
     CREEP,
@@ -21,7 +22,7 @@ from stage_twin.effects.friction import (
 )
 from stage_twin.effects.knots import Knots, piece
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 KNOTS = Knots(7)  # of the level: the shortest wave that they follow is a third of the travel
 #: Least standard deviation of the level along the travel, as a share of its mean.

@@ -9,10 +9,11 @@ from functools import partial
 import numpy as np
 from numba import njit
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.knots import Knots, cubic, piece, smooth
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Array, Term, Theta, constant
+from stage_twin.effects.term import Term, Theta, constant
 
 KNOTS = Knots(9)  # the shortest wave that they follow is a quarter of the travel
 PARTS = (2, 4, 8)  # of the travel: on one of them, or half-way between two, a force may change

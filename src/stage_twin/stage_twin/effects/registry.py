@@ -16,10 +16,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.quantities import LINKS, split_effect
 from stage_twin.effects.definition import Effect
-from stage_twin.effects.term import Array, Term
+from stage_twin.effects.term import Term
 
 
 def _collect() -> dict[str, ModuleType]:

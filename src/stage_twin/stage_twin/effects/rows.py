@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Protocol
 
-from stage_twin.effects.term import Array
+from stage_core.arrays import Array
 
 Signal = list[Array]
 

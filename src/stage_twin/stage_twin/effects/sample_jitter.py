@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
-from stage_twin.effects.term import Array
 
 EFFECT = Effect(
     name='sample_jitter',

@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.polynomial.legendre import legval
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Parameter
-from stage_twin.effects.term import Array
 
 PERIOD = Parameter(
     'period',

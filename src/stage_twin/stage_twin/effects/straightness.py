@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.polynomial.legendre import legval
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
 from stage_twin.effects.shared import (
@@ -16,7 +17,7 @@ from stage_twin.effects.shared import (
     roughness,
     within_seen,
 )
-from stage_twin.effects.term import Array, Term, Theta, constant
+from stage_twin.effects.term import Term, Theta, constant
 
 #: Largest travel of the guide over that of the session, on which the guide's line may be defined.
 WIDEST = 1.5

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import (
     CREEP,
@@ -22,7 +23,7 @@ from stage_twin.effects.friction import (
     speed_curve,
 )
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 #: Bounds of the Stribeck velocity and starts of its search [m/s].
 SLOWEST, FASTEST = 1e-4, 0.2

@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows, TrackerRows
 from stage_twin.effects.shared import filtered
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 #: Frequency [Hz] up to which a resonance is rather that of the machine on its mounts
 #: (`base_resonance`), which makes the same force: mounts of machines have 3 to 15 Hz (Rivin,

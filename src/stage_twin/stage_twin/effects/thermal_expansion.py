@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from functools import partial
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 #: Furthest fixed point [m].
 FURTHEST = 2.0

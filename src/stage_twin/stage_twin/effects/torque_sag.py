@@ -9,10 +9,11 @@ from itertools import combinations
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.shared import filtered
-from stage_twin.effects.term import Array, Term, Theta
+from stage_twin.effects.term import Term, Theta
 
 #: Least share of the force constant that is left, however strong the force.
 LEAST = 0.2

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.lateness import lateness
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.term import Array, Term
+from stage_twin.effects.term import Term
 
 #: Of five right drifts of foreign simulators one missed by 0.4 %, the others by 0.1 % at most.
 DOUBT = 0.003

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.rows import TrackerRows
-from stage_twin.effects.term import Array, Term, Theta, constant
+from stage_twin.effects.term import Term, Theta, constant
 
 EFFECT = Effect(
     name='tracker_misalignment',

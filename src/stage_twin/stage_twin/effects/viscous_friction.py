@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Effect, Parameter
 from stage_twin.effects.friction import speed_curve, viscous
 from stage_twin.effects.rows import ForceRows
-from stage_twin.effects.term import Array, Term, Theta, constant
+from stage_twin.effects.term import Term, Theta, constant
 
 EFFECT = Effect(
     name='viscous_friction',

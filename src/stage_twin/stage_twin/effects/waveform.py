@@ -8,9 +8,9 @@ from typing import TypeVar
 import numpy as np
 from numba.extending import register_jitable
 
+from stage_core.arrays import Array
 from stage_twin.effects.definition import Parameter
 from stage_twin.effects.shared import CENTRE, HALF_RANGE, screw_angle
-from stage_twin.effects.term import Array
 
 Angles = TypeVar('Angles', float, Array)
 """One or many."""
