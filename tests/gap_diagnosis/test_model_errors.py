@@ -38,8 +38,8 @@ def errors(
     sizes = {name: 1.0} | ({FRICTION: friction} if friction else {})
     fit = SimpleNamespace(
         mean_square=lambda problem: left,
-        thetas=dict.fromkeys(sizes, ()),
-        coefficients={n: np.array([size]) for n, size in sizes.items()},
+        thetas=sizes,
+        contribution=lambda problem, name: np.full(4, sizes[name]),
     )
     part: Any = SimpleNamespace(
         problem=SimpleNamespace(terms=terms, stated=stated, judged=slice(None)),

@@ -1,34 +1,32 @@
 """Weights of the probabilities; `make calibrate-diagnosis` writes them."""
 
-CODE = '9f9da69ae160'
-DATE = '2026-11-30'
+CODE = '8e876096d60d'
+DATE = '2026-11-26'
 SESSIONS = {
-    'own': 300,
-    'mujoco': 300,
-    'handmade': 300,
+    'own': 72,
+    'mujoco': 72,
+    'handmade': 72,
 }
-SEEDS = '1 to 75'
+SEEDS = '1 to 18'
 WEIGHTS: dict[str, dict[str, float]] = {
     'named': {
-        '1': -1.21638,
-        'strength': 0.589398,
-        'away': 0.65248,
+        '1': 1.07362,
+        'away': 0.80042,
+        'rivals': -0.796001,
     },
     'passed': {
-        '1': -6.30177,
+        '1': -6.23692,
     },
     'unknown': {
-        '1': 1.99712,
-        'share': 0.59863,
+        '1': 2.09714,
     },
     'none': {
-        '1': 0.904302,
-        'turns': 0.753357,
+        '1': 3.55535,
     },
 }
 SPREAD: dict[str, tuple[float, float]] = {
-    'friction': (3.769, 0),
-    'servo': (4.954, 0),
-    'kinematic': (1, 0),
-    'sensor': (1.04, 0),
+    'friction': (3.353, 0),
+    'servo': (2.982, 0),
+    'kinematic': (1.264, 0),
+    'sensor': (1.477, 0),
 }
