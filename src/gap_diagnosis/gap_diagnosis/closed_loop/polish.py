@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from gap_diagnosis.closed_loop.replay import fitted_gap, of_axis, replay
 from gap_diagnosis.closed_loop.steps import stepless, without_steps
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
-from gap_diagnosis.evidence.calibrated import SPREAD
-from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import fitted_ticks
@@ -253,8 +251,7 @@ def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Para
         # The slopes of such a loop say nothing.
         return found
     own = np.array([found[e][k][1] for e, k in loop.names]) / loop.scale
-    doubts = np.array([SPREAD[model_of(e)][0] for e, _ in loop.names])
-    z, deviations = _both(z, loop.covariance(slopes, residual), own, SIGMAS * doubts)
+    z, deviations = _both(z, loop.covariance(slopes, residual), own)
     if left > min(FAR_BESIDE * floor, MUCH_BETTER * first):
         # The loop does not refute the force balance, whose doubt counts on.
         deviations = np.hypot(deviations, own)
@@ -279,13 +276,12 @@ def _tried(found: Parameters) -> list[tuple[str, str, float]]:
     ]
 
 
-def _both(z: Array, covariance: Array, own: Array, reach: Array) -> tuple[Array, Array]:
+def _both(z: Array, covariance: Array, own: Array) -> tuple[Array, Array]:
     """Mean (k,) of the loop's estimate z and the balance's, which is zero; and its deviations.
 
-    The deviations `own` (k,) of the balance's hold its distance from the interval of the loop's,
-    which are `reach` (k,) deviations.
+    The deviations `own` (k,) of the balance's hold its distance from the interval of the loop's.
     """
-    apart = np.maximum(own**2, z**2 - reach**2 * np.diag(covariance))
+    apart = np.maximum(own**2, z**2 - SIGMAS**2 * np.diag(covariance))
     gain = covariance @ np.linalg.inv(covariance + np.diag(apart))
     both = covariance - gain @ covariance
     return z - gain @ z, np.sqrt(np.maximum(np.diag(both), 0.0))
