@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop import dither
 from gap_diagnosis.closed_loop.channels import chance_rms
@@ -16,12 +15,12 @@ from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import Record, load_record
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.session import Series, Session
 from stage_core.twin_file import TwinFile
 
 from .conftest import nominal, reference
 
-Array = NDArray[np.float64]
 Maker = Callable[..., Session]
 
 COULOMB, PRESLIDING, NOISE, SUBSTEPS = 15.0, 4e-6, 0.8e-6, 10

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.other_ways import select_best
 from gap_diagnosis.selection.parts import KINEMATIC_RULES, Part, fit_part
 from gap_diagnosis.selection.rivals import find_rivals
+from stage_core.arrays import Array
 from stage_twin.effects.term import Term, constant
-
-Array = NDArray[np.float64]
 
 ROWS = 4000
 TIME = np.arange(ROWS) * 0.01

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.residuals.servo import Servo
+from stage_core.arrays import Array
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS, position_dependent_friction
@@ -125,7 +125,7 @@ def test_a_friction_that_coarse_knots_do_not_follow(planted: Maker) -> None:
     assert np.std(np.subtract(level, true_level)) < 0.25
 
 
-def _knots(values: dict[str, float]) -> list[NDArray[np.float64]]:
+def _knots(values: dict[str, float]) -> list[Array]:
     return [
         np.array([values.get(f'{letter}{k}', 0.0) for k in range(number)])
         for letter, number in (('c', 7), ('m', 6), ('q', 12))

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from benchmarks.experiment.machine import draw, poor_motion, record
 from benchmarks.experiment.machine import nominal as plane
 from benchmarks.experiment.machine import session as run_of
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.result import Diagnosis
+from stage_core.arrays import Array
 from stage_core.session import Session
 from stage_twin.effects import position_force, waveform
 from stage_twin.effects.shared import within_seen
@@ -101,7 +101,7 @@ def test_a_force_that_coarse_knots_do_not_follow(planted: Maker) -> None:
     assert np.std(_pull(told, places) - _pull(truth, places)) < 0.5
 
 
-def _pull(known: dict[str, float], places: NDArray[np.float64]) -> NDArray[np.float64]:
+def _pull(known: dict[str, float], places: Array) -> Array:
     """Force (n,) [N] of the effect's parameters at some places [m]."""
     knots = [
         np.array([known.get(f'{letter}{k}', 0.0) for k in range(number)])

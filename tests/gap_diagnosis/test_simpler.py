@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.model import Rules
 from gap_diagnosis.selection.simpler import merge
+from stage_core.arrays import Array
 from stage_twin.effects.position_force import KNOTS, force
 from stage_twin.effects.term import Term, constant
-
-Array = NDArray[np.float64]
 
 PULL, RIPPLE = 'position_force.x', 'force_ripple.x'
 NOISE = 0.02

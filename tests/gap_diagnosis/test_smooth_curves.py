@@ -8,17 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.polynomial.legendre import legval
-from numpy.typing import NDArray
 
 from gap_diagnosis.residuals.foreseen import variances
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.residuals.uncertainty import uncertainty
+from stage_core.arrays import Array
 from stage_twin.effects.position_force import KNOTS, force
 from stage_twin.effects.shared import ORDERS, roughness
 from stage_twin.effects.term import Term, constant
-
-Array = NDArray[np.float64]
 
 NOISE = 0.02  # of curves of about 1
 TIME = np.arange(0.0, 24.0, 0.01)

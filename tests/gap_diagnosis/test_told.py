@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from benchmarks.experiment.machine import draw, poor_motion, record
 from benchmarks.experiment.machine import nominal as plane
@@ -22,13 +21,12 @@ from gap_diagnosis.passes import prepare, servo_part
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.servo_part import _contradicted
 from gap_diagnosis.selection.told import MUCH_CLOSER, told_by_loop
+from stage_core.arrays import Array
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
 from stage_twin.simulate import simulate
 
 from .conftest import nominal
-
-Array = NDArray[np.float64]
 
 DELAY, LAG = 'actuation_delay.x', 'current_loop_lag.x'
 

@@ -117,7 +117,7 @@ def heard(session: Session) -> str:
 
 def save_session(session: Session, path: Path) -> None:
     """Write the numbers of a session for another process (.npz)."""
-    arrays: dict[str, NDArray[np.float64] | NDArray[np.int64]] = {}
+    arrays: dict[str, Array | NDArray[np.int64]] = {}
     for topic, series in session.series.items():
         arrays[f'{topic}|stamps'] = series.stamps
         for name, values in series.values.items():

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import hra_curves
 from contour_ctrl import curves, nurbs
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.names import refuse_unknown_keys
 from stage_core.untrusted import yaml_mapping
@@ -72,9 +72,7 @@ def _nurbs(content: Mapping[Any, Any], origin: str, remedy: str) -> nurbs.NurbsC
         raise StageError(f'{origin}: {error}') from None
 
 
-def _through(
-    kind: str, points: NDArray[np.float64], content: Mapping[Any, Any], origin: str
-) -> curves.Curve:
+def _through(kind: str, points: Array, content: Mapping[Any, Any], origin: str) -> curves.Curve:
     if kind == 'freeform':
         closed = content.get('closed', True)
         if not isinstance(closed, bool):
@@ -86,7 +84,7 @@ def _through(
     return hra_curves.interpolate(points, basis=hra_curves.basis_named(str(name)))
 
 
-def point_list(given: Any) -> NDArray[np.float64]:
+def point_list(given: Any) -> Array:
     """Points (n, 2) [m] of a list; the first point has the number 1.
 
     Raises

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from session_bags.cdr import Bytes, Layout, LayoutError, layout_of
 from session_bags.definitions import typestore
+from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.session import Series
 
@@ -27,7 +28,7 @@ class _Part:
     layout: Layout
     order: list[Indices] = field(default_factory=list)
     stamps: list[NDArray[np.int64]] = field(default_factory=list)
-    values: list[NDArray[np.float64]] = field(default_factory=list)
+    values: list[Array] = field(default_factory=list)
 
     def add(self, order: Indices, rows: Bytes) -> None:
         """Append messages (n, size) that agree with the layout."""

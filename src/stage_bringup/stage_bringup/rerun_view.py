@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stage_bringup.rerun_content import Note, Recorded, Stamps, read_recorded
 from stage_core import topics
+from stage_core.arrays import Array
 from stage_core.errors import StageError, command_line
 from stage_core.session import Session
 from stage_core.whole_file import replacing
@@ -93,7 +93,7 @@ class RerunWriter:
         self,
         entity: str,
         stamps: Stamps,
-        points: NDArray[np.float64],
+        points: Array,
         radius: float,
         colour: tuple[int, ...],
     ) -> None:
@@ -133,7 +133,7 @@ class RerunWriter:
                 error = reference.values[name][wanted] - encoder.values[name][found]
                 self._curve(f'tracking_error/{axis}', stamps, 1e6 * error)
 
-    def _curve(self, entity: str, stamps: Stamps, values: NDArray[np.float64]) -> None:
+    def _curve(self, entity: str, stamps: Stamps, values: Array) -> None:
         known = np.isfinite(values)
         self._send(entity, stamps[known], self._sdk.Scalars.columns(scalars=values[known]))
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-import numpy as np
-from numpy.typing import NDArray
+from stage_core.arrays import Array
 
 REFERENCE_BAND = 1e-8
 """A reference within this [m] stands still; encoders and counts have bands of their own."""
@@ -42,8 +41,8 @@ class Standstill:
 
 
 def find_rests(
-    times: NDArray[np.float64],
-    positions: NDArray[np.float64],
+    times: Array,
+    positions: Array,
     shortest: float,
     band: float = REFERENCE_BAND,
 ) -> list[tuple[int, int]]:

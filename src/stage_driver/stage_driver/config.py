@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from stage_core import drive_link
+from stage_core.arrays import Array
 from stage_core.twin_file import StepperAxis, TwinFile
 from stage_driver.limits import AxisLimits
 
@@ -38,7 +36,7 @@ class ServoConfig(DriverConfig):
     homing_velocity: float = 0.05
     max_jerk: float = 100.0
     following_error_limit: float = 0.002
-    friction: NDArray[np.float64] | None = None
+    friction: Array | None = None
     """(axes, 4) Coulomb force, static force [N], Stribeck velocity [m/s], presliding [m]."""
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_driver import servo_loop
 from stage_driver.config import ServoConfig
 from stage_driver.motion import Mode, MotionGenerator
@@ -36,7 +36,7 @@ class ServoAxes:
         self._warm_up()
 
     @property
-    def velocity(self) -> NDArray[np.float64]:
+    def velocity(self) -> Array:
         """Estimated velocity vf_k (axes,) [m/s]."""
         return self._memory[:, servo_loop.VELOCITY]
 
@@ -70,7 +70,7 @@ class ServoAxes:
         self._expected[:] = 0.0
         self._predicted[:] = self.encoder
 
-    def measure(self, positions: Sequence[float] | NDArray[np.float64], ticks: int = 1) -> None:
+    def measure(self, positions: Sequence[float] | Array, ticks: int = 1) -> None:
         """Take the encoder's positions q_k [m], `ticks` after those before."""
         self.encoder[:] = positions
         servo_loop.estimate_velocity(self.encoder, self._memory, self._gains, ticks * self.period)

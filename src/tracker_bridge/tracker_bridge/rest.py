@@ -10,8 +10,8 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stage_core.arrays import Array
 from stage_core.clocks import NANOSECONDS
 from stage_core.quantities import AXES
 from stage_core.rests import Standstill
@@ -53,7 +53,7 @@ class _Rest:
 
     begin: int
     end: int
-    total: NDArray[np.float64]
+    total: Array
     count: int
     recent: deque[tuple[int, tuple[float, ...]]]
 
@@ -64,8 +64,8 @@ class RestPair:
 
     begin: int
     end: int
-    stage: NDArray[np.float64]
-    tracker: NDArray[np.float64]
+    stage: Array
+    tracker: Array
     count: int
 
 
@@ -83,7 +83,7 @@ class RestPairs:
     def __init__(self, rules: RestRules | None = None, capacity: int = 1000) -> None:
         self.rules = rules or RestRules()
         self._pairs: deque[RestPair] = deque(maxlen=capacity)
-        self._waiting: deque[tuple[int, int, NDArray[np.float64]]] = deque(maxlen=capacity)
+        self._waiting: deque[tuple[int, int, Array]] = deque(maxlen=capacity)
         self._points: deque[tuple[int, Point]] = deque(maxlen=MAXIMUM_POINTS)
         self._standstill = Standstill(self.rules.tolerance)
         self._rest: _Rest | None = None
@@ -142,7 +142,7 @@ class RestPairs:
                 rest.total += position
                 rest.count += 1
 
-    def _so_far(self) -> list[tuple[int, int, NDArray[np.float64]]]:
+    def _so_far(self) -> list[tuple[int, int, Array]]:
         """Window and mean position of the rest in progress, where it is long enough by now."""
         rest = self._rest
         shortest = round(self.rules.shortest * NANOSECONDS)
@@ -163,7 +163,7 @@ class RestPairs:
             while self._points and self._points[0][0] < interval[1]:
                 self._points.popleft()
 
-    def _pair(self, begin: int, end: int, stage: NDArray[np.float64]) -> RestPair | None:
+    def _pair(self, begin: int, end: int, stage: Array) -> RestPair | None:
         inside = [point for stamp, point in self._points if begin <= stamp <= end]
         if len(inside) < FEWEST_POINTS:
             return None

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.experiment.design import Experiment
 from gap_diagnosis.experiment.questions import LARGE
 from gap_diagnosis.experiment.travel import FILE
 from gap_diagnosis.result import Diagnosis
+from stage_core.arrays import Array
 from stage_core.pages import Page
 from stage_core.quantities import UNKNOWN
 from stage_core.whole_file import write_whole
@@ -52,7 +52,7 @@ def write(experiment: Experiment, directory: Path) -> Path:
     return path
 
 
-def table(position: NDArray[np.float64], period: float, axes: tuple[str, ...]) -> str:
+def table(position: Array, period: float, axes: tuple[str, ...]) -> str:
     """Text of a motion (n, a) [m]: a row of time [s] and positions [m] every `SPACING`."""
     step = max(1, round(SPACING / period))
     rows = np.arange(0, len(position), step)
