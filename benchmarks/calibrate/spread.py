@@ -51,7 +51,7 @@ def _of_session(row: Row, model: str) -> list[tuple[float, ...]]:
     told = [
         (
             *(sigmas * width / (2.0 * SIGMAS), width / (2.0 * SIGMAS)),
-            *(is_magnitude(name, parameter), _doubt(name, parameter)),
+            *(is_magnitude(name, parameter), _doubt(row, name, parameter)),
         )
         for name, parameter, sigmas, width in row.get('intervals', [])
         if model_of(name) == model and belongs_to_machine(name, parameter) and width < NO_SHARE
@@ -59,9 +59,10 @@ def _of_session(row: Row, model: str) -> list[tuple[float, ...]]:
     return [(*one, 1.0 / len(told)) for one in told]
 
 
-def _doubt(name: str, parameter: str) -> float:
+def _doubt(row: Row, name: str, parameter: str) -> float:
     """Share of the value that a report adds for what every fit gets wrong of the parameter."""
-    return effect_of(name).parameter(parameter).doubt
+    shown = [told for effect, told, *_ in row['intervals'] if effect == name]
+    return effect_of(name).parameter(parameter).doubted(shown)
 
 
 def _narrowest(found: Array) -> tuple[float, float]:
@@ -87,14 +88,15 @@ def _narrowest(found: Array) -> tuple[float, float]:
 def widened(rows: Sequence[Row], spread: Spread) -> list[Row]:
     """The sessions with their intervals as a report with this spread states them."""
     return [
-        {**row, 'intervals': [_wider(i, spread) for i in row.get('intervals', [])]} for row in rows
+        {**row, 'intervals': [_wider(row, i, spread) for i in row.get('intervals', [])]}
+        for row in rows
     ]
 
 
-def _wider(interval: Sequence[Any], spread: Spread) -> tuple[str, str, float, float]:
+def _wider(row: Row, interval: Sequence[Any], spread: Spread) -> tuple[str, str, float, float]:
     name, parameter, sigmas, width = interval
     factor, share = spread[model_of(name)]
     share = share if is_magnitude(name, parameter) else 0.0
-    model = 2.0 * SIGMAS * math.hypot(share, _doubt(name, parameter))
+    model = 2.0 * SIGMAS * math.hypot(share, _doubt(row, name, parameter))
     wider = max(math.hypot(factor * width, model), 2.0 * SIGMAS * ROUNDING)
     return name, parameter, sigmas * width / wider, wider

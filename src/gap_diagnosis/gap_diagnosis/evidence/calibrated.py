@@ -28,7 +28,7 @@ WEIGHTS: dict[str, dict[str, float]] = {
 }
 SPREAD: dict[str, tuple[float, float]] = {
     'friction': (3.769, 0),
-    'servo': (4.954, 0),
+    'servo': (2.653, 0),
     'kinematic': (1, 0),
     'sensor': (1.04, 0),
 }

@@ -84,9 +84,10 @@ def with_model_error(
 ) -> dict[str, tuple[float, float]]:
     """Parameters whose deviations hold what models get wrong: of their kind, and their own."""
     factor, share = SPREAD[model_of(name)]
+    shown = {key for key, (_, std) in values.items() if std > 0.0}
     out = {}
     for key, (value, std) in values.items():
-        doubt = effect_of(name).parameter(key).doubt
+        doubt = effect_of(name).parameter(key).doubted(shown)
         missed = math.hypot(share if is_magnitude(name, key) else 0.0, doubt) * abs(value)
         out[key] = (value, std and math.hypot(factor * std, missed))
     return out

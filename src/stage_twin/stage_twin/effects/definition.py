@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 from stage_core.quantities import LINKS
@@ -40,6 +40,8 @@ class Parameter:
         of one session cannot determine.
     doubt : float
         Standard deviation, as a share of the value, of what a fit gets wrong beyond what it says.
+    doubt_without : tuple of str and float, or None
+        Another parameter, and what the doubt is where a session does not show that one.
     scanned : bool
         True for one of which a fit takes the best of many values (a period): the amplitude beside
         it is then the largest of many.
@@ -60,9 +62,16 @@ class Parameter:
     nuisance: bool = False
     fitted: bool = True
     doubt: float = 0.0
+    doubt_without: tuple[str, float] | None = None
     scanned: bool = False
     tried: tuple[float, ...] = ()
     inside: bool = False
+
+    def doubted(self, shown: Collection[str]) -> float:
+        """The doubt in a session that shows some parameters of the effect."""
+        if self.doubt_without is None or self.doubt_without[0] in shown:
+            return self.doubt
+        return self.doubt_without[1]
 
     def said(self, value: float) -> str:
         """A value with its unit, as a report says it: `12 µm`."""
