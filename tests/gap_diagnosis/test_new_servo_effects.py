@@ -14,7 +14,7 @@ from gap_diagnosis.residuals.servo import Servo
 from stage_core.arrays import Array
 from stage_core.session import Session
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import EFFECTS, position_dependent_friction
+from stage_twin.effects import EFFECTS, position_dependent_friction, torque_sag
 
 from .conftest import nominal
 
@@ -92,8 +92,8 @@ def test_a_torque_that_sags_in_several_ways_down_to_a_fifth_is_named(planted: Ma
     found = diagnose([planted({'torque_sag.x': truth}, duration=14.0, seed=1)], [], nominal())
     assert found.verdict == ['torque_sag.x']
     for name, value in truth.items():
-        # The shares imitate one another (`torque_sag.DOUBT`): the loop's gap is flat along them.
-        assert found.effects['torque_sag.x'][name] == pytest.approx(value, rel=0.1)
+        # The shares imitate one another: the loop's gap is flat along them.
+        assert found.effects['torque_sag.x'][name] == pytest.approx(value, rel=torque_sag.DOUBT)
 
 
 def test_friction_that_goes_with_the_position_is_named_with_its_curve(planted: Maker) -> None:
