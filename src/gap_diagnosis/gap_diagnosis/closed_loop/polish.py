@@ -279,8 +279,8 @@ def _tried(found: Parameters) -> list[tuple[str, str, float]]:
 def _both(z: Array, covariance: Array, own: Array) -> tuple[Array, Array]:
     """Mean (k,) of the loop's estimate z and the balance's, which is zero; and its deviations.
 
-    The deviations `own` (k,) of the balance's hold its distance from the interval of the loop's. Of
-    nine values of five sessions the loop's were 0.3 to 2.2 of its deviations from the truth.
+    The deviations `own` (k,) of the balance's hold its distance from the interval of the loop's.
+    Of nine values of five sessions the loop's were 0.3 to 2.2 of its deviations from the truth.
     """
     apart = np.maximum(own**2, z**2 - SIGMAS**2 * np.diag(covariance))
     gain = covariance @ np.linalg.inv(covariance + np.diag(apart))
