@@ -43,9 +43,11 @@ def variances(
     halves = inverse @ (rows / scale).T  # (k, n)
     told = 1.0 - penalty / scale**2 * np.sum(inverse**2, axis=0)
     # A curve is about as rough where the rows do not tell it as where they do.
-    rough = float(penalty @ coefficients**2) / max(float(np.sum(told[penalty > 0.0])), 1.0)
-    moved = (inverse.T @ halves) / scale[:, None]
-    smooth = max(rough / noise - 1.0, 0.0) * (penalty @ moved**2)
+    curve = penalty > 0.0
+    rough = float(penalty @ coefficients**2) / max(float(np.sum(told[curve])), 1.0)
+    # What the rows hold of another column may be next to nothing, and its move no number.
+    moved = (inverse.T @ halves)[curve] / scale[curve, None]
+    smooth = max(rough / noise - 1.0, 0.0) * (penalty[curve] @ moved**2)
     return np.asarray(1.0 + np.sum(halves**2, axis=0) + smooth)
 
 
