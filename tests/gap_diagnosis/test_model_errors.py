@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.model import Evidence
 from gap_diagnosis.selection.model_errors import model_errors
 from stage_twin.effects.term import Term, constant
@@ -36,11 +37,8 @@ def errors(
     terms = {name: plain, FRICTION: replace(plain, base=base), SAG: plain, RIPPLE: plain}
     evidence = {name: Evidence(name, gain, (0.1, 1.0), share, True, [FRICTION])}
     sizes = {name: 1.0} | ({FRICTION: friction} if friction else {})
-    fit = SimpleNamespace(
-        mean_square=lambda problem: left,
-        thetas=sizes,
-        contribution=lambda problem, name: np.full(4, sizes[name]),
-    )
+    found = {n: np.array([size]) for n, size in sizes.items()}
+    fit = Fit(dict.fromkeys(sizes, ()), found, np.zeros(4), np.full(4, np.sqrt(left)))
     part: Any = SimpleNamespace(
         problem=SimpleNamespace(terms=terms, stated=stated, judged=slice(None)),
         structure=SimpleNamespace(structured=structured),
