@@ -68,8 +68,9 @@ UNSEEN = """The probabilities of each generator come from a fit to the two other
 WEIGHED = """Weights of the features of each kind of statement, and of the constant (`1`). The
 features stand in `evidence/probability.py`. One is taken if it lowers the log-loss on generators
 that the fit did not see by at least 5 %."""
-HELD = """The estimated deviations hold noise and misfit of the session alone. The widened ones are
-fitted to the two other generators."""
+HELD = """The estimated deviations hold noise and misfit of the session alone. The factor and the
+share that widen them are fitted to the two other generators. Doubts of single parameters
+(`Parameter.doubt`) are not: they were set with all generators in view."""
 STRUCTURE = """A residual has structure where its share that is no noise is above a threshold
 (`SERVO_STRUCTURE` and `TRACKER_STRUCTURE` in `evidence/judgement.py`). The counts show how many
 verdicts another threshold could change: at most those between one half of it and twice it."""

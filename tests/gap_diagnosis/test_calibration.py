@@ -21,6 +21,7 @@ from benchmarks.calibrate.sessions import own_truth, samples
 from benchmarks.calibrate.spread import spread_of, widened
 from benchmarks.calibrate.truth import in_report_terms
 from gap_diagnosis.evidence import probability as evidence
+from gap_diagnosis.evidence.describe import with_model_error
 from gap_diagnosis.evidence.judgement import Cause
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from stage_core.twin_file import TwinFile
@@ -243,3 +244,22 @@ def test_a_session_whose_parameters_are_all_wrong_counts_once() -> None:
 def test_the_code_of_a_session_does_not_hold_what_is_fitted() -> None:
     names = [path.name for path in _below('src/gap_diagnosis/gap_diagnosis')]
     assert 'probability.py' in names and FITTED not in names
+
+
+def test_a_frequency_that_the_tracker_alone_shows_is_doubted() -> None:
+    """The share of the mass that swings raises it, and is not shown: its deviation is zero."""
+    shown = {'frequency': (40.0, 0.1), 'mass_ratio': (0.3, 0.02)}
+    alone = {**shown, 'mass_ratio': (0.0, 0.0)}
+    both, tracker = (with_model_error('structural_resonance.x', v) for v in (shown, alone))
+    assert both['frequency'][1] < 1.0 and tracker['frequency'][1] > 0.1 * 40.0
+    row = {
+        'generator': 'own',
+        'exact': True,
+        'intervals': [('structural_resonance.x', 'frequency', 9.0, 0.05)],
+    }
+    told = {
+        **row,
+        'intervals': [*row['intervals'], ('structural_resonance.x', 'mass_ratio', 0.0, 0.1)],
+    }
+    wide, narrow = (widened([r], {'servo': (1.0, 0.0)})[0]['intervals'][0] for r in (row, told))
+    assert wide[3] > 5.0 * narrow[3]

@@ -129,13 +129,14 @@ def test_where_a_curve_was_not_told_no_other_effect_is_told_by_its_error() -> No
     assert by_squares > 10.0 * as_foreseen
 
 
-def test_a_column_of_one_fold_alone_stands_beside_a_curve() -> None:
-    """What the other folds hold of it is rounding, which may be below zero."""
+@pytest.mark.parametrize(('square', 'column'), [(-1e-8, 0.0), (1e-320, 1e-160)])
+def test_a_column_of_one_fold_alone_stands_beside_a_curve(square: float, column: float) -> None:
+    """What the other folds hold of it is rounding, which may be below zero or next to nothing."""
     rng = np.random.default_rng(1)
     curve = rng.normal(size=(50, 3))
     gram = np.zeros((4, 4))
     gram[:3, :3] = curve.T @ curve
-    gram[3, 3] = -1e-8
-    rows = np.column_stack([curve, np.zeros(50)])
+    gram[3, 3] = square
+    rows = np.column_stack([curve, np.full(50, column)])
     found = variances(rows, gram, np.array([0.0, 0.1, 0.1, 0.0]), np.ones(4), 1.0)
     assert np.all(np.isfinite(found)) and np.all(found >= 1.0)

@@ -12,7 +12,7 @@ from stage_twin.effects.rows import ForceRows
 from stage_twin.effects.shared import filtered
 from stage_twin.effects.term import Term, Theta
 
-#: Drives lag in two stages: of eleven right ones of three simulators the middle one missed by 4 %,
+#: Drives lag in two stages: of eleven right ones of two simulators the middle one missed by 4 %,
 #: the worst by 8 %.
 DOUBT = 0.04
 

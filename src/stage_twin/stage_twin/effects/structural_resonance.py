@@ -38,7 +38,7 @@ def _like_a_base(values: Mapping[str, float]) -> tuple[str, ...]:
 #: by 25 %; of three right frequencies the worst missed by 0.3 %.
 DOUBTED_DAMPING, DOUBTED_FREQUENCY = 0.1, 0.002
 #: A tracker alone shows at which frequency the load swings while the motor gives way, by which the
-#: share of the mass raises it: of nine of three simulators eight missed by 5 to 29 %, one by 44 %.
+#: share of the mass raises it: of eight of two simulators seven missed by 5 to 29 %, one by 44 %.
 DOUBTED_ALONE = 0.15
 
 EFFECT = Effect(
