@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,12 +57,7 @@ class Domain:
     @classmethod
     def of(cls, command: Array, error: Array, temperatures: Array) -> Domain:
         """Domain of training samples."""
-        from scipy.spatial.distance import cdist
-
-        visited = np.unique(distinct_places(command), return_index=True)[1]
-        places = _spread(command[visited], MOST_PLACES)
-        between = cdist(places, places)
-        np.fill_diagonal(between, np.inf)
+        places, reach = _places(command.tobytes(), command.shape)
         centre = command.mean(axis=0)
         half = np.maximum(np.ptp(command, axis=0) / 2.0, 1e-300)
         design = np.column_stack([np.ones(len(command)), (command - centre) / half])
@@ -75,8 +71,8 @@ class Domain:
         return cls(
             command.min(axis=0),
             command.max(axis=0),
-            places,
-            REACH * float(between.min(axis=1).max()) if len(places) > 1 else 0.0,
+            places.copy(),
+            reach,
             temperatures.min(axis=0),
             temperatures.max(axis=0),
             np.vstack([scaled[0] - centre @ slope, slope]),
@@ -162,6 +158,19 @@ class Domain:
             f'{self.coldest[column]:.4g} to {self.hottest[column]:.4g}: the model takes the '
             'nearest of them'
         )
+
+
+@lru_cache(maxsize=64)  # every candidate of a choice is fitted to the same folds
+def _places(content: bytes, shape: tuple[int, ...]) -> tuple[Array, float]:
+    """Places and reach of a domain, of the commands of its training samples."""
+    from scipy.spatial.distance import cdist
+
+    command = np.frombuffer(content).reshape(shape)
+    visited = np.unique(distinct_places(command), return_index=True)[1]
+    places = _spread(command[visited], MOST_PLACES)
+    between = cdist(places, places)
+    np.fill_diagonal(between, np.inf)
+    return places, REACH * float(between.min(axis=1).max()) if len(places) > 1 else 0.0
 
 
 def _spread(places: Array, most: int) -> Array:

@@ -273,18 +273,31 @@ def _solve(design: Array, target: Array, ridge: float) -> tuple[Array, Array]:
 def _left_out(design: Array, target: Array, ridge: float, labels: Labels) -> float:
     """Mean square error of the ridge solution at each label's rows, fitted without them.
 
-    In the basis U of the design's columns the solution without the rows g solves
-    (1 + ridge / s^2 - U_g' U_g) v = U'y - U_g'y_g.
+    In the basis U of the design's columns, with N = 1 + ridge / s^2, the rows g of a label leave
+    (1 - U_g U_g' / N)^-1 (y_g - U_g U'y / N), or y_g - U_g v with v of (N - U_g'U_g) v =
+    U'y - U_g'y_g: whichever has fewer unknowns.
     """
     length = np.sqrt(np.mean(design**2, axis=0))
     length[length == 0.0] = 1.0
     u, s, _ = np.linalg.svd(design / length, full_matrices=False)
     # A place that alone carries a term leaves nothing to know it by: its share is then zero.
-    normal = np.diag(1.0 + 1e-6 + ridge / np.maximum(s**2, 1e-300))
-    right = u.T @ target
-    total = 0.0
-    for rows in np.split(np.argsort(labels, kind='stable'), np.cumsum(np.bincount(labels))[:-1]):
-        own = u[rows]
-        without = np.linalg.solve(normal - own.T @ own, right - own.T @ target[rows])
-        total += float(np.sum((target[rows] - own @ without) ** 2))
-    return total / len(target)
+    normal = 1.0 + 1e-6 + ridge / np.maximum(s**2, 1e-300)
+    right, count = u.T @ target, np.bincount(labels)
+    order, last = np.argsort(labels, kind='stable'), np.cumsum(count)
+    if count.max() > u.shape[1]:
+        total = 0.0
+        for rows in np.split(order, last[:-1]):
+            own = u[rows]
+            reduced = np.diag(normal) - own.T @ own
+            without = np.linalg.solve(reduced, right - own.T @ target[rows])
+            total += float(np.sum((target[rows] - own @ without) ** 2))
+        return total / len(target)
+    # All labels at once: rows of zeros make them equally many.
+    label = labels[order]
+    place = np.arange(len(order)) - (last - count)[label]
+    owns = np.zeros((len(count), count.max(), u.shape[1]))
+    left = np.zeros((len(count), count.max(), 1))
+    owns[label, place] = u[order]
+    left[label, place, 0] = (target - u @ (right / normal))[order]
+    shares = np.eye(count.max()) - (owns / normal) @ owns.swapaxes(1, 2)
+    return float(np.sum(np.linalg.solve(shares, left) ** 2)) / len(target)
