@@ -20,12 +20,13 @@ def solve_gram(gram: Array, right: Array, penalty: Array | float = 0.0) -> Array
 
     `penalty` (k,) is what the square of each coefficient counts beside the squares of the rows.
     """
-    gram = gram.copy()
-    gram.ravel()[:: len(gram) + 1] += penalty
-    scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    scaled = gram.copy()
+    diagonal = scaled.reshape(-1)[:: len(scaled) + 1]  # a view
+    diagonal += penalty
+    scale = np.sqrt(np.maximum(diagonal, 0.0))
     scale[scale == 0.0] = 1.0
-    scaled = gram / np.outer(scale, scale)
-    scaled.ravel()[:: len(scaled) + 1] += RIDGE  # the diagonal
+    scaled /= scale[:, None] * scale
+    diagonal += RIDGE
     return np.asarray(np.linalg.solve(scaled, right / scale) / scale)
 
 

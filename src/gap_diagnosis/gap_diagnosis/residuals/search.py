@@ -69,14 +69,20 @@ class Search:
                 free.append((name, theta))
         if not free:
             return target
-        gram = np.block([[self._product(a, b) for b in free] for a in free])
-        right = np.concatenate([self._own(*one).T @ target for one in free])
-        penalty = [self._terms[one[0]].penalty(np.diag(self._product(one, one))) for one in free]
-        solution, at = solve_gram(gram, right, np.concatenate(penalty)), 0
-        for one in free:
-            own = self._own(*one)
-            target = target - own @ solution[at : at + own.shape[1]]
-            at += own.shape[1]
+        owns = [self._own(*one) for one in free]
+        ends = np.cumsum([own.shape[1] for own in owns]).tolist()
+        places = [slice(*pair) for pair in zip([0, *ends], ends, strict=False)]
+        gram, right, penalty = np.empty((ends[-1], ends[-1])), np.empty(ends[-1]), []
+        for i, (at, own) in enumerate(zip(places, owns, strict=True)):
+            for j in range(i + 1):
+                product = self._product(free[i], free[j])
+                gram[at, places[j]], gram[places[j], at] = product, product.T
+            right[at] = own.T @ target
+            squares = gram[at, at].diagonal()
+            penalty.append(self._terms[free[i][0]].penalty(squares))
+        solution = solve_gram(gram, right, np.concatenate(penalty))
+        for at, own in zip(places, owns, strict=True):
+            target = target - own @ solution[at]
         return target
 
     def _own(self, name: str, theta: Theta) -> Array:
