@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from stage_core.arrays import Array
 
@@ -43,6 +42,9 @@ def estimate_shift(times: Array, command: Array, measured_times: Array, measured
     if values[best] > 0.999 * values[len(grid) // 2]:
         # Nothing gained over no shift: the points were taken at rest.
         return 0.0
+    # Only here: it takes a quarter of a second to import.
+    from scipy.optimize import minimize_scalar
+
     found = minimize_scalar(
         residual, bounds=(grid[best] - 0.01, grid[best] + 0.01), method='bounded',
         options={'xatol': 1e-6},

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import betainc
 
 from stage_core.arrays import Array
 from stage_core.errors import StageError
@@ -145,6 +144,9 @@ def _f_inside(matrix: Array, chosen: NDArray[np.int64], freedom: int) -> Array:
 
 def _p_values(f: Array, freedom: int) -> Array:
     """Upper tail of the F distribution with 1 and `freedom` degrees: the two-sided t test."""
+    # Only here: it takes a quarter of a second to import.
+    from scipy.special import betainc
+
     return np.asarray(betainc(freedom / 2.0, 0.5, freedom / (freedom + f)), dtype=float)
 
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from calibrator.models.domain import Domain
 from calibrator.places import distinct_places, folds, judged_places
@@ -134,6 +133,9 @@ def deviation(left_out: Array) -> Array:
     level = min(0.95 * (n + 1) / n, 1.0)
     quantile = np.quantile(np.abs(left_out), level, axis=0)
     if n < 40:
+        # Only here: it takes a quarter of a second to import.
+        from scipy.special import stdtrit
+
         rms = np.sqrt(np.mean(left_out**2, axis=0))
         wide = rms * stdtrit(max(n - 1, 1), 0.975) * np.sqrt(1.0 + 1.0 / n)
         quantile = np.maximum(quantile, wide)

@@ -11,7 +11,6 @@ from math import comb
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from calibrator.models.adaptable import Adaptable
 from calibrator.models.inputs import scaling_of
@@ -246,6 +245,9 @@ def find_period(position: Array, error: Array, design: Array) -> float:
     total = float(rest @ rest)
     if total <= 0.0:
         return 0.0
+    # Only here: it takes a quarter of a second to import.
+    from scipy.optimize import minimize_scalar
+
     # Four points per resolution cell keep the peak's loss below five per cent.
     frequencies = np.arange(2.0, highest, 0.25) / span
     left = np.array([unexplained(frequency) for frequency in frequencies])
