@@ -27,7 +27,7 @@ Message = tuple[str, int, str, bytes]
 
 @lru_cache(maxsize=8)
 def machine(
-    seed: int = 5, axes: tuple[str, ...] = ('x', 'y'), rate: float = 100.0, duration: float = 14.0
+    seed: int = 5, axes: tuple[str, ...] = ('x', 'y'), rate: float = 100.0, duration: float = 10.0
 ) -> Recording:
     """A recording of the blind machine with friction on x, and play on the last axis."""
     truth = {

@@ -47,7 +47,7 @@ def ticks() -> np.ndarray:
 
 def with_gaps() -> np.ndarray:
     rows = ticks()
-    return rows[~(((rows > 3000) & (rows < 3200)) | ((rows > 12000) & (rows < 12050)))]
+    return rows[~(((rows > 3000) & (rows < 3200)) | ((rows > 8000) & (rows < 8050)))]
 
 
 def with_losses() -> np.ndarray:
@@ -92,7 +92,7 @@ def test_a_bare_file_of_one_axis_with_a_fast_tracker(tmp_path: Path) -> None:
 
 
 def test_half_a_bag_is_diagnosed_and_the_report_says_so(tmp_path: Path) -> None:
-    content = messages(machine(), Shape())
+    content = messages(machine(duration=14.0), Shape())
     bag = write_bag(tmp_path / 'bag', content, compression=CompressionType.ZSTD)
     file = bag / 'bag_0.mcap'
     file.write_bytes(file.read_bytes()[: 3 * file.stat().st_size // 4])
@@ -159,7 +159,7 @@ def stands_half(points: np.ndarray) -> np.ndarray:
     [
         (lambda: messages(machine(), Shape(stamped=False)), 'same stamp in its header'),
         (lambda: changed(tracker=lambda a: np.full_like(a, np.nan)), 'not a finite number'),
-        (lambda: changed(tracker=stands_half), 'frozen 7.0 s after the start'),
+        (lambda: changed(tracker=stands_half), 'frozen 5.0 s after the start'),
         (lambda: changed(tracker=lambda a: 1e3 * a), 'times as far as the encoder'),
         (lambda: changed(tracker=lambda a: a * np.array([1.0, -1.0])), 'is mirrored'),
         (lambda: messages(machine(), Shape(tracker_offset=0.3)), '0.30 s late'),
