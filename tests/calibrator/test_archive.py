@@ -97,7 +97,7 @@ def test_restarts_take_the_least_training_error(
     tmp_path: Path, grid_session, dask_cluster: str
 ) -> None:
     samples = prepare(grid_session(40))
-    options = {'particles': 6, 'iterations': 4, 'rules': 3}
+    options = {'particles': 6, 'iterations': 4, 'rules': 2}
     alone = [train(samples, 'it2fls', {**options, 'seed': s}, 2) for s in (2, 3, 4)]
     values = [training.train_after.rms for training in alone]
     assert len(set(values)) == 3

@@ -46,7 +46,7 @@ def base(method, **options):
     [
         ('structured', {'degree': 3}),
         ('affine', {}),
-        ('it2fls', {'rules': 3, 'particles': 10, 'iterations': 10}),
+        ('it2fls', {'rules': 2, 'particles': 10, 'iterations': 10}),
     ],
 )
 def test_design_and_weights_reproduce_the_prediction(method, options):
