@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import make_interp_spline
 
 from contour_ctrl import nurbs
 from hra_curves.arc_length import Curve
@@ -46,8 +47,6 @@ class CallableCurve:
 
     @cached_property
     def _spline(self) -> Callable[..., Array]:
-        from scipy.interpolate import make_interp_spline
-
         u = np.linspace(*self.domain, self.samples + 1)
         points = np.asarray(self.function(u), dtype=float)
         if points.shape != (len(u), 2) or not np.all(np.isfinite(points)):

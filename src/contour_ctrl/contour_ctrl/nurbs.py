@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import comb
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import BSpline, make_interp_spline
 
 from stage_core.arrays import Array
 from stage_core.errors import StageError
@@ -33,7 +33,7 @@ class NurbsCurve:
     knots: Array
     control_points: Array
     weights: Array | None = None
-    _spline: Any = field(init=False, repr=False, compare=False)
+    _spline: BSpline = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         knots = np.asarray(self.knots, dtype=float)
@@ -60,8 +60,6 @@ class NurbsCurve:
         object.__setattr__(self, 'knots', knots)
         object.__setattr__(self, 'control_points', points)
         object.__setattr__(self, 'weights', weights)
-        from scipy.interpolate import BSpline
-
         homogeneous = np.column_stack([points * weights[:, None], weights])
         object.__setattr__(self, '_spline', BSpline(knots, homogeneous, self.degree))
 
@@ -144,8 +142,6 @@ def interpolate(points: ArrayLike, closed: bool, degree: int = 5) -> NurbsCurve:
             f'zero-length segment between points {short[0] + 1} and {short[0] + 2} of the '
             'free-form curve: remove one of them'
         )
-    from scipy.interpolate import make_interp_spline
-
     parameter = np.concatenate([[0.0], np.cumsum(chords)])
     spline = make_interp_spline(parameter, nodes, k=degree, bc_type='periodic' if closed else None)
     return NurbsCurve(degree, spline.t, spline.c)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from hra_curves.arc_length import ArcLength, Curve
 from stage_core.arrays import Array
@@ -57,9 +58,6 @@ def sampled_derivatives(values: Array, step: float) -> tuple[Array, ...]:
 
     They come from the quintic spline through the samples.
     """
-    # Only here, as in all of this package: it takes a quarter of a second to import.
-    from scipy.interpolate import make_interp_spline
-
     grid = step * np.arange(len(values))
     spline = make_interp_spline(grid, values, k=5)
     return values, spline(grid, 1), spline(grid, 2)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from contour_ctrl.contour_error import of_record
 from contour_ctrl.curves import check_regular
@@ -52,10 +53,6 @@ class Reference:
     feed: float
     fluctuation: float
     wanted: str = ''
-
-    def __post_init__(self) -> None:
-        # Before the motion: a stop on the way (`braked`) must not wait for the import.
-        import scipy.interpolate  # noqa: F401
 
     def __len__(self) -> int:
         """Return the number of ticks."""
@@ -129,8 +126,6 @@ class Reference:
         window = slice(first, first + count + 6)
         grid = np.arange(len(self), dtype=float)[window]
         clock = np.minimum(clock, grid[-1])
-
-        from scipy.interpolate import make_interp_spline
 
         def at(values: Array) -> Array:
             return make_interp_spline(grid, values[window], k=3)(clock)

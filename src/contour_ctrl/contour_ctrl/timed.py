@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from contour_ctrl.feedrate import AxisLimits
 from contour_ctrl.reference import LONGEST, Reference
@@ -37,8 +38,6 @@ def from_text(text: str, origin: str, period: float, limits: AxisLimits) -> Refe
     StageError
         If the text is no such table, or an axis cannot follow the motion.
     """
-    from scipy.interpolate import make_interp_spline
-
     time, position = _table(text, origin)
     spline = make_interp_spline(time, position, k=5)
     ticks = time[0] + period * np.arange(int((time[-1] - time[0]) / period + 1e-6) + 1)
