@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -102,6 +103,9 @@ def test_effects_of_one_file_each_are_simulated_diagnosed_and_reported(tmp_path:
     (tmp_path / 'effects').mkdir()
     for name, effect in (('gear_wobble', GEAR_WOBBLE), ('slow_drive', SLOW_DRIVE)):
         (tmp_path / 'effects' / f'{name}.py').write_text(effect, encoding='utf-8')
+    # What no effect goes into is compiled already; what depends on them is compiled here.
+    if shared := os.environ.get('NUMBA_CACHE_DIR'):
+        shutil.copytree(shared, tmp_path / 'numba', ignore=shutil.ignore_patterns('twin-*'))
     # First, because other folders of tests have a conftest too.
     paths = [str(TESTS / 'gap_diagnosis'), *sys.path]
     environment = {
