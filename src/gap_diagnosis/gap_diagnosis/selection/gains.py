@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from gap_diagnosis.residuals.problem import Problem
@@ -31,6 +33,7 @@ def block_rms_gains(problem: Problem, base: Fit, other: Fit) -> Array:
     return np.asarray(before - after)
 
 
+@lru_cache(maxsize=64)
 def weights(seed: int, draws: int, count: int) -> Array:
     """Weights (draws, count) of the Bayesian bootstrap (Rubin, Annals of Statistics 9, 1981).
 
@@ -38,7 +41,9 @@ def weights(seed: int, draws: int, count: int) -> Array:
     that is clipped once) is not lost by chance.
     """
     raw = np.random.default_rng(seed).standard_exponential((draws, count))
-    return np.asarray(raw / raw.sum(axis=1, keepdims=True))
+    made = np.asarray(raw / raw.sum(axis=1, keepdims=True))
+    made.setflags(write=False)  # every caller has the same ones
+    return made
 
 
 def bootstrap_interval(
