@@ -40,9 +40,9 @@ CHANGED: dict[str, dict[str, object]] = {
 }
 
 
-def training_bag(folder: Path, samples: int = 20_000) -> Path:
+def training_bag(folder: Path) -> Path:
     """A moving stage with smooth errors: enough samples for a long training."""
-    times = np.arange(samples)
+    times = np.arange(20_000)
     stamps = 10**18 + times * 2_000_000
     path = 0.05 * np.sin(np.outer(times * 0.002, (1.9, 3.1)))
     table = path + 2e-5 * np.sin(90.0 * path)

@@ -12,8 +12,7 @@ from benchmarks.retrain_while_moving import follow, training_bag
 
 
 def test_a_retrain_leaves_the_contour_alone(ros_env: dict[str, str], tmp_path: Path) -> None:
-    # A third of the benchmark's samples: an iteration is waited for before and after the motion.
-    bag = training_bag(tmp_path, 6_000)
+    bag = training_bag(tmp_path)
     alone, _, _ = follow(tmp_path / 'alone', bag, 'lockstep', 1, retrain=False)
     during, _, (first, last) = follow(tmp_path / 'during', bag, 'lockstep', 1, retrain=True)
     assert last > first > 0, 'the training did not last through the motion'
