@@ -31,7 +31,7 @@ def test_live_mode_warns_when_the_machine_is_another_one(
     ros_env: dict[str, str], tmp_path: Path
 ) -> None:
     limits = Limits(np.full(2, -0.02), np.full(2, 0.02), np.full(2, 600.0))
-    motion = sample(Motion('strokes', 0.95, 0.7, (0.5, 0.5), 3), limits, 7.0, 0.001)
+    motion = sample(Motion('strokes', 0.95, 0.7, (0.5, 0.5), 3), limits, 9.0, 0.001)
     curve = tmp_path / FILE
     curve.write_text(table(motion, 0.001, ('x', 'y')), encoding='utf-8')
     first, second = tmp_path / 'first.yaml', tmp_path / 'second.yaml'
