@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrator.places import distinct_places
+from calibrator.places import MOST_CLUSTERED, distinct_places
 from stage_core.arrays import Array
 from stage_core.quantities import AXES
 
@@ -57,7 +57,8 @@ class Domain:
     @classmethod
     def of(cls, command: Array, error: Array, temperatures: Array) -> Domain:
         """Domain of training samples."""
-        places, reach = _places(command.tobytes(), command.shape)
+        find = _places if len(command) <= MOST_CLUSTERED else _places.__wrapped__
+        places, reach = find(command.tobytes(), command.shape)
         centre = command.mean(axis=0)
         half = np.maximum(np.ptp(command, axis=0) / 2.0, 1e-300)
         design = np.column_stack([np.ones(len(command)), (command - centre) / half])
@@ -160,7 +161,7 @@ class Domain:
         )
 
 
-@lru_cache(maxsize=64)  # every candidate of a choice is fitted to the same folds
+@lru_cache(maxsize=64)  # every candidate of a choice is fitted to the same folds, which are small
 def _places(content: bytes, shape: tuple[int, ...]) -> tuple[Array, float]:
     """Places and reach of a domain, of the commands of its training samples."""
     from scipy.spatial.distance import cdist
