@@ -15,8 +15,8 @@ from gap_diagnosis.closed_loop import (
     polish,
     replay,
     rests,
+    slides,
     swing,
-    unexplained,
 )
 from gap_diagnosis.evidence import acceptance, judgement, left_out
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
@@ -49,9 +49,9 @@ MODULES = {
                    judged, judgement, kinematics, knots, lacking, left_out, library, loops,
                    machine, misread, motions, online, outliers, pairs, passes, periodic, places,
                    polish, prepare, propose, replay, rest_places, rests, rivals, scene, search,
-                   selection, separation, servo_clocks, servo_part, shape, shared, slow_rows,
-                   straightness, swing, swinging, temperatures, thermal, told, training,
-                   trials, unexplained, unrecorded, windows)
+                   selection, separation, servo_clocks, servo_part, shape, shared, slides,
+                   slow_rows, straightness, swing, swinging, temperatures, thermal, told, training,
+                   trials, unrecorded, windows)
 }  # fmt: skip
 TABLES = {
     'calibration': """
@@ -109,15 +109,17 @@ squared noise that any other effect closes, at least | {acceptance.LEAST_SEEN:.0
 gap that is `unknown` if nothing is named, from | {acceptance.FAR:g} floors
 gap that is `unknown` beside a name or a stated friction, from | {acceptance.FAR_BESIDE:g} floors
 the same: squared gap that the effects leave, from | {acceptance.SHARE_BESIDE:.0%}
-time of moving one way after which an axis slides | {unexplained.SLIDES:g} s
-the same: its speed, from | {unexplained.SLOW:.0%} of the fastest
-ticks from which on a stated friction is told where it slides | {unexplained.ENOUGH:.0%}
+time of moving one way after which an axis slides | {slides.SLIDES:g} s
+the same: its speed, from | {slides.SLOW:.0%} of the fastest
+ticks from which on a stated friction is told where it slides | {slides.ENOUGH:.0%}
 squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}
-force balance that a swinging play explains, at least | {swing.LEAST_SHARE:.0%}
+force balance that a swinging play explains, at least | {swinging.EXPLAINS:.0%}
+the same of what the loop cannot tell, at least | {swing.LEAST_SHARE:.0%}
 ratio of the swings of twin and record, at most | {swing.AS_MUCH:g}
 remainder over the noise from which a swing is looked for, squares | {swinging.FAST:g}
 share of it that one sine explains, from which on no loop swings | {swinging.STEADY:.0%}
 time constant of the edge of a play before the encoder, below | {drive_play.SLOWEST:g} s
+the same: its damping ratio, above | {drive_play.LIVELIEST:g}
 increments of a noisy effort at a limit that the law leaves, at least | {commands.HELD:.1f} times
 the same of an effort whose noise is its own, at least | {commands.STANDS:.0f} times
 what an effect explains that an alternative explains, at least | {rivals.LEAST_OF_ITS_GAIN:.0%}

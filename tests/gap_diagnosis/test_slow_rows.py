@@ -70,6 +70,12 @@ def test_rows_that_leave_alike_count_alike() -> None:
     assert speed_weights(problem, selected(problem)) is None
 
 
+def test_rows_count_by_their_speed_beside_a_friction_that_the_twin_states() -> None:
+    problem = creeping(8.0)
+    nothing = replace(selected(problem), accepted=[])
+    assert speed_weights(replace(problem, stated=TRUE**2), nothing) is not None
+
+
 def test_without_a_friction_or_a_speed_all_rows_count_alike() -> None:
     problem = creeping(8.0)
     found = selected(problem)

@@ -8,12 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.closed_loop.replay import fitted_gap
-from gap_diagnosis.closed_loop.unexplained import SLIDES, Sliding, far, sliding
+from gap_diagnosis.closed_loop.slides import SLIDES, sliding
+from gap_diagnosis.closed_loop.unexplained import Sliding, far
+from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.passes import prepare
+from gap_diagnosis.selection.servo_part import _contradicted
 from stage_core.session import Session
 
 from .conftest import nominal
@@ -36,6 +40,26 @@ def test_another_presliding_is_no_gap_and_a_viscous_friction_is(
     assert fitted_gap(prepared.records, prepared.twin, {}, 'x') > 4.0 * floor
     channels = {'encoder.x': Channel('encoder.x', 'm', [], [], [])}
     assert far(prepared.records, prepared, [], channels, {}, {}, {}) is is_far
+
+
+@pytest.mark.parametrize(
+    ('name', 'hidden'),
+    [('actuation_delay.x', {'delay': 2e-3}), ('force_ripple.x', {'amplitude': 0.6})],
+)
+def test_what_another_presliding_does_contradicts_no_effect(
+    planted: Maker, name: str, hidden: dict[str, float]
+) -> None:
+    """With the right delay the loop is twice as far from the record at its rests."""
+    twin = nominal().with_effects(STATED)
+    session = planted({**SOFTER, name: hidden})
+    records = prepare([session], [], twin, []).records
+    loop = AxisLoop(records, twin, 'x')
+    found = {name: {k: (v, 1e-6) for k, v in hidden.items()}}
+    assert _contradicted([name], found, loop) == [name]
+    assert _contradicted([name], found, replace(loop, sliding=True)) == []
+    told = diagnose([session], [], twin)
+    assert told.verdict == [name] and not told.rests_as_stated
+    assert any('The twin with presliding' in warning for warning in told.warnings)
 
 
 def test_an_axis_slides_once_it_has_moved_one_way_for_a_while(planted: Maker) -> None:

@@ -18,6 +18,7 @@ from gap_diagnosis.closed_loop.channels import (
     noise_notes,
     position_rms,
 )
+from gap_diagnosis.closed_loop.creep import with_presliding
 from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
 from gap_diagnosis.closed_loop.unexplained import far, sliding_axes
@@ -134,7 +135,15 @@ def _laws(result: Diagnosis, seed: int) -> list[Law]:
 
 def _rested(prepared: Prepared, result: Diagnosis) -> Prepared:
     """The same, but for how the twin with the effects that were found rests best."""
-    records = with_rests(prepared.records, prepared.twin, result.run_effects)
+    named = {c.effect for c in result.causes if c.status == 'accepted' and not c.refuted}
+    unnamed = {n: g for p in result.parts for n, g in p.presliding.items() if n not in named}
+    effects = {n: v for n, v in result.run_effects.items() if n not in unnamed}
+    twin = with_presliding(prepared.records, prepared.twin, effects, unnamed)
+    if twin is prepared.twin:
+        effects = result.run_effects
+    else:
+        prepared = prepared.with_frictions(twin)
+    records = with_rests(prepared.records, prepared.twin, effects)
     same = [r.noise for r in records] == [r.noise for r in prepared.records]
     return prepared if same else replace(prepared, records=records)
 

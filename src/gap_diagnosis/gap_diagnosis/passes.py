@@ -116,6 +116,12 @@ class Prepared:
         noises = [own for r in self.records if r.noise is not None for own in r.noise.axes]
         return self.twin == self.stated and not any(own.dry for own in noises)
 
+    def with_frictions(self, twin: TwinFile) -> Prepared:
+        """The same with the stated effects of another twin."""
+        twins = (replace(own, effects=twin.effects) for own in (self.stepped, self.seen))
+        stepped, seen = twins
+        return replace(self, twin=twin, stepped=stepped, seen=seen)
+
     @property
     def laws_known(self) -> bool:
         """Whether gains explain every controller, recorded in its forces or without them."""

@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.polish import closest, polish
 from gap_diagnosis.closed_loop.replay import AWAY, mean_square, of_axis, replayed_gap, replays
+from gap_diagnosis.closed_loop.slides import sliding
 from gap_diagnosis.closed_loop.steps import stepless, unrepeated_steps, without_steps
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
@@ -32,6 +34,7 @@ class AxisLoop:
     axis : whose encoder counts
     known : effects of all axes that are known before any is fitted
     memory : of what was refined
+    sliding : whether the gap counts where the axis slides alone
     """
 
     records: list[Record]
@@ -39,6 +42,7 @@ class AxisLoop:
     axis: str
     known: Parameters = field(default_factory=dict)
     memory: Memory = field(default_factory=Memory)
+    sliding: bool = False
 
     @property
     def channel(self) -> str:
@@ -77,7 +81,12 @@ class AxisLoop:
     def gap(self, effects: Effects) -> float:
         """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""
         scored = judging(self.records)
-        return replayed_gap(scored, self.twin, effects, self.axis, scored_ticks)
+        return replayed_gap(scored, self.twin, effects, self.axis, self._ticks)
+
+    def _ticks(self, record: Record) -> NDArray[np.bool_]:
+        """Held-out ticks (n,) at which the gap counts."""
+        scored = scored_ticks(record)
+        return scored & sliding(record, self.axis) if self.sliding else scored
 
     def window_gaps(self, found: Parameters) -> Array:
         """RMS (w,) of the gap in each held-out window [m], of a loop without encoder steps.

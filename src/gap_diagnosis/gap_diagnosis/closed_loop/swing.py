@@ -24,9 +24,8 @@ DAMPING = 'contact_damping'
 #: Factor by which the two swings may differ. With a right play the twin swings 0.50 to 1.02 times
 #: as much as the record.
 AS_MUCH = 2.5
-#: Least share of the force balance's remainder that the effect explains: eleven right plays
-#: explain 0.76 to 1.00, a wrong one 0.34 of the rest of a friction. One of 0.84, of a wave that
-#: the encoder misreads, is kept out by `drive_play.SLOWEST`.
+#: Least share of the force balance's remainder that an effect explains which the loop cannot
+#: tell: a friction beside which it hunts, or one beside what no second run repeats.
 LEAST_SHARE = 0.7
 
 

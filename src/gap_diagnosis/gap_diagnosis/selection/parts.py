@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,7 @@ class Part:
     rows: ForceRows | Kinematics | None = None  # what the problem was made of
     unconfirmed: tuple[str, ...] = ()  # what the residual shows and no run of the twin can
     swinging: tuple[str, ...] = ()  # accepted by the amount of the swing, not by its phase
+    presliding: Mapping[str, float] = field(default_factory=dict)  # found of stated frictions [m]
 
 
 def fit_part(

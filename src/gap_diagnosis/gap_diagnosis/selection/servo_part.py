@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
+from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.rests import with_rests
+from gap_diagnosis.closed_loop.slides import slides
 from gap_diagnosis.closed_loop.swing import LEAST_SHARE, swings_as_much
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.describe import describe, model_of
@@ -20,7 +22,9 @@ from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_
 from gap_diagnosis.selection.rivals import find_rivals
 from gap_diagnosis.selection.swinging import swinging_part
 from gap_diagnosis.selection.told import told_by_loop
+from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of
+from stage_twin.effects.friction import PRESLIDING
 
 #: Share of the loop's gap from which on a friction that is left makes it hunt: two right ones left
 #: 0.66 and 0.76, those with which the loop follows the record 0.35 at most.
@@ -37,6 +41,7 @@ def fit_servo(
     """
     barred = list(without)
     unconfirmed: tuple[str, ...] = ()
+    presliding: dict[str, float] = {}
     while True:
         part = fit_part(f'servo.{loop.axis}', problem, SERVO_RULES, seed, barred)
         if loop.twin.kind != 'servo':
@@ -50,8 +55,9 @@ def fit_servo(
             part = with_lacking(part, loop)
         accepted = part.selection.accepted
         if not accepted:
-            return replace(part, unconfirmed=unconfirmed)
+            return replace(part, unconfirmed=unconfirmed, presliding=presliding)
         found = describe(part.selection, part.selector.regression)
+        presliding.update(_presliding(found, loop.twin))
         # How the twin rests best hangs on what acts on it.
         rests = with_rests(loop.records, loop.twin, loop.with_known(found), [loop.axis])
         loop = replace(loop, records=rests)
@@ -59,23 +65,34 @@ def fit_servo(
         if contradicted:
             # Where few rows tell an effect, the loop judges it with the parameters that suit it.
             contradicted = _contradicted(accepted, loop.refined(found), loop)
+        if contradicted and not sticks(accepted) and slides(loop.records, loop.twin, loop.axis):
+            # What a stated friction does at rest contradicts nothing.
+            contradicted = _contradicted(accepted, found, replace(loop, sliding=True))
         if not contradicted:
             part = with_lacking(part, loop)
             find_rivals(part.selector, part.selection)
             selection = told_by_loop(part, loop)
             errors = model_errors(part, selection)
             if errors:
-                barred += errors
+                # What one of them follows closer in the loop is no better.
+                replaced = [n for n in part.selection.accepted if n not in selection.accepted]
+                barred += [*errors, *replaced]
                 continue
             residual = residual_of(problem, selection)
             part = replace(part, selection=selection, residual=residual, unconfirmed=unconfirmed)
-            return hunting(part, loop)
+            return hunting(replace(part, presliding=presliding), loop)
         # Beside a loop that swings at another phase nothing else can be judged.
         swinging = [n for n in accepted if effect_of(n).swings]
         if len(contradicted) > 1 and swinging:
             contradicted = swinging
         unconfirmed += tuple(n for n in contradicted if n in swinging)
         barred += contradicted
+
+
+def _presliding(found: Parameters, twin: TwinFile) -> dict[str, float]:
+    """Preslidings [m] of the frictions that the twin states, as they were found."""
+    own = {n: values[PRESLIDING.name] for n, values in found.items() if PRESLIDING.name in values}
+    return {n: value for n, (value, _) in own.items() if n in twin.effects}
 
 
 def hunting(part: Part, loop: AxisLoop) -> Part:

@@ -24,9 +24,12 @@ UNEQUAL = 4.0
 
 
 def speed_weights(problem: Problem, selection: Selection) -> Array | None:
-    """Weights (n,), 1 at the most, beside a friction; None where all rows count alike."""
+    """Weights (n,), 1 at the most; None where all rows count alike.
+
+    Beside a friction that was accepted, or what the twin states of its own: a friction as a rule.
+    """
     frictions = [n for n in selection.accepted if model_of(n) == 'friction']
-    if problem.speed is None or not frictions:
+    if problem.speed is None or not (frictions or problem.stated):
         return None
     usual = float(np.sqrt(np.mean(problem.speed**2)))
     labels = np.digitize(problem.speed, [edge * usual for edge in EDGES])
