@@ -117,8 +117,10 @@ class Watch:
         self.tracker: deque[tuple[int, float, float]] = deque(maxlen=50_000)
         self.command: deque[tuple[int, float, float]] = deque(maxlen=200_000)
         self.reference: deque[tuple[int, float, float]] = deque(maxlen=200_000)
-        #: Stamps [ns] of the set-points that held finite velocities.
+        #: Stamps [ns] of the set-points that held finite velocities, and the tick that was the
+        #: newest when the last one came: on a busy machine a controller stamps old states.
         self.streamed: deque[int] = deque(maxlen=50_000)
+        self.streamed_at = 0
         client = self.client
         client.watch(DiagnosticArray, topics.DIAGNOSTICS, 10, self._on_diagnostics)  # type: ignore[arg-type]
         client.watch(JointState, topics.JOINT_STATES, STATE_QOS, self._keeper(self.encoder))
@@ -143,6 +145,7 @@ class Watch:
     def _on_setpoint(self, message: JointState) -> None:
         if len(message.velocity) and np.isfinite(message.velocity).all():
             self.streamed.append(stamp_of(message.header))
+            self.streamed_at = self.encoder[-1][0] if self.encoder else 0
 
     @staticmethod
     def _keeper(rows: deque, field: str = 'position') -> Callable[[JointState], None]:

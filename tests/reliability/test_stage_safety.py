@@ -137,7 +137,7 @@ def test_watchdog_stops_within_the_deceleration_distance(
     if death != 'nan':
         # The watchdog counts ticks from the arrival of the last set-point on; stamps go on while
         # the plant of a busy machine stands still.
-        ticks = sum(ready.streamed[-1] < row[0] <= first for row in list(ready.encoder))
+        ticks = sum(ready.streamed_at < row[0] <= first for row in list(ready.encoder))
         assert 1e-3 * ticks < SETPOINT_TIMEOUT + 0.25
         # A reference that stands still while its velocity goes on is a following error first.
         ready.wait(
