@@ -10,7 +10,7 @@ import pytest
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.model import Rules, Selection
-from gap_diagnosis.selection.slow_rows import speed_weights
+from gap_diagnosis.selection.slow_rows import offered, speed_weights
 from stage_twin.effects.term import Term
 
 COUNT = 4000
@@ -74,6 +74,14 @@ def test_rows_count_by_their_speed_beside_a_friction_that_the_twin_states() -> N
     problem = creeping(8.0)
     nothing = replace(selected(problem), accepted=[])
     assert speed_weights(replace(problem, stated=TRUE**2), nothing) is not None
+
+
+def test_no_force_along_the_travel_is_new_behind_a_stated_friction() -> None:
+    found = selected(creeping(8.0))
+    assert offered('force_ripple.x', found)
+    behind = replace(found, accepted=['position_force.x'])
+    assert offered('position_force.x', behind) and offered('actuation_delay.x', behind)
+    assert not offered('force_ripple.x', behind)
 
 
 def test_without_a_friction_or_a_speed_all_rows_count_alike() -> None:

@@ -18,7 +18,7 @@ from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.imitations import imitations
 from gap_diagnosis.selection.model import Evidence, Rules, Selection
 from gap_diagnosis.selection.other_ways import select_best
-from gap_diagnosis.selection.slow_rows import speed_weights
+from gap_diagnosis.selection.slow_rows import offered, speed_weights
 from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.quantities import split_effect
@@ -132,7 +132,7 @@ def _fit_whole(
     beside_friction = speed_weights(problem, selection)
     if beside_friction is not None:
         problem.terms.clear()
-        problem.terms.update(plain_shapes)
+        problem.terms.update({n: t for n, t in plain_shapes.items() if offered(n, selection)})
         calm = calm.weighted(beside_friction)
         selector = Selector(calm, rules, seed)
         selection = select_best(selector)
