@@ -10,6 +10,7 @@ import pytest
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.channels import Channel
+from gap_diagnosis.closed_loop.creep import with_presliding
 from gap_diagnosis.closed_loop.replay import fitted_gap
 from gap_diagnosis.closed_loop.slides import SLIDES, sliding
 from gap_diagnosis.closed_loop.unexplained import Sliding, far
@@ -55,6 +56,14 @@ def test_what_another_presliding_does_contradicts_no_effect(planted: Maker) -> N
     told = diagnose([session], [], twin)
     assert told.verdict == [name] and not told.rests_as_stated
     assert any('The twin with presliding' in warning for warning in told.warnings)
+
+
+def test_a_presliding_with_which_the_loop_comes_no_closer_is_not_taken(planted: Maker) -> None:
+    twin = nominal().with_effects(STATED)
+    for hidden, taken in ((SOFTER, True), (STATED, False)):
+        records = prepare([planted(hidden)], [], twin, []).records
+        run = with_presliding(records, twin, {}, {NAME: 8e-6})
+        assert (run.effects[NAME]['presliding'] == 8e-6) is taken
 
 
 def test_an_axis_slides_once_it_has_moved_one_way_for_a_while(planted: Maker) -> None:

@@ -118,9 +118,10 @@ class Prepared:
 
     def with_frictions(self, twin: TwinFile) -> Prepared:
         """The same with the stated effects of another twin."""
-        twins = (replace(own, effects=twin.effects) for own in (self.stepped, self.seen))
-        stepped, seen = twins
-        return replace(self, twin=twin, stepped=stepped, seen=seen)
+        stepped = replace(self.stepped, effects=twin.effects)
+        return replace(
+            self, twin=twin, stepped=stepped, seen=replace(self.seen, effects=twin.effects)
+        )
 
     @property
     def laws_known(self) -> bool:

@@ -41,7 +41,8 @@ FAST = 2.0
 STEADY = 0.9
 #: Least share of the remainder that an effect which swings explains: 13 right plays explain 0.54
 #: to 1.00, a wrong one 0.34 of the rest of a friction. One of 0.84, of a wave that the encoder
-#: misreads, is kept out by `drive_play.SLOWEST`.
+#: misreads, is kept out by `drive_play.SLOWEST`, and one of 0.58, of a load on a spring, by
+#: `drive_play.LIVELIEST`.
 EXPLAINS = 0.5
 PAD = 4  # steps of the spectrum in one turn over the session
 
