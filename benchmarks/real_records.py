@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.rows import commit, kept
+from benchmarks.rows import kept
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.report.causes import parameter_words
@@ -153,7 +153,8 @@ def _wandering(session: Session) -> float:
 
 
 def page(rows: Mapping[str, dict[str, Any]]) -> str:
-    """The page, from the rows that are there."""
+    """The page, from the rows that are there; it names the commits that made them."""
+    codes = sorted({row['code'] for row in rows.values()})
     lines = [
         '# The diagnosis on records of machines that others built',
         '',
@@ -165,7 +166,7 @@ def page(rows: Mapping[str, dict[str, Any]]) -> str:
         '',
         '    python -m benchmarks.real_records --out build/real_records',
         '',
-        f'Commit {commit()}, {time.strftime("%Y-%m-%d")}. The effects speak of metres and '
+        f'Commit {", ".join(codes)}, {time.strftime("%Y-%m-%d")}. The effects speak of metres and '
         'newtons. In the records of rotary axes (`ess_tank`, `slow2`) a metre stands for a '
         'radian, and in `slow2` a newton for an ampere.',
         '',
