@@ -27,11 +27,13 @@ def errors(
     stated: float = 0.0,
     base: Any = None,
     friction: float = 0.0,
+    told: bool = False,
 ) -> list[str]:
     """What goes of a balance with noise of 1 that leaves `left`, with one effect of size 1.
 
     Its alternative has a `base` where the twin states it, with so many squares of its force. A
-    `friction` of so many times the effect's size may stand beside it.
+    `friction` of so many times the effect's size may stand beside it, and the loop have `told`
+    the effect from that alternative.
     """
     plain = Term(constant(np.ones((4, 1))), lambda theta, c: {})
     terms = {name: plain, FRICTION: replace(plain, base=base), SAG: plain, RIPPLE: plain}
@@ -45,7 +47,7 @@ def errors(
         selector=SimpleNamespace(noise=1.0, rules=SimpleNamespace(of_gap=6e-4)),
     )
     selection: Any = SimpleNamespace(accepted=[name], evidence=evidence, fit=fit)
-    return model_errors(part, selection)
+    return model_errors(part, selection, lambda own, others: told and others == [FRICTION])
 
 
 def test_a_drive_gain_that_is_little_of_what_models_leave_goes_with_other_scales() -> None:
@@ -71,6 +73,7 @@ def test_what_other_values_of_a_stated_effect_explain_is_more_than_its_error(
 ) -> None:
     # The error of the stated model is 6e-4 of its squares: 0.6.
     assert errors(left=1.0, share=1.0, gain=gain, stated=1000.0, base=base) == gone
+    assert errors(left=1.0, share=1.0, gain=gain, stated=1000.0, base=base, told=True) == []
 
 
 @pytest.mark.parametrize(

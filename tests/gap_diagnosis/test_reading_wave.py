@@ -8,6 +8,7 @@ import pytest
 
 from gap_diagnosis.closed_loop.channels import gap_channels
 from gap_diagnosis.closed_loop.misread import misread
+from gap_diagnosis.closed_loop.own_wave import with_waves_of_loop
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.input.data import load_record
@@ -98,7 +99,18 @@ def test_a_session_without_a_tracker_names_it(planted, period, amplitude):
     assert found.verdict == ['encoder_interpolation.x']
     for name, (value, deviation) in found.parameters['encoder_interpolation.x'].items():
         assert abs(value - wave.get(name, 0.0)) <= 2.0 * deviation, name
-    assert found.after < 0.5 * found.before
+    assert found.after < 1.1 * found.noise_floor
+
+
+@pytest.mark.parametrize(('period', 'amplitude'), [(50e-6, 1.5e-6), (200e-6, 3e-6)])
+def test_the_loop_tells_a_wave_better_than_the_readings(planted, period, amplitude):
+    """The readings hold the loop's answer to the wave."""
+    name = 'encoder_interpolation.x'
+    session = planted({name: {'amplitude': amplitude, 'period': period, 'phase': 0.5}})
+    record = load_record(session, nominal())
+    (refined,) = with_waves_of_loop([record], nominal())
+    read, told = (abs(r.waves[name]['amplitude'][0] - amplitude) for r in (record, refined))
+    assert told < 0.02 * amplitude and told < read
 
 
 def test_what_tracker_and_encoder_both_show_is_one_wave(planted):

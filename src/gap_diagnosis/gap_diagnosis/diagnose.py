@@ -19,6 +19,7 @@ from gap_diagnosis.closed_loop.channels import (
     position_rms,
 )
 from gap_diagnosis.closed_loop.creep import with_presliding
+from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
 from gap_diagnosis.closed_loop.unexplained import far, sliding_axes
@@ -125,6 +126,8 @@ def diagnose(
             return result
         progress(why)
         barred += out
+        # How the twin rests best was found beside a friction that is no more.
+        again = sticks(out)
 
 
 def _laws(result: Diagnosis, seed: int) -> list[Law]:
@@ -135,10 +138,12 @@ def _laws(result: Diagnosis, seed: int) -> list[Law]:
 
 def _rested(prepared: Prepared, result: Diagnosis) -> Prepared:
     """The same, but for how the twin with the effects that were found rests best."""
-    named = {c.effect for c in result.causes if c.status == 'accepted' and not c.refuted}
-    unnamed = {n: g for p in result.parts for n, g in p.presliding.items() if n not in named}
-    effects = {n: v for n, v in result.run_effects.items() if n not in unnamed}
-    twin = with_presliding(prepared.records, prepared.twin, effects, unnamed)
+    named = [c.effect for c in result.causes if c.status == 'accepted' and not c.refuted]
+    held = {split_effect(n)[1] for n in named if sticks([n])}
+    told = {n: g for p in result.parts for n, g in p.presliding.items()}
+    stated = {n: g for n, g in told.items() if split_effect(n)[1] not in held}
+    effects = {n: v for n, v in result.run_effects.items() if n in named or not sticks([n])}
+    twin = with_presliding(prepared.records, prepared.twin, effects, stated)
     if twin is prepared.twin:
         effects = result.run_effects
     else:

@@ -11,6 +11,7 @@ import numpy as np
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.creep import creep_notes, with_creep
 from gap_diagnosis.closed_loop.held_out import with_windows
+from gap_diagnosis.closed_loop.own_wave import with_waves_of_loop
 from gap_diagnosis.closed_loop.rests import with_rests
 from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simulated
 from gap_diagnosis.evidence import judgement as judge
@@ -188,7 +189,7 @@ def prepare(
         records = [beside(r, run, twin) for r, run in zip(records, runs, strict=True)]
     stated, twin = twin, with_creep(records, twin)
     counted_twin = with_counted_steps(twin)
-    records = with_rests(records, twin, {})
+    records = with_waves_of_loop(with_rests(records, twin, {}), twin)
     counted = twin.kind == 'stepper' or 'encoder_quantisation' in without
     quantisation = {} if counted else judge.encoder_steps(records, counted_twin)
     stepped = with_steps(counted_twin, quantisation)

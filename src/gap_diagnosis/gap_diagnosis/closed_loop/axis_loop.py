@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.polish import closest, polish
 from gap_diagnosis.closed_loop.replay import AWAY, mean_square, of_axis, replayed_gap, replays
-from gap_diagnosis.closed_loop.slides import sliding
+from gap_diagnosis.closed_loop.slides import slides, sliding
 from gap_diagnosis.closed_loop.steps import stepless, unrepeated_steps, without_steps
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import held_out_windows, inside, judging, scored_ticks
+from gap_diagnosis.input.windows import (
+    fitted_ticks,
+    held_out_windows,
+    inside,
+    judging,
+    scored_ticks,
+)
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
@@ -34,7 +42,7 @@ class AxisLoop:
     axis : whose encoder counts
     known : effects of all axes that are known before any is fitted
     memory : of what was refined
-    sliding : whether the gap counts where the axis slides alone
+    sliding : whether only ticks at which the axis slides count
     """
 
     records: list[Record]
@@ -54,19 +62,29 @@ class AxisLoop:
         """Noise floor of the encoder [m]."""
         return channel_floor(with_noise(self.twin, self.records), self.channel)
 
+    def beside(self, names: Iterable[str]) -> AxisLoop:
+        """The loop as it tells effects: behind a stated friction where it slides.
+
+        Other frictions are told wherever it goes.
+        """
+        told = not sticks(names) and slides(self.records, self.twin, self.axis)
+        return replace(self, sliding=told)
+
     def refined(self, found: Parameters) -> Parameters:
         """Effects of the axis with their parameters refined in the loop (`polish`)."""
-        own = self._own()
+        own, told = self._own(), self.beside(found)
 
         def fit() -> Parameters:
-            return polish(self.records, self.twin, self.axis, found, own)
+            ticks, alone = told._fitted, told.sliding
+            return polish(self.records, self.twin, self.axis, found, own, ticks, alone)
 
         rests = [record.noise for record in self.records]
         return self.memory.once(('polish', self.axis, repr((found, own, rests))), fit)
 
     def closest(self, found: Parameters) -> float:
         """Least RMS of the gap that effects leave where they are fitted [m] (`polish.closest`)."""
-        return closest(self.records, self.twin, self.axis, found, self._own())
+        ticks = self.beside(found)._fitted
+        return closest(self.records, self.twin, self.axis, found, self._own(), ticks)
 
     def _own(self) -> Parameters:
         """What is known of the axis itself."""
@@ -81,12 +99,18 @@ class AxisLoop:
     def gap(self, effects: Effects) -> float:
         """Gap of the encoder on the held-out ticks [m]; infinite where no machine could run."""
         scored = judging(self.records)
-        return replayed_gap(scored, self.twin, effects, self.axis, self._ticks)
+        return replayed_gap(scored, self.twin, effects, self.axis, self._held_out)
 
-    def _ticks(self, record: Record) -> NDArray[np.bool_]:
+    def _held_out(self, record: Record) -> NDArray[np.bool_]:
         """Held-out ticks (n,) at which the gap counts."""
-        scored = scored_ticks(record)
-        return scored & sliding(record, self.axis) if self.sliding else scored
+        return self._counting(record, scored_ticks(record))
+
+    def _fitted(self, record: Record) -> NDArray[np.bool_]:
+        """Ticks (n,) to which effects are fitted."""
+        return self._counting(record, fitted_ticks(record))
+
+    def _counting(self, record: Record, ticks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        return ticks & sliding(record, self.axis) if self.sliding else ticks
 
     def window_gaps(self, found: Parameters) -> Array:
         """RMS (w,) of the gap in each held-out window [m], of a loop without encoder steps.

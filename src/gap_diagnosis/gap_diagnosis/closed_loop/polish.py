@@ -18,7 +18,7 @@ from gap_diagnosis.closed_loop.steps import stepless, without_steps
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import fitted_ticks
+from gap_diagnosis.input.windows import Ticks, fitted_ticks
 from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
 from stage_core.arrays import Array
@@ -55,6 +55,7 @@ class _Loop:
     names: list[tuple[str, str]]
     start: Array
     scale: Array
+    ticks: Ticks
 
     @classmethod
     def at(
@@ -64,12 +65,14 @@ class _Loop:
         axis: str,
         found: Parameters,
         fixed: Parameters,
+        ticks: Ticks = fitted_ticks,
     ) -> _Loop:
         """The loop of parameters that were found, and others that stay."""
         names = [(e, k) for e, of in found.items() for k, (_, std) in of.items() if std > 0.0]
         start, own = (np.array([found[e][k][i] for e, k in names]) for i in (0, 1))
         scale = np.maximum(3.0 * own, 0.02 * np.abs(start))
-        return cls(records, twin, axis, plain_values({**fixed, **found}), names, start, scale)
+        effects = plain_values({**fixed, **found})
+        return cls(records, twin, axis, effects, names, start, scale, ticks)
 
     def bounds(self) -> tuple[Array, Array]:
         """The least and the largest z (k,)."""
@@ -92,15 +95,13 @@ class _Loop:
         for (effect, key), value in zip(self.names, self.values(z), strict=True):
             effects[effect][key] = float(value)
         gaps = [replay(r, self.twin, effects)[f'encoder.{self.axis}'] for r in self.records]
-        return np.concatenate(
-            [g[fitted_ticks(r)] for g, r in zip(gaps, self.records, strict=True)]
-        )
+        return np.concatenate([g[self.ticks(r)] for g, r in zip(gaps, self.records, strict=True)])
 
     def blocks(self) -> NDArray[np.int64]:
         """Number (n,) of the block of time of each of these ticks."""
         marks, offset = [], 0
         for record in self.records:
-            marks.append((record.time[fitted_ticks(record)] / BLOCK).astype(np.int64) + offset)
+            marks.append((record.time[self.ticks(record)] / BLOCK).astype(np.int64) + offset)
             offset = int(marks[-1].max(initial=offset)) + 1
         return np.unique(np.concatenate(marks), return_inverse=True)[1]
 
@@ -185,21 +186,28 @@ def _step(gram: Array, right: Array, damping: float) -> Array:
 
 
 def polish(
-    records: list[Record], twin: TwinFile, axis: str, found: Parameters, fixed: Parameters
+    records: list[Record],
+    twin: TwinFile,
+    axis: str,
+    found: Parameters,
+    fixed: Parameters,
+    ticks: Ticks = fitted_ticks,
+    alone: bool = False,
 ) -> Parameters:
-    """Parameters of the servo effects of an axis, refined on the encoder of the fit windows.
+    """Parameters of the servo effects of an axis, refined on some ticks of its encoder.
 
     `fixed` are effects of the axis that the record itself tells: they stay as they are. Values
     stay unchanged where the loop stays far from the record, as one that sticks goes another way
     from a moment on, and where it needs the steps of its encoder to follow it. Elsewhere they
-    are the mean of both estimates, each with the weight of its certainty.
+    are the mean of both estimates, each with the weight of its certainty, or the loop's `alone`
+    where the balance holds errors that the ticks do not.
     """
     fitted = _fitting(records, twin, axis, {**fixed, **found})
     floor = channel_floor(with_noise(twin, fitted), f'encoder.{axis}')
 
     def left(effects: Parameters) -> float:
         values = plain_values({**fixed, **effects})
-        return fitted_gap(fitted, twin, values, axis, draws=1)
+        return fitted_gap(fitted, twin, values, axis, draws=1, ticks=ticks)
 
     least = left(found)
     for effect, key, value in _tried(found):
@@ -208,19 +216,24 @@ def polish(
         other = {**found, effect: {**found[effect], key: (value, apart)}}
         if (gap := left(other)) < MUCH_BETTER * least:
             found, least = other, gap
-    loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed))
-    return _refined(loop, found, floor, least) if loop.names else found
+    loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed), ticks)
+    return _refined(loop, found, floor, least, alone) if loop.names else found
 
 
 def closest(
-    records: list[Record], twin: TwinFile, axis: str, found: Parameters, fixed: Parameters
+    records: list[Record],
+    twin: TwinFile,
+    axis: str,
+    found: Parameters,
+    fixed: Parameters,
+    ticks: Ticks = fitted_ticks,
 ) -> float:
-    """Least RMS [m] that effects leave of the gap on the fit windows, whatever their parameters.
+    """Least RMS [m] that effects leave of the gap on some ticks, whatever their parameters.
 
     Infinite where no machine could run.
     """
     fitted = _fitting(records, twin, axis, {**fixed, **found})
-    loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed))
+    loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed), ticks)
     try:
         _, residual, _ = loop.lowest()
     except StageError:
@@ -235,8 +248,10 @@ def _fitting(
     return [of_axis(r, twin, effects, axis) for r in records if not r.held_out_session]
 
 
-def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Parameters:
-    """The parameters by the loop and by the balance that found them.
+def _refined(
+    loop: _Loop, found: Parameters, floor: float, least: float, alone: bool
+) -> Parameters:
+    """The parameters by the loop `alone`, or also by the balance that found them.
 
     With these and the encoder's steps the loop leaves `least` [m].
     """
@@ -245,14 +260,17 @@ def _refined(loop: _Loop, found: Parameters, floor: float, least: float) -> Para
     except StageError:
         # A step left the range in which the twin is a machine: the warm start stands.
         return found
-    first = fitted_gap(loop.records, loop.twin, loop.effects, loop.axis, draws=1)
+    first = fitted_gap(loop.records, loop.twin, loop.effects, loop.axis, draws=1, ticks=loop.ticks)
     left = float(np.sqrt(np.mean(residual**2)))
     if left > least or left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
         # The slopes of such a loop say nothing.
         return found
     own = np.array([found[e][k][1] for e, k in loop.names]) / loop.scale
-    z, deviations = _both(z, loop.covariance(slopes, residual), own)
-    if left > min(FAR_BESIDE * floor, MUCH_BETTER * first):
+    covariance = loop.covariance(slopes, residual)
+    deviations = np.sqrt(np.diag(covariance))
+    if not alone:
+        z, deviations = _both(z, covariance, own)
+    if not alone and left > min(FAR_BESIDE * floor, MUCH_BETTER * first):
         # The loop does not refute the force balance, whose doubt counts on.
         deviations = np.hypot(deviations, own)
     values = loop.values(z)

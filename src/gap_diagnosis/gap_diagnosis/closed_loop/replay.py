@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop import dither
 from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.windows import fitted_ticks
+from gap_diagnosis.input.windows import Ticks, fitted_ticks
 from gap_diagnosis.parameters import Effects
 from gap_diagnosis.residuals.nominal import merged
 from gap_diagnosis.residuals.recording import CONVENTION
@@ -123,7 +122,7 @@ def replayed_gap(
     twin: TwinFile,
     effects: Effects,
     axis: str,
-    ticks: Callable[[Record], NDArray[np.bool_]],
+    ticks: Ticks,
     draws: int = DRAWS,
 ) -> float:
     """RMS [m] of the gap of an encoder on some ticks; infinite where no machine could run."""
@@ -139,11 +138,16 @@ def replayed_gap(
 
 
 def fitted_gap(
-    records: Iterable[Record], twin: TwinFile, effects: Effects, axis: str, draws: int = DRAWS
+    records: Iterable[Record],
+    twin: TwinFile,
+    effects: Effects,
+    axis: str,
+    draws: int = DRAWS,
+    ticks: Ticks = fitted_ticks,
 ) -> float:
     """RMS [m] of the gap of an encoder on the ticks to which the loop is fitted."""
     fitted = [record for record in records if not record.held_out_session]
-    return replayed_gap(fitted, twin, effects, axis, fitted_ticks, draws)
+    return replayed_gap(fitted, twin, effects, axis, ticks, draws)
 
 
 def _finite(gap: Array) -> Array:

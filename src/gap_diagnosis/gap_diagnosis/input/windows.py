@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from gap_diagnosis.input.data import Record
 
 Mask = NDArray[np.bool_]
+#: Of a record the ticks (n,) that count.
+Ticks = Callable[['Record'], Mask]
 
 LAST_THIRD = 2.0 / 3.0  # of a block: where its held-out window begins
 STARTED = 0.5  # s after which the replayed loop has forgotten how the recorded one began

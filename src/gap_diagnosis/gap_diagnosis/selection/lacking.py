@@ -7,10 +7,11 @@ delay or a lag explains a small share of it. The loop follows the record far bet
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from dataclasses import replace
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
+from gap_diagnosis.closed_loop.dither import sticks
+from gap_diagnosis.closed_loop.slides import slides
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.selection.model import Selection, Trial
 from gap_diagnosis.selection.parts import Part
@@ -27,7 +28,18 @@ MOST = 4
 
 
 def with_lacking(part: Part, loop: AxisLoop) -> Part:
-    """The part with the effect beside which the loop follows the held-out record far better."""
+    """The part with the effect beside which the loop follows the held-out record far better.
+
+    Behind a friction that the twin states that may be where the axis slides.
+    """
+    whole = _with_best(part, loop)
+    if whole is not part or not slides(loop.records, loop.twin, loop.axis):
+        return whole
+    return _with_best(part, replace(loop, sliding=True))
+
+
+def _with_best(part: Part, loop: AxisLoop) -> Part:
+    """The part with the effect beside which the loop leaves least; the part where none is far."""
 
     def gap(some: Part) -> float:
         found = describe(some.selection, some.selector.regression)
@@ -37,7 +49,7 @@ def with_lacking(part: Part, loop: AxisLoop) -> Part:
     if before < FOLLOWS * loop.floor or math.isinf(before):
         return part
     best, least = part, LEFT * before
-    for trial in _candidates(part, loop.twin.effects):
+    for trial in _candidates(part, loop):
         other = _with_trial(part, trial)
         if not all(
             part.selector.admissible(other.selection.fit, n) for n in other.selection.accepted
@@ -49,10 +61,11 @@ def with_lacking(part: Part, loop: AxisLoop) -> Part:
     return best
 
 
-def _candidates(part: Part, stated: Collection[str]) -> list[Trial]:
+def _candidates(part: Part, loop: AxisLoop) -> list[Trial]:
     """Effects that explain something of the remainder for certain, the largest first.
 
-    Other values of those that the twin has `stated` have to explain more than a model's error.
+    Other values of those that the twin states have to explain more than a model's error. No
+    friction is told where the axis slides alone.
     """
     error = part.selector.rules.of_gap * part.problem.stated
     selector, selection = part.selector, part.selection
@@ -62,7 +75,8 @@ def _candidates(part: Part, stated: Collection[str]) -> list[Trial]:
         for t in trials
         if t.evidence.admissible and t.evidence.interval[0] > 0.0
         if not t.odd and not effect_of(t.evidence.name).swings
-        if t.evidence.name not in stated or t.evidence.gain > error
+        if t.evidence.name not in loop.twin.effects or t.evidence.gain > error
+        if not (loop.sliding and sticks([t.evidence.name]))
     ]
     return sorted(good, key=lambda t: (-t.evidence.gain, t.evidence.name))[:MOST]
 

@@ -6,6 +6,8 @@ reverses, so that a drive which gives a little less force explains a part of the
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from gap_diagnosis.evidence.describe import model_of
@@ -22,14 +24,18 @@ from stage_core.quantities import split_effect
 SCALES = ('drive_gain', 'torque_sag', 'inertia_mismatch', 'viscous_friction')
 
 
-def model_errors(part: Part, selection: Selection) -> list[str]:
+def model_errors(
+    part: Part, selection: Selection, told: Callable[[Evidence, Sequence[str]], bool]
+) -> list[str]:
     """Effects of a balance that errors of models may have left, with what can replace them.
 
-    The errors are those of the models of other effects, or of one that the twin states. Where a
-    scale is one, no other one is looked for.
+    The errors are those of the models of other effects, or of one that the twin states, unless the
+    loop has `told` an effect from its other values. Where a scale is one, no other one is looked
+    for.
     """
     fit, evidence, accepted = selection.fit, selection.evidence, selection.accepted
-    found = [evidence[n] for n in accepted if _of_stated(part, evidence[n])]
+    stated = [evidence[n] for n in accepted if _of_stated(part, evidence[n])]
+    found = [own for own in stated if not told(own, _of_twin(part, own))]
     scales = [n for n in part.problem.terms if split_effect(n)[0] in SCALES]
     wrong = [evidence[n] for n in scales if n in accepted and _of_others(part, fit, evidence[n])]
     gone = [n for own in found + wrong for n in (own.name, *own.alternatives)]
@@ -58,5 +64,10 @@ def _of_stated(part: Part, own: Evidence) -> bool:
 
     As those values would have to, it has to explain more than the error of that model.
     """
-    terms, error = part.problem.terms, part.selector.rules.of_gap * part.problem.stated
-    return own.gain < error and any(terms[a].base is not None for a in own.alternatives)
+    error = part.selector.rules.of_gap * part.problem.stated
+    return own.gain < error and bool(_of_twin(part, own))
+
+
+def _of_twin(part: Part, own: Evidence) -> list[str]:
+    """The alternatives of an effect that are other values of what the twin states."""
+    return [a for a in own.alternatives if part.problem.terms[a].base is not None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.dither import sticks
@@ -21,7 +22,8 @@ from gap_diagnosis.selection.model_errors import model_errors
 from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_of
 from gap_diagnosis.selection.rivals import find_rivals
 from gap_diagnosis.selection.swinging import swinging_part
-from gap_diagnosis.selection.told import told_by_loop
+from gap_diagnosis.selection.told import told_by_loop, told_where_it_slides
+from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import effect_of
 from stage_twin.effects.friction import PRESLIDING
@@ -70,9 +72,12 @@ def fit_servo(
             contradicted = _contradicted(accepted, found, replace(loop, sliding=True))
         if not contradicted:
             part = with_lacking(part, loop)
+            found = describe(part.selection, part.selector.regression)
+            presliding.update(_presliding(loop.refined(found), loop.twin))
             find_rivals(part.selector, part.selection)
             selection = told_by_loop(part, loop)
-            errors = model_errors(part, selection)
+            told = partial(told_where_it_slides, part, selection, loop)
+            errors = model_errors(part, selection, told)
             if errors:
                 # What one of them follows closer in the loop is no better.
                 replaced = [n for n in part.selection.accepted if n not in selection.accepted]
@@ -90,9 +95,14 @@ def fit_servo(
 
 
 def _presliding(found: Parameters, twin: TwinFile) -> dict[str, float]:
-    """Preslidings [m] of the frictions that the twin states, as they were found."""
-    own = {n: values[PRESLIDING.name] for n, values in found.items() if PRESLIDING.name in values}
-    return {n: value for n, (value, _) in own.items() if n in twin.effects}
+    """Preslidings [m] of the frictions that the twin states, as those found of their axis have."""
+    told = {n: of[PRESLIDING.name][0] for n, of in found.items() if PRESLIDING.name in of}
+    return {
+        stated: value
+        for name, value in told.items()
+        for stated in twin.effects
+        if sticks([stated]) and split_effect(stated)[1] == split_effect(name)[1]
+    }
 
 
 def hunting(part: Part, loop: AxisLoop) -> Part:

@@ -7,6 +7,7 @@ lag) takes part of the controller's answer for the plant's. The reference of the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,8 @@ from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import bootstrap_interval
-from gap_diagnosis.selection.model import Selection
+from gap_diagnosis.selection.lacking import LEFT
+from gap_diagnosis.selection.model import Evidence, Selection
 from gap_diagnosis.selection.parts import Part
 from stage_core.arrays import Array
 from stage_twin.effects import effect_of
@@ -47,7 +49,7 @@ def told_by_loop(part: Part, loop: AxisLoop) -> Selection:
         for rival in list(selection.evidence[name].alternatives):
             if effect_of(rival).swings:
                 continue
-            other = _exchanged(selector, selection, name, rival)
+            other = exchanged(selector, selection, name, rival)
             possible = all(selector.admissible(other.fit, n) for n in other.accepted)
             mine, its = gaps(selection), gaps(other)
             if min(_rms(mine), _rms(its)) > FAR_BESIDE * loop.floor:
@@ -62,6 +64,24 @@ def told_by_loop(part: Part, loop: AxisLoop) -> Selection:
                 selection = other
                 break
     return selection
+
+
+def told_where_it_slides(
+    part: Part, selection: Selection, loop: AxisLoop, own: Evidence, others: Sequence[str]
+) -> bool:
+    """Whether the loop comes far closer with an effect than with others in its place.
+
+    That is so behind a friction that the twin states, where the axis slides.
+    """
+    sliding, selector = loop.beside([own.name]), part.selector
+    if not sliding.sliding:
+        return False
+
+    def gap(some: Selection) -> float:
+        return sliding.gap(loop.with_known(loop.refined(describe(some, selector.regression))))
+
+    rivals = [exchanged(selector, selection, own.name, other) for other in others]
+    return gap(selection) < LEFT * min(gap(rival) for rival in rivals)
 
 
 def _much_closer(
@@ -81,7 +101,7 @@ def _rms(gaps: Array) -> float:
     return float(np.sqrt(np.mean(gaps**2)))
 
 
-def _exchanged(selector: Selector, selection: Selection, name: str, rival: str) -> Selection:
+def exchanged(selector: Selector, selection: Selection, name: str, rival: str) -> Selection:
     """The selection with an alternative in the place of an accepted effect."""
     less = selector.without_effect(selection.fit, name)
     thetas = selector.with_effect(less, rival).thetas
