@@ -138,10 +138,11 @@ def _laws(result: Diagnosis, seed: int) -> list[Law]:
 
 def _rested(prepared: Prepared, result: Diagnosis) -> Prepared:
     """The same, but for how the twin with the effects that were found rests best."""
-    named = [c.effect for c in result.causes if c.status == 'accepted' and not c.refuted]
+    refuted = {c.effect for c in result.causes if c.refuted}
+    named = [n for n in result.accepted if n not in refuted]
     held = {split_effect(n)[1] for n in named if sticks([n])}
-    told = {n: g for p in result.parts for n, g in p.presliding.items()}
-    stated = {n: g for n, g in told.items() if split_effect(n)[1] not in held}
+    told = [own for part in result.parts for own in part.presliding.items()]
+    stated = {n: found for n, found in told if split_effect(n)[1] not in held}
     effects = {n: v for n, v in result.run_effects.items() if n in named or not sticks([n])}
     twin = with_presliding(prepared.records, prepared.twin, effects, stated)
     if twin is prepared.twin:
