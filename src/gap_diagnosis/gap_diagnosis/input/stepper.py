@@ -37,6 +37,7 @@ from stage_core.quantities import AXES
 from stage_core.rests import find_rests
 from stage_core.session import Series, Session
 from stage_core.twin_file import StepperAxis, TwinFile
+from stage_twin.effects import EFFECTS
 
 LARGEST_TRAVEL = 20.0  # m; a larger number is a count of motor steps
 STILL = 2.5e-7  # m between two counts at rest
@@ -45,11 +46,7 @@ EDGE = 0.06  # s at both ends of a rest: age of a count, and what rings after a 
 LEAST_POINTS = 5  # of a rest
 LEAST_RESTS = 12
 LEAST_REPEATS = 6  # rests beyond the first of their place, to know a scatter from
-#: What an encoder of each axis cannot show: it sees its own axis, and no other frame or clock.
-UNSEEN_BY_ENCODER = (
-    'tracker_misalignment', 'tracker_latency', 'tracker_clock_drift', 'nonorthogonality',
-    'straightness', 'angular_error',
-)  # fmt: skip
+UNSEEN_BY_ENCODER = tuple(n for n, effect in EFFECTS.items() if not effect.seen_by_encoder)
 #: Of a microstep, within which a number is a whole count of them.
 WHOLE = 1e-3
 ENCODED = (

@@ -9,21 +9,10 @@ import numpy as np
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.drive_law import DriveLaw
-from stage_twin.effects import effect_of
+from stage_twin.effects import EFFECTS, effect_of
 
 #: What only a recorded force tells, and why.
-NOT_TOLD = {
-    'inertia_mismatch': 'only force over mass shows in a motion: the mass cannot be told from '
-    'the gains',
-    'drive_gain': 'a factor of the force cannot be told from the gains',
-    'effort_convention': 'no effort is recorded',
-    'controller_mismatch': 'the gains are fitted to the session',
-    'force_offset': "a constant force cannot be told from the controller's integral at the start",
-    'asymmetric_friction': "the mean of the two levels cannot be told from the controller's "
-    'integral at the start',
-    'current_loop_lag': "a lag of the force cannot be told from the controller's filter",
-    'torque_sag': 'a force that falls with the speed cannot be told from the gains',
-}
+NOT_TOLD = {n: effect.needs_effort for n, effect in EFFECTS.items() if effect.needs_effort}
 
 
 def lost_drive(records: list[Record]) -> str:

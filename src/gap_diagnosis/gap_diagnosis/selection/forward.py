@@ -26,8 +26,6 @@ from stage_twin.effects import EFFECTS, effect_of
 
 #: Among effects that gain about the same, the one with fewer parameters is taken.
 ABOUT_THE_SAME = 0.98
-#: Effects whose model is exact, however large they are: a constant, and forces that never acted.
-EXACT = ('force_offset', 'force_saturation')
 #: Share of what a set leaves above the noise that an effect explains where it is what was lacking,
 #: however small it is beside the gap. On 70 development sessions a right one explained 0.70, the
 #: wrong ones, which take up the errors of other models, 0.44 at most. What finds its periods in
@@ -93,7 +91,7 @@ class Selector:
                     if not first:
                         self._note_passed(*was, name, trials)
                     accepted, base = self._grown(accepted, joint, name)
-                    if name.partition('.')[0] in EXACT:
+                    if effect_of(name).exact:
                         # What they explain is no measure for the errors of other models.
                         rest = joint.mean_square(self.problem) - self.noise
                         self.gap = min(self.gap, max(rest, 0.0))

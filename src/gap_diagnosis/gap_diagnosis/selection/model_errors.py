@@ -15,13 +15,7 @@ from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.forward import LACKING
 from gap_diagnosis.selection.model import Evidence, Selection
 from gap_diagnosis.selection.parts import Part
-from stage_core.quantities import split_effect
-
-#: Effects that scale force against motion. On 80 sessions of two foreign simulators drive gains
-#: that were wrong explained 0.13, 0.22 and 0.51 of a remainder beyond the noise; a mass and a
-#: viscous friction, which took their place where they had been left out, 0.10 and 0.16. Beside a
-#: friction wrong ones were 1.4e-5 and 1.4e-4 of its squares, right ones 0.06 and more.
-SCALES = ('drive_gain', 'torque_sag', 'inertia_mismatch', 'viscous_friction')
+from stage_twin.effects import effect_of
 
 
 def model_errors(
@@ -36,7 +30,7 @@ def model_errors(
     fit, evidence, accepted = selection.fit, selection.evidence, selection.accepted
     stated = [evidence[n] for n in accepted if _of_stated(part, evidence[n])]
     found = [own for own in stated if not told(own, _of_twin(part, own))]
-    scales = [n for n in part.problem.terms if split_effect(n)[0] in SCALES]
+    scales = [n for n in part.problem.terms if effect_of(n).scales]
     wrong = [evidence[n] for n in scales if n in accepted and _of_others(part, fit, evidence[n])]
     gone = [n for own in found + wrong for n in (own.name, *own.alternatives)]
     return list(dict.fromkeys([*gone, *(n for n in scales if wrong and n not in accepted)]))
@@ -45,7 +39,11 @@ def model_errors(
 def _of_others(part: Part, fit: Fit, own: Evidence) -> bool:
     """Whether an effect explains little of what is left without it, where models leave much.
 
-    Or whether it is less than the error of the model of a friction beside it.
+    Or whether it is less than the error of the model of a friction beside it. On 80 sessions of
+    two foreign simulators drive gains that were wrong explained 0.13, 0.22 and 0.51 of a remainder
+    beyond the noise; a mass and a viscous friction, which took their place where they had been
+    left out, 0.10 and 0.16. Beside a friction wrong ones were 1.4e-5 and 1.4e-4 of its squares,
+    right ones 0.06 and more.
     """
     noise = part.selector.noise
     much = fit.mean_square(part.problem) - noise > noise and not part.structure.structured

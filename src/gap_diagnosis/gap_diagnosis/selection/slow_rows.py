@@ -14,15 +14,12 @@ from gap_diagnosis.evidence.describe import model_of
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.selection.model import Selection
 from stage_core.arrays import Array
-from stage_core.quantities import split_effect
+from stage_twin.effects import effect_of
 
 #: Edges of the classes of speed, over the root mean square of the speeds.
 EDGES = (0.03, 0.1, 0.3, 1.0)
 #: Least rows of a class that has a variance of its own.
 FEWEST = 200
-#: Forces along the travel. Rows that count less leave places untold, where a curve has any shape:
-#: behind a stated friction such a force was named too much beside a right one of two simulators.
-OF_PLACE = ('force_ripple', 'position_force', 'cable_force')
 #: Ratio of the variances of two classes from which on rows are weighted.
 UNEQUAL = 4.0
 
@@ -54,6 +51,8 @@ def offered(name: str, selection: Selection) -> bool:
     """Whether an effect is a candidate once rows count by their speed.
 
     A force along the travel has to be shown by rows that count alike, but for a found friction.
+    Rows that count less leave places untold, where a curve has any shape: behind a stated friction
+    such a force was named too much beside a right one of two simulators.
     """
     found = any(model_of(n) == 'friction' for n in selection.accepted)
-    return found or name in selection.accepted or split_effect(name)[0] not in OF_PLACE
+    return found or name in selection.accepted or not effect_of(name).along_travel

@@ -54,6 +54,7 @@ EFFECT = Effect(
     sentence='the carriage yaws by {linear} from the middle of the travel to its end',
     excited_by='the same line along the axis at two far coordinates of the other axis',
     holds=('scale_error', 'nonorthogonality'),
+    seen_by_encoder=False,
 )
 
 

@@ -46,6 +46,8 @@ EFFECT = Effect(
     merges=('coulomb_friction', 'force_offset'),
     differ=(('coulomb_positive', 'coulomb_negative'), ('viscous_positive', 'viscous_negative')),
     excludes=('position_dependent_friction', 'stribeck_friction'),
+    needs_effort="the mean of the two levels cannot be told from the controller's "
+    'integral at the start',
 )
 
 

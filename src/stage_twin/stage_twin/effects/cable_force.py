@@ -32,6 +32,7 @@ EFFECT = Effect(
     sentence='a spring of {stiffness} pulls the axis back, as a cable chain does',
     excited_by='slow strokes over the whole travel',
     holds=('force_offset',),
+    along_travel=True,
 )
 
 

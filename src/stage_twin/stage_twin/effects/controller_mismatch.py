@@ -30,6 +30,7 @@ EFFECT = Effect(
     'velocity gain {velocity_gain_error}, integral gain {integral_gain_error}, velocity filter '
     '{velocity_filter_error} off, feed-forward {velocity_feedforward_error} more',
     excited_by='any motion, with the velocity command and the force recorded',
+    needs_effort='the gains are fitted to the session',
 )
 
 

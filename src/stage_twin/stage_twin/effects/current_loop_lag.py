@@ -37,6 +37,7 @@ EFFECT = Effect(
     excited_by='a frequency sweep to 150 Hz',
     states=('force',),
     order=3,
+    needs_effort="a lag of the force cannot be told from the controller's filter",
 )
 
 

@@ -117,6 +117,16 @@ class Effect:
         Effects that cannot be judged beside this one, as both have the same trivial solution.
     merges : tuple of str
         Effects that together imitate this one: it is taken if it does as well as all of them.
+    exact : bool
+        Whether its model is exact, however large it is.
+    scales : bool
+        Whether it scales force against motion, as errors of other models seem to.
+    along_travel : bool
+        Whether it is a force along the travel.
+    seen_by_encoder : bool
+        False for what an encoder cannot show, which sees its own axis, and no frame or clock.
+    needs_effort : str
+        Why only a recorded force tells it; empty where a motion tells it, too.
     same : callable
         Values of all parameters -> effects that move encoder and tracker in the same way, with
         parameters of their own. No record tells them apart, and a report names both.
@@ -142,6 +152,11 @@ class Effect:
     by_shape: bool = False
     excludes: tuple[str, ...] = ()
     merges: tuple[str, ...] = ()
+    exact: bool = False
+    scales: bool = False
+    along_travel: bool = False
+    seen_by_encoder: bool = True
+    needs_effort: str = ''
     same: Callable[[Mapping[str, float]], tuple[str, ...]] = lambda values: ()
     states: tuple[str, ...] = ()
     order: int = 0

@@ -24,6 +24,8 @@ EFFECT = Effect(
     excited_by='strokes at several accelerations and speeds',
     excludes=('inertia_mismatch',),
     merges=('inertia_mismatch', 'viscous_friction'),
+    scales=True,
+    needs_effort='a factor of the force cannot be told from the gains',
 )
 
 

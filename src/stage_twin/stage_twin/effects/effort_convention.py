@@ -18,6 +18,7 @@ EFFECT = Effect(
     'scaling of signals.',
     sentence='the recorded effort is {factor} of the force in newtons',
     excited_by='any motion, with the force recorded',
+    needs_effort='no effort is recorded',
 )
 
 

@@ -18,6 +18,8 @@ EFFECT = Effect(
     'Janot, Gautier, Brunot, EMPS (2019), offset term.',
     sentence='a constant force of {offset} acts on the moving mass',
     excited_by='strokes in both directions',
+    exact=True,
+    needs_effort="a constant force cannot be told from the controller's integral at the start",
 )
 
 

@@ -29,6 +29,7 @@ EFFECT = Effect(
     sentence='the drive force ripples over position by {amplitude}',
     excited_by='slow strokes over whole periods of the motor',
     by_shape=True,
+    along_travel=True,
 )
 
 

@@ -46,6 +46,7 @@ EFFECT = Effect(
     'Astrom and Hagglund, "Advanced PID control" (2006), wind-up.',
     sentence='the drive gives no more than {limit}',
     excited_by='strokes at the highest acceleration',
+    exact=True,
 )
 
 

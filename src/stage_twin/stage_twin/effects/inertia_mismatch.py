@@ -18,6 +18,8 @@ EFFECT = Effect(
     sentence='the moving mass differs from the nominal one by {ratio} of it',
     excited_by='strokes at several accelerations',
     excludes=('drive_gain',),
+    scales=True,
+    needs_effort='only force over mass shows in a motion: the mass cannot be told from the gains',
 )
 
 

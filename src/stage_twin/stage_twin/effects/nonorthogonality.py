@@ -22,6 +22,7 @@ EFFECT = Effect(
     sentence='the axes are out of square by {angle}',
     excited_by='lines along both axes',
     per_axis=False,
+    seen_by_encoder=False,
 )
 
 

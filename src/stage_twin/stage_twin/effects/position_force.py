@@ -45,6 +45,7 @@ EFFECT = Effect(
     holds=('cable_force', 'force_offset'),
     # A ripple of several waves beside it is what its knots do not follow.
     merges=('position_force', 'force_ripple'),
+    along_travel=True,
 )
 
 

@@ -51,6 +51,7 @@ EFFECT = Effect(
     sentence='the guide is bent: it displaces the other axis by up to {quadratic} (bow) and '
     '{cubic} (S shape)',
     excited_by='the whole travel at a fixed place of the other axis',
+    seen_by_encoder=False,
 )
 
 

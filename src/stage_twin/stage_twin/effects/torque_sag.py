@@ -57,6 +57,8 @@ EFFECT = Effect(
     excited_by='strokes at several accelerations and speeds',
     order=1,
     states=('heat',),
+    scales=True,
+    needs_effort='a force that falls with the speed cannot be told from the gains',
 )
 
 

@@ -24,6 +24,7 @@ EFFECT = Effect(
     sentence='the tracker clock runs fast by {drift}',
     excited_by='the same fast stroke at the beginning and at the end of a session of 10 minutes',
     per_axis=False,
+    seen_by_encoder=False,
 )
 
 

@@ -19,6 +19,7 @@ EFFECT = Effect(
     sentence='a tracker point is {latency} old at its stamp',
     excited_by='fast strokes in both directions',
     per_axis=False,
+    seen_by_encoder=False,
 )
 
 

@@ -21,6 +21,7 @@ EFFECT = Effect(
     sentence='the tracker frame is turned by {angle} against the stage',
     excited_by='lines along both axes',
     per_axis=False,
+    seen_by_encoder=False,
 )
 
 

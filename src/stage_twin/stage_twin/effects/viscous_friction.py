@@ -27,6 +27,7 @@ EFFECT = Effect(
     'with friction", Automatica 30 (1994).',
     sentence='friction grows with speed by {viscous} more than the twin says',
     excited_by='strokes at several constant speeds',
+    scales=True,
 )
 
 
