@@ -9,6 +9,7 @@ from calibrator import online, outliers, places, prepare, temperatures, thermal,
 from calibrator.models import domain, selection
 from gap_diagnosis import passes
 from gap_diagnosis.closed_loop import (
+    axis_loop,
     creep,
     held_out,
     misread,
@@ -26,7 +27,6 @@ from gap_diagnosis.residuals import commands, controller, foreseen, kinematics, 
 from gap_diagnosis.selection import (
     forward,
     imitations,
-    lacking,
     pairs,
     rivals,
     servo_part,
@@ -44,9 +44,9 @@ from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, checks, clocks, coarse, commands, controller, creep, domain, drive,
-                   drive_play, foreseen, forward, grid, held_out, imitations, inbox_backend,
-                   judged, judgement, kinematics, knots, lacking, left_out, library, loops,
+    for module in (acceptance, axis_loop, checks, clocks, coarse, commands, controller, creep, domain,
+                   drive, drive_play, foreseen, forward, grid, held_out, imitations, inbox_backend,
+                   judged, judgement, kinematics, knots, left_out, library, loops,
                    machine, misread, motions, online, outliers, pairs, passes, periodic, places,
                    polish, prepare, propose, replay, rest_places, rests, rivals, scene, search,
                    selection, separation, servo_clocks, servo_part, shape, shared, slides,
@@ -133,8 +133,8 @@ noise below the steps of an encoder that is tried, over that of rounding | {rest
 gap that another way to rest leaves, at most | {rests.CLOSER:.0%}
 gap that a friction which gives way leaves, at most | {creep.MUCH_CLOSER:.0%}
 share of models that may stay structured | {judgement.SERVO_STRUCTURE:.0%}
-gap of an encoder from which an effect is lacking | {lacking.FOLLOWS:g} floors
-the same: held-out gap that is left with it, at most | {lacking.LEFT:.0%}
+gap of an encoder from which an effect is lacking | {axis_loop.FOLLOWS:g} floors
+the same: held-out gap that is left with it, at most | {axis_loop.LEFT:.0%}
 what is left above the noise and an effect that was lacking explains, from | {forward.LACKING:.0%}
 what an effect changes where its search starts, of gain or noise, at least | {trials.HOPELESS:.0%}
 gap that an effect explains which is impossible alone, and a pair, from | {pairs.NEARLY_ALL:.0%}

@@ -17,6 +17,7 @@ from gap_diagnosis.closed_loop.steps import stepless, unrepeated_steps, without_
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import (
+    Ticks,
     fitted_ticks,
     held_out_windows,
     inside,
@@ -29,6 +30,13 @@ from gap_diagnosis.residuals.measured_noise import with_noise
 from stage_core.arrays import Array
 from stage_core.errors import StageError
 from stage_core.twin_file import TwinFile
+
+#: Floors of the encoder up to which the loop follows the record.
+FOLLOWS = 2.0
+#: Share of the loop's held-out gap that is left with an effect that was lacking. A right lag
+#: beside a friction left 0.36, a right richer friction 0.07; what takes up errors of a friction's
+#: model 0.83 or more.
+LEFT = 0.5
 
 
 @dataclass(frozen=True)
@@ -71,15 +79,27 @@ class AxisLoop:
         return replace(self, sliding=told)
 
     def refined(self, found: Parameters) -> Parameters:
-        """Effects of the axis with their parameters refined in the loop (`polish`)."""
-        own, told = self._own(), self.beside(found)
+        """Effects of the axis with their parameters refined in the loop (`polish`).
+
+        Behind a friction that the twin states these are what suits the loop where it slides, if
+        it then leaves `LEFT` there of what it leaves with the others: reversals hold the error of
+        that friction, and so does the force balance.
+        """
+        whole, told = self._polished(found, fitted_ticks), self.beside(found)
+        if not told.sliding or told.gap(told.with_known(whole)) < FOLLOWS * self.floor:
+            return whole
+        own = told._polished(found, told._fitted, alone=True)
+        closer = told.gap(told.with_known(own)) < LEFT * told.gap(told.with_known(whole))
+        return own if closer else whole
+
+    def _polished(self, found: Parameters, ticks: Ticks, alone: bool = False) -> Parameters:
+        """The same on some ticks, once for each set of effects."""
+        own, rests = self._own(), [record.noise for record in self.records]
 
         def fit() -> Parameters:
-            ticks, alone = told._fitted, told.sliding
             return polish(self.records, self.twin, self.axis, found, own, ticks, alone)
 
-        rests = [record.noise for record in self.records]
-        return self.memory.once(('polish', self.axis, repr((found, own, rests))), fit)
+        return self.memory.once(('polish', self.axis, alone, repr((found, own, rests))), fit)
 
     def closest(self, found: Parameters) -> float:
         """Least RMS of the gap that effects leave where they are fitted [m] (`polish.closest`)."""

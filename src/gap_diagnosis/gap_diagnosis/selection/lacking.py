@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from gap_diagnosis.closed_loop.axis_loop import AxisLoop
+from gap_diagnosis.closed_loop.axis_loop import FOLLOWS, LEFT, AxisLoop
 from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.slides import slides
 from gap_diagnosis.evidence.describe import describe
@@ -17,12 +17,6 @@ from gap_diagnosis.selection.model import Selection, Trial
 from gap_diagnosis.selection.parts import Part
 from stage_twin.effects import effect_of
 
-#: Floors of the encoder up to which the loop follows the record.
-FOLLOWS = 2.0
-#: Share of the loop's held-out gap that is left with an effect that was lacking. A right lag
-#: beside a friction left 0.36, a right richer friction 0.07; what takes up errors of a friction's
-#: model 0.83 or more.
-LEFT = 0.5
 #: Number of effects that are tried: each costs a refinement in the loop.
 MOST = 4
 

@@ -12,12 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from gap_diagnosis.closed_loop.axis_loop import AxisLoop
+from gap_diagnosis.closed_loop.axis_loop import LEFT, AxisLoop
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.selection.forward import Selector
 from gap_diagnosis.selection.gains import bootstrap_interval
-from gap_diagnosis.selection.lacking import LEFT
 from gap_diagnosis.selection.model import Evidence, Selection
 from gap_diagnosis.selection.parts import Part
 from stage_core.arrays import Array
