@@ -44,9 +44,9 @@ from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
-    for module in (acceptance, axis_loop, checks, clocks, coarse, commands, controller, creep, domain,
-                   drive, drive_play, foreseen, forward, grid, held_out, imitations, inbox_backend,
-                   judged, judgement, kinematics, knots, left_out, library, loops,
+    for module in (acceptance, axis_loop, checks, clocks, coarse, commands, controller, creep,
+                   domain, drive, drive_play, foreseen, forward, grid, held_out, imitations,
+                   inbox_backend, judged, judgement, kinematics, knots, left_out, library, loops,
                    machine, misread, motions, online, outliers, pairs, passes, periodic, places,
                    polish, prepare, propose, replay, rest_places, rests, rivals, scene, search,
                    selection, separation, servo_clocks, servo_part, shape, shared, slides,
