@@ -19,7 +19,7 @@ from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Effects, Parameters
 from gap_diagnosis.passes import prepare, servo_part
 from gap_diagnosis.residuals.servo import Servo
-from gap_diagnosis.selection.servo_part import _contradicted
+from gap_diagnosis.selection.servo_part import _worse
 from gap_diagnosis.selection.told import MUCH_CLOSER, told_by_loop
 from stage_core.arrays import Array
 from stage_core.session import Session
@@ -122,9 +122,9 @@ def test_of_effects_that_are_refuted_together_the_one_that_alone_fits_is_kept() 
         'drive_gain.x': {'error': (-0.8, 1e-3)},
         'inertia_mismatch.x': {'ratio': (6.0, 1e-3)},
     }
-    assert _contradicted(list(found), found, loop) == ['drive_gain.x', 'inertia_mismatch.x']
+    assert _worse(list(found), found, loop) == ['drive_gain.x', 'inertia_mismatch.x']
     wrong = {n: v for n, v in found.items() if n != DELAY}
-    assert _contradicted(list(wrong), wrong, loop) == list(wrong)
+    assert _worse(list(wrong), wrong, loop) == list(wrong)
 
 
 def test_an_alternative_beside_which_no_machine_has_the_others_is_none() -> None:

@@ -18,7 +18,7 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.passes import prepare
-from gap_diagnosis.selection.servo_part import _contradicted
+from gap_diagnosis.selection.servo_part import _worse
 from stage_core.session import Session
 
 from .conftest import nominal
@@ -51,8 +51,8 @@ def test_what_another_presliding_does_contradicts_no_effect(planted: Maker) -> N
     records = prepare([session], [], twin, []).records
     loop = AxisLoop(records, twin, 'x')
     found = {name: {k: (v, 1e-6) for k, v in hidden.items()}}
-    assert _contradicted([name], found, loop) == [name]
-    assert _contradicted([name], found, replace(loop, sliding=True)) == []
+    assert _worse([name], found, loop) == [name]
+    assert _worse([name], found, replace(loop, sliding=True)) == []
     told = diagnose([session], [], twin)
     assert told.verdict == [name] and not told.rests_as_stated
     assert any('The twin with presliding' in warning for warning in told.warnings)

@@ -10,7 +10,6 @@ from functools import partial
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.rests import with_rests
-from gap_diagnosis.closed_loop.slides import slides
 from gap_diagnosis.closed_loop.swing import LEAST_SHARE, swings_as_much
 from gap_diagnosis.evidence.acceptance import FAR_BESIDE
 from gap_diagnosis.evidence.describe import describe, model_of
@@ -64,12 +63,6 @@ def fit_servo(
         rests = with_rests(loop.records, loop.twin, loop.with_known(found), [loop.axis])
         loop = replace(loop, records=rests)
         contradicted = _contradicted(accepted, found, loop)
-        if contradicted:
-            # Where few rows tell an effect, the loop judges it with the parameters that suit it.
-            contradicted = _contradicted(accepted, loop.refined(found), loop)
-        if contradicted and not sticks(accepted) and slides(loop.records, loop.twin, loop.axis):
-            # What a stated friction does at rest contradicts nothing.
-            contradicted = _contradicted(accepted, found, replace(loop, sliding=True))
         if not contradicted:
             part = with_lacking(part, loop)
             found = describe(part.selection, part.selector.regression)
@@ -133,6 +126,20 @@ def _swings(part: Part, loop: AxisLoop) -> bool:
 
 def _contradicted(accepted: list[str], found: Parameters, loop: AxisLoop) -> list[str]:
     """Effects with which the closed loop follows the held-out record worse than without.
+
+    So it does with the parameters that were found, and with those that suit the loop, as few rows
+    may tell an effect. What a stated friction does at rest contradicts nothing.
+    """
+    contradicted = _worse(accepted, found, loop)
+    if contradicted:
+        contradicted = _worse(accepted, loop.refined(found), loop)
+    if contradicted and (told := loop.beside(accepted)).sliding:
+        contradicted = _worse(accepted, found, told)
+    return contradicted
+
+
+def _worse(accepted: list[str], found: Parameters, loop: AxisLoop) -> list[str]:
+    """The same for some parameters.
 
     Where the encoder's gap is large and all of them together close almost nothing of it, the
     force balance was imitated: all go but one that closes it alone. Below the encoder's step
