@@ -26,7 +26,7 @@ session: kernels
 
 # Graphs wait while others compute: three processes on two cores. A file stays in one process; of
 # processes that a hanging test ends, one is replaced.
-SIDE_BY_SIDE := -n 4 --dist loadfile --no-loadscope-reorder --max-worker-restart=1
+SIDE_BY_SIDE := -n 3 --dist loadfile --no-loadscope-reorder --max-worker-restart=1
 test: kernels
 	$(PYTHON_ENV) -m pytest -q $(SIDE_BY_SIDE) $(PYTEST)
 
