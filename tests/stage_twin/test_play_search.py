@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from stage_twin.effects.drive_play import term
 from stage_twin.effects.play_search import Crossing
 
 from .one_axis import MASS, PERIOD, VISCOUS, one_axis, open_loop, swing
@@ -62,3 +63,13 @@ def test_a_soft_base_is_no_play():
     residual = rows.residual()
     ((moment, *_),) = Crossing(rows).propose(residual)
     assert moment == 0.0
+
+
+@pytest.mark.parametrize(
+    ('damping', 'is_play'),
+    [(0.35, True), (0.02, False), (9.0, False)],
+    ids=['an edge that stops', 'a load on a spring', 'a wave that the encoder misreads'],
+)
+def test_an_edge_of_a_play_neither_rings_nor_creeps(damping, is_play):
+    play = term(rows_of({}, swing(15.0, 20.0, 2000)))
+    assert play.admissible((SHARE * WIDTH, SHARE, damping, 300.0), np.ones(1)) is is_play
