@@ -13,7 +13,7 @@ from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.closed_loop.creep import with_presliding
 from gap_diagnosis.closed_loop.replay import fitted_gap
 from gap_diagnosis.closed_loop.slides import SLIDES, sliding
-from gap_diagnosis.closed_loop.unexplained import Sliding, far
+from gap_diagnosis.closed_loop.unexplained import Sliding, far, grown_notes
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import load_record
@@ -90,3 +90,15 @@ def test_rows_that_slide_are_those_that_count() -> None:
     assert sides.nominal == pytest.approx(4e-12)
     assert Sliding(rows, 0.6e-6).is_noise(sides)
     assert not Sliding(rows, 0.4e-6).is_noise(sides)
+
+
+def test_a_gap_that_grows_only_where_the_axis_rests_is_said() -> None:
+    rests, moves = np.full(50, 1e-6), np.full(50, 2e-6)
+    before, after = np.append(rests, moves), np.append(6.0 * rests, 0.1 * moves)
+    slides = np.append(np.zeros(50, bool), np.ones(50, bool))
+    grown = Channel('encoder.x', 'm', [np.arange(100.0)], [before], [after])
+    sliding = {'encoder.x': Sliding([slides], 1e-8)}
+    (note,) = grown_notes({'encoder.x': grown}, sliding)
+    assert 'from 1.58 to 4.25 µm' in note and 'from 2 to 0.2 µm' in note
+    shrunk = Channel('encoder.x', 'm', grown.time, [after], [before])
+    assert grown_notes({'encoder.x': shrunk}, sliding) == []

@@ -22,7 +22,7 @@ from gap_diagnosis.closed_loop.creep import with_presliding
 from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
-from gap_diagnosis.closed_loop.unexplained import far, sliding_axes
+from gap_diagnosis.closed_loop.unexplained import far, grown_notes, sliding_axes
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.causes import Run, cause_of, shown_by_encoder, swings, unrepeated_notes
 from gap_diagnosis.evidence.describe import (
@@ -302,7 +302,10 @@ def _conclude(
         axes_share=shares,
         link=link_of(accepted[0]) if accepted else worst,
         unexplained=float(np.clip(max(after**2 - floor**2, 0.0) / max(before**2, 1e-30), 0, 1)),
-        warnings=_notes(records, prepared, channels, told, unrepeated),
+        warnings=[
+            *_notes(records, prepared, channels, told, unrepeated),
+            *grown_notes(channels, slides),
+        ],
         drives=prepared.laws,
         unrepeated=unrepeated,
         rests_as_stated=prepared.rests_as_stated,

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.polish import closest, polish
-from gap_diagnosis.closed_loop.replay import AWAY, mean_square, of_axis, replayed_gap, replays
+from gap_diagnosis.closed_loop.replay import (
+    AWAY,
+    fitted_gap,
+    mean_square,
+    of_axis,
+    replayed_gap,
+    replays,
+)
 from gap_diagnosis.closed_loop.slides import slides, sliding
 from gap_diagnosis.closed_loop.steps import stepless, unrepeated_steps, without_steps
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import (
-    Ticks,
     fitted_ticks,
     held_out_windows,
     inside,
@@ -37,6 +43,9 @@ FOLLOWS = 2.0
 #: beside a friction left 0.36, a right richer friction 0.07; what takes up errors of a friction's
 #: model 0.83 or more.
 LEFT = 0.5
+#: Share of the squared gap above the floor that values which suit the sliding axis leave there of
+#: what others leave. Of two right lags it was 0.02 and 0.05.
+CLOSER = 0.25
 
 
 @dataclass(frozen=True)
@@ -82,29 +91,32 @@ class AxisLoop:
         """Effects of the axis with their parameters refined in the loop (`polish`).
 
         Behind a friction that the twin states these are what suits the loop where it slides, if
-        it then leaves `LEFT` there of what it leaves with the others: reversals hold the error of
-        that friction, and so does the force balance.
+        it follows the record far `CLOSER` there than with the others: reversals hold the error of
+        that friction, and so does the force balance. Where the others leave little beside the
+        noise, they stand.
         """
-        whole, told = self._polished(found, fitted_ticks), self.beside(found)
-        if not told.sliding or told.gap(told.with_known(whole)) < FOLLOWS * self.floor:
-            return whole
-        own = told._polished(found, told._fitted, alone=True)
-        closer = told.gap(told.with_known(own)) < LEFT * told.gap(told.with_known(whole))
-        return own if closer else whole
-
-    def _polished(self, found: Parameters, ticks: Ticks, alone: bool = False) -> Parameters:
-        """The same on some ticks, once for each set of effects."""
         own, rests = self._own(), [record.noise for record in self.records]
+        key = ('refined', self.axis, repr((found, own, rests)))
+        return self.memory.once(key, lambda: self._refined(found, own))
 
-        def fit() -> Parameters:
-            return polish(self.records, self.twin, self.axis, found, own, ticks, alone)
+    def _refined(self, found: Parameters, known: Parameters) -> Parameters:
+        """The same beside effects that are known."""
+        suits = partial(polish, self.records, self.twin, self.axis, found, known)
+        whole, told = suits(), self.beside(found)
+        if not told.sliding or (left := told._excess(whole)) < self.floor**2:
+            return whole
+        own = suits(told._fitted, alone=True)
+        return own if told._excess(own) < CLOSER * left else whole
 
-        return self.memory.once(('polish', self.axis, alone, repr((found, own, rests))), fit)
+    def _excess(self, found: Parameters) -> float:
+        """Mean square of the gap above the floor on the ticks that fit [m²]."""
+        effects = self.with_known(found)
+        gap = fitted_gap(self.records, self.twin, effects, self.axis, ticks=self._fitted)
+        return gap**2 - self.floor**2
 
     def closest(self, found: Parameters) -> float:
         """Least RMS of the gap that effects leave where they are fitted [m] (`polish.closest`)."""
-        ticks = self.beside(found)._fitted
-        return closest(self.records, self.twin, self.axis, found, self._own(), ticks)
+        return closest(self.records, self.twin, self.axis, found, self._own(), self._fitted)
 
     def _own(self) -> Parameters:
         """What is known of the axis itself."""

@@ -132,6 +132,28 @@ def sliding_axes(
     return out
 
 
+def grown_notes(channels: Mapping[str, Channel], slides: Mapping[str, Sliding]) -> list[str]:
+    """What a reader has to know where a whole gap grows with effects that are right."""
+    out = []
+    for name, own in slides.items():
+        channel = channels[name]
+        if channel.rms('after') > channel.rms('before'):
+            sides = channel.sides(own.noise, rows=own.rows)
+            whole, there = (
+                f'from {1e6 * before:.3g} to {1e6 * after:.3g} µm'
+                for before, after in (
+                    (channel.rms('before'), channel.rms('after')),
+                    (math.sqrt(np.mean(sides.without_it)), math.sqrt(np.mean(sides.with_it))),
+                )
+            )
+            out.append(
+                f'{name}: with the effects its whole gap goes {whole}, because the friction that '
+                "the twin states has another law before the axis slides than the machine's. "
+                f'Where the axis slides, the gap goes {there}'
+            )
+    return out
+
+
 def _speed(records: Sequence[Record], axis: str) -> float:
     """RMS of the reference's speed [m/s]."""
     speeds = [np.nan_to_num(r.reference_velocity[:, r.column(axis)]) for r in records]

@@ -87,6 +87,7 @@ def _much_closer(
     selector: Selector, loop: AxisLoop, other: Selection, selection: Selection
 ) -> bool:
     """Whether another set comes much closer to a record that neither follows."""
+    loop = loop.beside([*other.accepted, *selection.accepted])
     its, mine = (loop.closest(describe(s, selector.regression)) for s in (other, selection))
     return its < MUCH_CLOSER * mine
 
