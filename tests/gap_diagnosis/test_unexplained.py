@@ -99,6 +99,6 @@ def test_a_gap_that_grows_only_where_the_axis_rests_is_said() -> None:
     grown = Channel('encoder.x', 'm', [np.arange(100.0)], [before], [after])
     sliding = {'encoder.x': Sliding([slides], 1e-8)}
     (note,) = grown_notes({'encoder.x': grown}, sliding)
-    assert 'from 1.58 to 4.25 µm' in note and 'from 2 to 0.2 µm' in note
+    assert 'from 1.58 to 4.24 µm' in note and 'from 2 to 0.2 µm' in note
     shrunk = Channel('encoder.x', 'm', grown.time, [after], [before])
     assert grown_notes({'encoder.x': shrunk}, sliding) == []

@@ -143,7 +143,7 @@ def grown_notes(channels: Mapping[str, Channel], slides: Mapping[str, Sliding]) 
                 f'from {1e6 * before:.3g} to {1e6 * after:.3g} µm'
                 for before, after in (
                     (channel.rms('before'), channel.rms('after')),
-                    (math.sqrt(np.mean(sides.without_it)), math.sqrt(np.mean(sides.with_it))),
+                    (math.sqrt(np.mean(sides.without)), math.sqrt(np.mean(sides.with_it))),
                 )
             )
             out.append(
