@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.experiment.machine import session
-from gap_diagnosis.closed_loop.polish import _Loop, polish
+from gap_diagnosis.closed_loop.polish import LoopFit
 from gap_diagnosis.input.data import load_record
 from stage_core.session import Session
 from stage_twin.effects.friction import DRY
@@ -29,7 +29,7 @@ def test_a_friction_that_holds_firmly_is_told_from_one_that_lets_the_loop_hunt(
     record = load_record(planted({'stribeck_friction.x': true}), twin)
     found = {'stribeck_friction.x': {k: (v, 0.02 * v) for k, v in true.items()}}
     found['stribeck_friction.x']['presliding'] = (5e-6, 5e-7)
-    refined = polish([record], twin, 'x', found, {})['stribeck_friction.x']
+    refined = LoopFit([record], twin, 'x').polish(found)['stribeck_friction.x']
     assert (refined['presliding'][0] <= DRY) is dry
     value, deviation = refined['presliding']
     assert abs(value - presliding) < 3.0 * deviation
@@ -38,12 +38,12 @@ def test_a_friction_that_holds_firmly_is_told_from_one_that_lets_the_loop_hunt(
 def test_a_loop_far_from_the_record_refines_nothing(planted: Maker) -> None:
     true = {'viscous_friction.x': {'viscous': 200.0}}
     found = {'viscous_friction.x': {'viscous': (150.0, 10.0)}}
-    alone = polish([load_record(planted(true), nominal())], nominal(), 'x', found, {})
+    alone = LoopFit([load_record(planted(true), nominal())], nominal(), 'x').polish(found)
     value, deviation = alone['viscous_friction.x']['viscous']
     assert abs(value - 200.0) < 2.0 * deviation
     play = {'drive_play.x': {'width': 60e-6, 'mass_ratio': 0.3}}
     swinging = load_record(planted({**true, **play}), nominal())
-    assert polish([swinging], nominal(), 'x', found, {}) == found
+    assert LoopFit([swinging], nominal(), 'x').polish(found) == found
 
 
 def test_a_presliding_that_the_balance_gave_a_hundredth_of_is_reached() -> None:
@@ -58,7 +58,7 @@ def test_a_presliding_that_the_balance_gave_a_hundredth_of_is_reached() -> None:
     record = load_record(session(machine, twin, path, np.full(len(path), 20.0), 0), twin)
     found = {'stribeck_friction.x': {k: (0.95 * v, 0.1 * v) for k, v in true.items()}}
     found['stribeck_friction.x']['presliding'] = (1.6e-8, 2.4e-8)
-    refined = polish([record], twin, 'x', found, {})['stribeck_friction.x']
+    refined = LoopFit([record], twin, 'x').polish(found)['stribeck_friction.x']
     for name, value in true.items():
         assert refined[name][0] == pytest.approx(value, rel=0.1), name
     # The loop is sure of what the balance was not: the balance's doubt is no part of its own.
@@ -75,7 +75,7 @@ def test_a_resonance_that_coarse_counts_hide_is_found_within_its_deviation() -> 
     record = load_record(session(machine, twin, path, np.full(len(path), 20.0), 0), twin)
     wrong = {'frequency': (23.7, 0.1), 'damping': (0.05, 0.003), 'mass_ratio': (0.41, 0.003)}
     found = {'structural_resonance.x': wrong}
-    refined = polish([record], twin, 'x', found, {})['structural_resonance.x']
+    refined = LoopFit([record], twin, 'x').polish(found)['structural_resonance.x']
     for name in ('frequency', 'mass_ratio'):
         distance = abs(refined[name][0] - true[name])
         assert distance < min(3.0 * refined[name][1], 0.1 * abs(wrong[name][0] - true[name])), name
@@ -90,7 +90,7 @@ def test_no_step_leaves_the_range_of_a_parameter_even_by_a_rounding(
     start: float, deviation: float, z: float
 ) -> None:
     found = {'stribeck_friction.x': {'exponent': (start, deviation)}}
-    loop = _Loop.at([], nominal(), 'x', found, {})
+    loop = LoopFit([], nominal(), 'x')._loop([], found)
     for place in (np.array([z]), *loop.bounds()):
         (value,) = loop.values(place)
         assert 0.4 <= value <= 3.0

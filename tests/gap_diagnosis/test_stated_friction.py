@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.experiment.machine import session
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
-from gap_diagnosis.closed_loop.polish import polish
+from gap_diagnosis.closed_loop.polish import LoopFit
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.passes import prepare
@@ -68,7 +68,7 @@ def test_a_refinement_where_the_axis_slides_holds_no_error_of_the_friction(loop:
     balance: Parameters = {LAG: {CONSTANT: (0.6e-3, 0.26e-3)}}
     value, deviation = loop.refined(balance)[LAG][CONSTANT]
     assert value == pytest.approx(1.5e-3, rel=0.02) and deviation < 0.1e-3
-    everywhere, _ = polish(loop.records, loop.twin, 'x', balance, {})[LAG][CONSTANT]
+    everywhere, _ = LoopFit(loop.records, loop.twin, 'x').polish(balance)[LAG][CONSTANT]
     assert abs(everywhere - 1.5e-3) > 0.3e-3
 
 

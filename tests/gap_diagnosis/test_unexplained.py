@@ -12,7 +12,7 @@ from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.closed_loop.creep import with_presliding
 from gap_diagnosis.closed_loop.replay import fitted_gap
-from gap_diagnosis.closed_loop.slides import SLIDES, sliding
+from gap_diagnosis.closed_loop.slides import SLIDES, settling_time, sliding
 from gap_diagnosis.closed_loop.unexplained import Sliding, far, grown_notes
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.judgement import channel_floor
@@ -72,11 +72,24 @@ def test_an_axis_slides_once_it_has_moved_one_way_for_a_while(planted: Maker) ->
     way = {(0.5, 2.0): 0.01, (2.0, 3.5): -0.01, (3.5, 5.0): -1e-5}
     for (start, stop), speed in way.items():
         velocity[(record.time >= start) & (record.time < stop)] = speed
-    found = sliding(replace(record, reference_velocity=velocity), 'x')
+    found = sliding(replace(record, reference_velocity=velocity), nominal(), 'x')
+    settled = SLIDES * settling_time(nominal().servo('x'))
     runs = [record.time[found & (record.time < 2.0)], record.time[found & (record.time >= 2.0)]]
     for times, start, stop in zip(runs, (0.5, 2.0), (2.0, 3.5), strict=True):
-        assert times.min() == pytest.approx(start + SLIDES, abs=0.01)
+        assert times.min() == pytest.approx(start + settled, abs=0.01)
         assert times.max() == pytest.approx(stop, abs=0.01)
+
+
+def test_a_loop_settles_with_its_slowest_pole() -> None:
+    axis = replace(nominal().servo('x'), mass=2.0, viscous=0.0)
+    _, second, first, last = np.poly([-10.0, -50.0, -100.0])
+    place = np.roots([second, -first, last]).real.min()
+    gains = {'velocity_gain': 2.0 * second, 'position_gain': place}
+    full = replace(axis, **gains, integral_gain=2.0 * last / place)
+    assert settling_time(full) == pytest.approx(0.1)
+    # Without an integral gain two poles are left, whose product is 160 place.
+    slowest = -np.roots([1.0, second, second * place]).real.max()
+    assert settling_time(replace(axis, **gains, integral_gain=0.0)) == pytest.approx(1.0 / slowest)
 
 
 def test_rows_that_slide_are_those_that_count() -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.closed_loop.dither import sticks
-from gap_diagnosis.closed_loop.polish import closest, polish
+from gap_diagnosis.closed_loop.polish import LoopFit
 from gap_diagnosis.closed_loop.replay import (
     AWAY,
     fitted_gap,
@@ -101,11 +101,11 @@ class AxisLoop:
 
     def _refined(self, found: Parameters, known: Parameters) -> Parameters:
         """The same beside effects that are known."""
-        suits = partial(polish, self.records, self.twin, self.axis, found, known)
-        whole, told = suits(), self.beside(found)
+        fit = LoopFit(self.records, self.twin, self.axis, known)
+        whole, told = fit.polish(found), self.beside(found)
         if not told.sliding or (left := told._excess(whole)) < self.floor**2:
             return whole
-        own = suits(told._fitted, alone=True)
+        own = replace(fit, ticks=told._fitted).polish(found, alone=True)
         return own if told._excess(own) < CLOSER * left else whole
 
     def _excess(self, found: Parameters) -> float:
@@ -115,8 +115,9 @@ class AxisLoop:
         return gap**2 - self.floor**2
 
     def closest(self, found: Parameters) -> float:
-        """Least RMS of the gap that effects leave where they are fitted [m] (`polish.closest`)."""
-        return closest(self.records, self.twin, self.axis, found, self._own(), self._fitted)
+        """Least RMS of the gap that effects leave where they are fitted [m]."""
+        fit = LoopFit(self.records, self.twin, self.axis, self._own(), self._fitted)
+        return fit.closest(found)
 
     def _own(self) -> Parameters:
         """What is known of the axis itself."""
@@ -142,7 +143,7 @@ class AxisLoop:
         return self._counting(record, fitted_ticks(record))
 
     def _counting(self, record: Record, ticks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        return ticks & sliding(record, self.axis) if self.sliding else ticks
+        return ticks & sliding(record, self.twin, self.axis) if self.sliding else ticks
 
     def window_gaps(self, found: Parameters) -> Array:
         """RMS (w,) of the gap in each held-out window [m], of a loop without encoder steps.

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gap_diagnosis.closed_loop.channels import Channel
-from gap_diagnosis.closed_loop.polish import polish
+from gap_diagnosis.closed_loop.polish import LoopFit
 from gap_diagnosis.closed_loop.replay import replay
 from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.reading_wave import MISREADS
@@ -62,7 +62,7 @@ def misread(
         read = {f'{MISREADS}.{axis}': {k: (v, 0.0) for k, v in wave.items()}}
         rest = {n: v for n, v in parameters.items() if n != name}
         forces = {n: v for n, v in rest.items() if link_of(n) == 'servo' and n[-1] == axis}
-        refitted = polish(list(records), twin, axis, forces, read) if forces else {}
+        refitted = LoopFit(list(records), twin, axis, read).polish(forces) if forces else {}
         other = plain_values({**rest, **refitted, **read})
         gaps = [replay(r, twin, other)[encoder.name][scored_ticks(r)] for r in judging(records)]
         floor = floors[encoder.name] ** 2

@@ -8,7 +8,7 @@ They are kept only if the gap on these windows shrinks.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,23 +56,6 @@ class _Loop:
     start: Array
     scale: Array
     ticks: Ticks
-
-    @classmethod
-    def at(
-        cls,
-        records: list[Record],
-        twin: TwinFile,
-        axis: str,
-        found: Parameters,
-        fixed: Parameters,
-        ticks: Ticks = fitted_ticks,
-    ) -> _Loop:
-        """The loop of parameters that were found, and others that stay."""
-        names = [(e, k) for e, of in found.items() for k, (_, std) in of.items() if std > 0.0]
-        start, own = (np.array([found[e][k][i] for e, k in names]) for i in (0, 1))
-        scale = np.maximum(3.0 * own, 0.02 * np.abs(start))
-        effects = plain_values({**fixed, **found})
-        return cls(records, twin, axis, effects, names, start, scale, ticks)
 
     def bounds(self) -> tuple[Array, Array]:
         """The least and the largest z (k,)."""
@@ -185,67 +168,74 @@ def _step(gram: Array, right: Array, damping: float) -> Array:
     return np.asarray(-np.linalg.solve(scaled, right / size) / size)
 
 
-def polish(
-    records: list[Record],
-    twin: TwinFile,
-    axis: str,
-    found: Parameters,
-    fixed: Parameters,
-    ticks: Ticks = fitted_ticks,
-    alone: bool = False,
-) -> Parameters:
-    """Parameters of the servo effects of an axis, refined on some ticks of its encoder.
+@dataclass(frozen=True)
+class LoopFit:
+    """A fit of servo effects of an axis to some ticks of its encoder.
 
-    `fixed` are effects of the axis that the record itself tells: they stay as they are. Values
-    stay unchanged where the loop stays far from the record, as one that sticks goes another way
-    from a moment on, and where it needs the steps of its encoder to follow it. Elsewhere they
-    are the mean of both estimates, each with the weight of its certainty, or the loop's `alone`
-    where the balance holds errors that the ticks do not.
+    Attributes
+    ----------
+    records, twin : of the session, and the nominal twin
+    axis : whose encoder counts
+    fixed : effects of the axis that the record itself tells: they stay as they are
+    ticks : that count, by default those that no judgement sees
     """
-    fitted = _fitting(records, twin, axis, {**fixed, **found})
-    floor = channel_floor(with_noise(twin, fitted), f'encoder.{axis}')
 
-    def left(effects: Parameters) -> float:
-        values = plain_values({**fixed, **effects})
-        return fitted_gap(fitted, twin, values, axis, draws=1, ticks=ticks)
+    records: list[Record]
+    twin: TwinFile
+    axis: str
+    fixed: Parameters = field(default_factory=dict)
+    ticks: Ticks = fitted_ticks
 
-    least = left(found)
-    for effect, key, value in _tried(found):
-        # How far the force balance was from it is all that is known of its deviation.
-        apart = abs(value - found[effect].get(key, (0.0, 0.0))[0])
-        other = {**found, effect: {**found[effect], key: (value, apart)}}
-        if (gap := left(other)) < MUCH_BETTER * least:
-            found, least = other, gap
-    loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed), ticks)
-    return _refined(loop, found, floor, least, alone) if loop.names else found
+    def polish(self, found: Parameters, alone: bool = False) -> Parameters:
+        """Parameters of the effects, refined.
 
+        Values stay unchanged where the loop stays far from the record, as one that sticks goes
+        another way from a moment on, and where it needs the steps of its encoder to follow it.
+        Elsewhere they are the mean of both estimates, each with the weight of its certainty, or
+        the loop's `alone` where the balance holds errors that the ticks do not.
+        """
+        fitted = self._fitted(found)
+        floor = channel_floor(with_noise(self.twin, fitted), f'encoder.{self.axis}')
 
-def closest(
-    records: list[Record],
-    twin: TwinFile,
-    axis: str,
-    found: Parameters,
-    fixed: Parameters,
-    ticks: Ticks = fitted_ticks,
-) -> float:
-    """Least RMS [m] that effects leave of the gap on some ticks, whatever their parameters.
+        def left(effects: Parameters) -> float:
+            values = plain_values({**self.fixed, **effects})
+            return fitted_gap(fitted, self.twin, values, self.axis, draws=1, ticks=self.ticks)
 
-    Infinite where no machine could run.
-    """
-    fitted = _fitting(records, twin, axis, {**fixed, **found})
-    loop = _Loop.at(fitted, stepless(twin, axis), axis, found, without_steps(fixed), ticks)
-    try:
-        _, residual, _ = loop.lowest()
-    except StageError:
-        return math.inf
-    return float(np.sqrt(np.mean(residual**2)))
+        least = left(found)
+        for effect, key, value in _tried(found):
+            # How far the force balance was from it is all that is known of its deviation.
+            apart = abs(value - found[effect].get(key, (0.0, 0.0))[0])
+            other = {**found, effect: {**found[effect], key: (value, apart)}}
+            if (gap := left(other)) < MUCH_BETTER * least:
+                found, least = other, gap
+        loop = self._loop(fitted, found)
+        return _refined(loop, found, floor, least, alone) if loop.names else found
 
+    def closest(self, found: Parameters) -> float:
+        """Least RMS [m] that effects leave of the gap, whatever their parameters.
 
-def _fitting(
-    records: list[Record], twin: TwinFile, axis: str, effects: Parameters
-) -> list[Record]:
-    """The records to which effects are fitted, of the axis alone where none couples them."""
-    return [of_axis(r, twin, effects, axis) for r in records if not r.held_out_session]
+        Infinite where no machine could run.
+        """
+        try:
+            _, residual, _ = self._loop(self._fitted(found), found).lowest()
+        except StageError:
+            return math.inf
+        return float(np.sqrt(np.mean(residual**2)))
+
+    def _fitted(self, found: Parameters) -> list[Record]:
+        """The records that are fitted, of the axis alone where no effect couples the axes."""
+        effects = {**self.fixed, **found}
+        fitted = [r for r in self.records if not r.held_out_session]
+        return [of_axis(r, self.twin, effects, self.axis) for r in fitted]
+
+    def _loop(self, fitted: list[Record], found: Parameters) -> _Loop:
+        """The loop without steps of its encoder."""
+        names = [(e, k) for e, of in found.items() for k, (_, std) in of.items() if std > 0.0]
+        start, own = (np.array([found[e][k][i] for e, k in names]) for i in (0, 1))
+        scale = np.maximum(3.0 * own, 0.02 * np.abs(start))
+        effects = plain_values({**without_steps(self.fixed), **found})
+        twin = stepless(self.twin, self.axis)
+        return _Loop(fitted, twin, self.axis, effects, names, start, scale, self.ticks)
 
 
 def _refined(

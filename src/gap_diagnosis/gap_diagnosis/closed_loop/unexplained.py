@@ -85,7 +85,7 @@ def _far_sliding(
     records: list[Record], prepared: Prepared, axis: str, told: dict[str, dict[str, float]]
 ) -> bool:
     """The same of one axis where it slides."""
-    rows = [sliding(record, axis) for record in records]
+    rows = [sliding(record, prepared.twin, axis) for record in records]
     before, after = session_rms(records, prepared.twin, told, [axis], rows)
     named = any(link_of(n) == 'servo' and split_effect(n)[1] == axis for n in told)
     # With `stated` above zero the limit is that beside a stated friction.
@@ -127,7 +127,7 @@ def sliding_axes(
     out: dict[str, Sliding] = {}
     for axis in scored[0].axes:
         if slides(scored, twin, axis):
-            rows = [sliding(r, axis)[scored_ticks(r)] for r in scored]
+            rows = [sliding(r, twin, axis)[scored_ticks(r)] for r in scored]
             out[f'encoder.{axis}'] = Sliding(rows, _noise(scored, prepared, axis, told))
     return out
 
