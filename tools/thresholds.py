@@ -109,7 +109,7 @@ squared noise that any other effect closes, at least | {acceptance.LEAST_SEEN:.0
 gap that is `unknown` if nothing is named, from | {acceptance.FAR:g} floors
 gap that is `unknown` beside a name or a stated friction, from | {acceptance.FAR_BESIDE:g} floors
 the same: squared gap that the effects leave, from | {acceptance.SHARE_BESIDE:.0%}
-time of moving one way after which an axis slides | {slides.SLIDES:g} s
+moving one way after which an axis slides, time constants of its loop | {slides.SLIDES:g}
 the same: its speed, from | {slides.SLOW:.0%} of the fastest
 ticks from which on a stated friction is told where it slides | {slides.ENOUGH:.0%}
 squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}
@@ -135,6 +135,7 @@ gap that a friction which gives way leaves, at most | {creep.MUCH_CLOSER:.0%}
 share of models that may stay structured | {judgement.SERVO_STRUCTURE:.0%}
 gap of an encoder from which an effect is lacking | {axis_loop.FOLLOWS:g} floors
 the same: held-out gap that is left with it, at most | {axis_loop.LEFT:.0%}
+squared gap above the noise that values of a sliding axis leave, at most | {axis_loop.CLOSER:.0%}
 what is left above the noise and an effect that was lacking explains, from | {forward.LACKING:.0%}
 what an effect changes where its search starts, of gain or noise, at least | {trials.HOPELESS:.0%}
 gap that an effect explains which is impossible alone, and a pair, from | {pairs.NEARLY_ALL:.0%}
