@@ -109,7 +109,8 @@ squared noise that any other effect closes, at least | {acceptance.LEAST_SEEN:.0
 gap that is `unknown` if nothing is named, from | {acceptance.FAR:g} floors
 gap that is `unknown` beside a name or a stated friction, from | {acceptance.FAR_BESIDE:g} floors
 the same: squared gap that the effects leave, from | {acceptance.SHARE_BESIDE:.0%}
-moving one way after which an axis slides, time constants of its loop | {slides.SLIDES:g}
+moved one way after which an axis slides: preslidings, more than | {slides.LEFT_BEHIND:g}
+and then time constants of its loop, more than | {slides.SETTLED:g}
 the same: its speed, from | {slides.SLOW:.0%} of the fastest
 ticks from which on a stated friction is told where it slides | {slides.ENOUGH:.0%}
 squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}

@@ -12,7 +12,7 @@ from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.channels import Channel
 from gap_diagnosis.closed_loop.creep import with_presliding
 from gap_diagnosis.closed_loop.replay import fitted_gap
-from gap_diagnosis.closed_loop.slides import SLIDES, settling_time, sliding
+from gap_diagnosis.closed_loop.slides import LEFT_BEHIND, SETTLED, settling_time, sliding
 from gap_diagnosis.closed_loop.unexplained import Sliding, far, grown_notes
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.judgement import channel_floor
@@ -66,14 +66,18 @@ def test_a_presliding_with_which_the_loop_comes_no_closer_is_not_taken(planted: 
         assert (run.effects[NAME]['presliding'] == 8e-6) is taken
 
 
-def test_an_axis_slides_once_it_has_moved_one_way_for_a_while(planted: Maker) -> None:
+def test_an_axis_slides_a_while_after_it_has_left_where_it_turned(planted: Maker) -> None:
     record = load_record(planted({}), nominal())
     velocity = np.zeros_like(record.reference_velocity)
     way = {(0.5, 2.0): 0.01, (2.0, 3.5): -0.01, (3.5, 5.0): -1e-5}
     for (start, stop), speed in way.items():
         velocity[(record.time >= start) & (record.time < stop)] = speed
-    found = sliding(replace(record, reference_velocity=velocity), nominal(), 'x')
-    settled = SLIDES * settling_time(nominal().servo('x'))
+    twin = nominal().with_effects(SOFTER)
+    held = 0.2  # s for which the axis stays where it turned
+    moves = (np.mod(record.time - 0.5, 1.5) > held)[:, None]
+    place = np.cumsum(np.where(moves, velocity, 0.0), axis=0) * record.period
+    found = sliding(replace(record, reference_velocity=velocity, encoder=place), twin, 'x')
+    settled = held + LEFT_BEHIND * 8e-6 / 0.01 + SETTLED * settling_time(twin.servo('x'))
     runs = [record.time[found & (record.time < 2.0)], record.time[found & (record.time >= 2.0)]]
     for times, start, stop in zip(runs, (0.5, 2.0), (2.0, 3.5), strict=True):
         assert times.min() == pytest.approx(start + settled, abs=0.01)

@@ -20,6 +20,7 @@ from gap_diagnosis.closed_loop.channels import (
 )
 from gap_diagnosis.closed_loop.creep import with_presliding
 from gap_diagnosis.closed_loop.dither import sticks
+from gap_diagnosis.closed_loop.own_wave import with_waves_of_tracker
 from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
 from gap_diagnosis.closed_loop.unexplained import far, grown_notes, sliding_axes
@@ -34,6 +35,7 @@ from gap_diagnosis.evidence.localise import conditions_of
 from gap_diagnosis.evidence.probability import Scene, with_probabilities
 from gap_diagnosis.input.checks import turns
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.reading_wave import MISREADS
 from gap_diagnosis.input.rest_places import rest_places
 from gap_diagnosis.input.windows import held_out_windows, judging
 from gap_diagnosis.law.judged import Law
@@ -41,7 +43,6 @@ from gap_diagnosis.law.learn import learn
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Parameters, plain_values
 from gap_diagnosis.passes import Prepared, Progress, prepare, servo_part
-from gap_diagnosis.residuals.reading import MISREADS, misreadings
 from gap_diagnosis.residuals.recording import in_another_unit, jitter_findings
 from gap_diagnosis.residuals.tracker_jitter import tracker_jitter, tracker_speeds
 from gap_diagnosis.residuals.without_forces import widened
@@ -173,11 +174,12 @@ def _diagnose(
     shown = [_refined(p, before, known, memory, progress) for p in parts]
     records, tracker = tracker_part(before, shown, seed, without, memory, progress)
     for measured in tracker:
-        fit = measured.selection.fit
-        found = describe(measured.selection, measured.selector.regression)
-        known = {**direct, **{n: v for n, v in found.items() if n in misreadings(fit)}}
+        read = with_waves_of_tracker(before.records, twin, measured, direct, memory)
+        found = measured.selection.accepted
+        known = {**direct, **{n: v for n, v in read[0].waves.items() if n in found}}
+        moved = replace(before, records=read)
         parts = [
-            servo_part(before, p.name[-1], known, seed, without, memory, progress, fit)
+            servo_part(moved, p.name[-1], known, seed, without, memory, progress)
             if f'{MISREADS}.{p.name[-1]}' in found
             else with_shape_of(p, measured)
             for p in parts

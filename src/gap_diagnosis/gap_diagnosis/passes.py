@@ -17,6 +17,7 @@ from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simul
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.input.checks import EXCITATION_HINT, check_duration
 from gap_diagnosis.input.data import Record, load_record
+from gap_diagnosis.input.reading_wave import MISREADS
 from gap_diagnosis.input.stepper import UNSEEN_BY_ENCODER, by_encoder, load_stepper_record
 from gap_diagnosis.input.windows import moves_while_judged
 from gap_diagnosis.memory import Memory
@@ -26,9 +27,8 @@ from gap_diagnosis.residuals.controller import with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.measured_noise import with_mean_points, with_noise, with_steps
 from gap_diagnosis.residuals.nominal import with_counted_steps
-from gap_diagnosis.residuals.reading import MISREADS, motion_behind, motion_beside, waves_read
+from gap_diagnosis.residuals.reading import motion_beside, waves_read
 from gap_diagnosis.residuals.recording import in_newtons
-from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.residuals.unrecorded import with_laws
 from gap_diagnosis.residuals.without_forces import NOT_TOLD, lost_drive
@@ -275,21 +275,16 @@ def servo_part(
     without: Sequence[str],
     memory: Memory,
     progress: Progress,
-    reading: Fit | None = None,
 ) -> Part:
-    """The force balance of one axis; `reading` is a fit that found its encoder to misread."""
-    own_wave = f'{MISREADS}.{axis}' in direct
+    """The force balance of one axis; of an encoder that is known to misread it is the motion's."""
+    wave = f'{MISREADS}.{axis}'
+    misreads = wave in direct
 
     def motion() -> Servo:
-        read = before.records
-        if reading is not None:
-            read = motion_behind(read, axis, reading)
-        elif own_wave:
-            (record,) = read  # of several sessions no wave is told, see `waves_read`
-            read = [motion_beside(record, axis)]
+        read = [motion_beside(r, axis) if misreads else r for r in before.records]
         return Servo(read, before.stepped, axis)
 
-    key = (axis, own_wave if reading is None else repr((reading.thetas, reading.coefficients)))
+    key = (axis, repr([r.waves[wave] for r in before.records]) if misreads else '')
     rows = memory.once(('rows', *key), motion)
     problem = memory.once(('servo', *key), rows.problem)
     barred = tuple(sorted(n for n in without if _concerns(n, list(problem.terms))))

@@ -47,6 +47,8 @@ ANSWER = 0.06
 FEWEST = 500  # ticks
 EDGE = 0.2  # s at the ends, where the low-pass has no path
 ROUNDS, SMALL = 4, 1e-3
+#: Steps from a reading to the motion behind it. Each leaves 2 pi amplitude / period of the error.
+BEHIND = 3
 NEAR = np.linspace(-0.5, 0.5, 11)  # turns over the travel about a peak
 
 
@@ -74,7 +76,10 @@ class _Passed:
 
 def without_wave(position: Array, period: float, values: Mapping[str, float]) -> Array:
     """Motor positions (n,) [m] behind readings of an encoder with a wave of these parameters."""
-    return position - misreading(band_limited(position, period, MOTION), values)
+    motor = position
+    for _ in range(BEHIND):
+        motor = position - misreading(band_limited(motor, period, MOTION), values)
+    return motor
 
 
 def reading_wave(position: Array, period: float, whole: Mask, quantum: float) -> Estimates:

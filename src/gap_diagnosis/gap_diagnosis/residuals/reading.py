@@ -10,17 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.reading_wave import MISREADS
 from gap_diagnosis.parameters import Parameters
-from gap_diagnosis.residuals.regression import Fit
-from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
-from stage_twin.effects import encoder_interpolation
-
-
-def misreadings(fit: Fit) -> list[str]:
-    """Effects of a fit of the tracker's residual that make an encoder misread."""
-    return [name for name in fit.thetas if split_effect(name)[0] == MISREADS]
 
 
 def waves_read(records: Sequence[Record], twin: TwinFile) -> Parameters:
@@ -31,20 +22,7 @@ def waves_read(records: Sequence[Record], twin: TwinFile) -> Parameters:
 
 
 def motion_beside(record: Record, axis: str) -> Record:
-    """The record with the motion of an axis, as far as its own readings tell their wave."""
+    """The record with the motion of an axis in the place of what its encoder reads."""
     encoder, column = record.encoder.copy(), record.column(axis)
     encoder[:, column] = record.motion(column)
     return replace(record, encoder=encoder)
-
-
-def motion_behind(records: Sequence[Record], axis: str, fit: Fit) -> list[Record]:
-    """Records with the motion of an axis in the place of what its encoder reads."""
-    name, out = f'{MISREADS}.{axis}', []
-    for number, record in enumerate(records):
-        wave = fit.sessions.get(number, {}).get(name, fit.coefficients[name])
-        encoder, column = record.encoder.copy(), record.column(axis)
-        encoder[:, column] = encoder_interpolation.behind(
-            encoder[:, column], fit.thetas[name], wave
-        )
-        out.append(replace(record, encoder=encoder))
-    return out
