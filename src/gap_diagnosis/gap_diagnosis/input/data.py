@@ -20,6 +20,7 @@ from gap_diagnosis.input.checks import (
     finite,
     least_travel,
 )
+from gap_diagnosis.input.driven_wave import own_wave
 from gap_diagnosis.input.grid import Grid, control_period
 from gap_diagnosis.input.noise import (
     Noise,
@@ -29,7 +30,7 @@ from gap_diagnosis.input.noise import (
     tracker_noise,
     white_part,
 )
-from gap_diagnosis.input.reading_wave import MISREADS, reading_wave, without_wave
+from gap_diagnosis.input.reading_wave import MISREADS, without_wave
 from gap_diagnosis.input.ticks import Clock
 from gap_diagnosis.input.windows import LAST_THIRD, inside
 from gap_diagnosis.parameters import Parameters, plain_values
@@ -220,7 +221,7 @@ def load_record(session: Session, twin: TwinFile, held_out: bool = False) -> Rec
         setpoint_velocity=_declared(session, axes, grid),
     )
     check_units(record)
-    record = replace(record, waves=_waves(record, resolution))
+    record = replace(record, waves=_waves(record, resolution, twin))
     record = _moved(replace(record, noise=_noise(record, resolution, grid.offset)))
     check_excitation(record)
     if recorded:
@@ -256,14 +257,16 @@ def _commands(session: Session, axes: tuple[str, ...], effort: bool) -> Series |
     return finite(replace(series, values={n: series.values[n] for n in names}), session.path)
 
 
-def _waves(record: Record, resolution: Array) -> Parameters:
+def _waves(record: Record, resolution: Array, twin: TwinFile) -> Parameters:
     """What each encoder reads over its own position; the steps of a coarse one are none."""
-    whole = record.whole(record.time)
-    found = {
-        f'{MISREADS}.{axis}': reading_wave(q, record.period, whole, max(step, encoder_step(q)))
-        for axis, q, step in zip(record.axes, record.encoder.T, resolution.tolist(), strict=True)
-    }
-    return {name: wave for name, wave in found.items() if wave}
+    whole, tells = record.whole(record.time), record.effort_recorded and twin.kind == 'servo'
+    found: Parameters = {}
+    for i, (axis, step) in enumerate(zip(record.axes, resolution.tolist(), strict=True)):
+        position = record.encoder[:, i]
+        driven = record.force[:, i] / nominal_mass(twin.axes[axis])[0] if tells else None
+        own = own_wave(position, driven, record.period, whole, max(step, encoder_step(position)))
+        found |= {f'{MISREADS}.{axis}': own} if own else {}
+    return found
 
 
 def _noise(record: Record, resolution: Array, offset: Array) -> Noise:

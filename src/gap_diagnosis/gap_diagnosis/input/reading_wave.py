@@ -148,7 +148,7 @@ def _fitted(passed: _Passed, frequency: float) -> Estimates:
     values = _positive(values)
     variance = np.diag(np.linalg.pinv(slopes.T @ slopes)) * float(np.var(left))
     return {
-        n: (v, math.hypot(math.sqrt(s) * scale[n], _answer(n, values, travel)))
+        n: (v, math.hypot(math.sqrt(s) * scale[n], doubt(n, values, travel, ANSWER)))
         for (n, v), s in zip(values.items(), variance, strict=True)
     }
 
@@ -164,11 +164,14 @@ def _positive(values: Mapping[str, float]) -> dict[str, float]:
     return out
 
 
-def _answer(name: str, values: Mapping[str, float], travel: float) -> float:
-    """Standard deviation by the loop's answer: of the period, an amplitude [m], a phase [rad]."""
+def doubt(name: str, values: Mapping[str, float], travel: float, share: float) -> float:
+    """Standard deviation of a wave's period, amplitude [m] or phase [rad].
+
+    A `share` of the wave, in either phase, may be something else.
+    """
     if name == 'period':
-        return ANSWER / (2.0 * math.pi) * values['period'] ** 2 / travel
-    moved = ANSWER * values['amplitude']
+        return share / (2.0 * math.pi) * values['period'] ** 2 / travel
+    moved = share * values['amplitude']
     kind, _, number = name.partition('_')
     if kind == 'amplitude':
         return moved

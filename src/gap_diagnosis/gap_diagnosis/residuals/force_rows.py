@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gap_diagnosis.input.data import Record, nominal_mass
+from gap_diagnosis.input.windows import held_out_windows, inside
 from gap_diagnosis.residuals.late_ticks import forces_as_held
 from gap_diagnosis.residuals.low_pass import band_limited, smooth
 from gap_diagnosis.residuals.nominal import Prediction
@@ -18,6 +19,7 @@ from gap_diagnosis.residuals.operators import central_difference, centred_hold, 
 from stage_core.arrays import Array
 from stage_core.twin_file import TwinFile
 
+Mask = NDArray[np.bool_]
 Rows = TypeVar('Rows', bound='ForceRows')
 
 CORNER = 30.0  # Hz; above it the quantisation of the acceleration is white after the low-pass
@@ -159,6 +161,22 @@ class ForceRows:
     def used(self, signal: list[Array]) -> Array:
         """A per-session signal (n,) at the sliding rows, as it is."""
         return np.concatenate([one[k] for one, k in zip(signal, self.keep, strict=True)])
+
+    def fitted(self, signal: list[Array]) -> Array:
+        """The same at the rows that fit; at all of them where none does."""
+        fit, _ = self.split()
+        used = self.used(signal)
+        return used[fit] if fit.any() else used
+
+    def split(self) -> tuple[Mask, Mask]:
+        """Rows that fit and rows that are held out, (n,) each."""
+        any_held_session = any(r.held_out_session for r in self.records)
+        fit, held = [], []
+        for record, keep in zip(self.records, self.keep, strict=True):
+            mask = inside(record.time, held_out_windows(record))
+            fit.append((~mask & (not record.held_out_session))[keep])
+            held.append((mask & (record.held_out_session or not any_held_session))[keep])
+        return np.concatenate(fit), np.concatenate(held)
 
     def _of(self, name: str) -> list[Array]:
         return [s[name] for s in self._signals]

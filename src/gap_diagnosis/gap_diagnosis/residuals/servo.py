@@ -13,10 +13,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gap_diagnosis.input.checks import reverses
-from gap_diagnosis.input.windows import held_out_windows, inside
 from gap_diagnosis.residuals.force_rows import ForceRows
 from gap_diagnosis.residuals.nominal import re_estimated
 from gap_diagnosis.residuals.nuisance import without_nuisances
@@ -24,8 +22,6 @@ from gap_diagnosis.residuals.problem import Problem
 from stage_core.arrays import Array
 from stage_twin import effects
 from stage_twin.effects.term import Term
-
-Mask = NDArray[np.bool_]
 
 #: Factor within which a mass that no force tells may be another one: so far viscous friction
 #: over mass says nothing.
@@ -84,16 +80,6 @@ class Servo(ForceRows):
             problem = without_nuisances(problem, starts.astype(np.float64))
             self._bar_masses(problem.terms)
         return problem
-
-    def split(self) -> tuple[Mask, Mask]:
-        """Rows that fit and rows that are held out, (n,) each."""
-        any_held_session = any(r.held_out_session for r in self.records)
-        fit, held = [], []
-        for record, keep in zip(self.records, self.keep, strict=True):
-            mask = inside(record.time, held_out_windows(record))
-            fit.append((~mask & (not record.held_out_session))[keep])
-            held.append((mask & (record.held_out_session or not any_held_session))[keep])
-        return np.concatenate(fit), np.concatenate(held)
 
     def _bar_masses(self, terms: dict[str, Term]) -> None:
         """No viscous friction that a machine of another mass would have, too."""

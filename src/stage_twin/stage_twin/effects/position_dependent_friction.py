@@ -91,7 +91,7 @@ def term(rows: ForceRows) -> Term:
 
 def _term(rows: ForceRows, numbers: tuple[int, ...]) -> Term:
     """The first one of some numbers of knots; richer are the others."""
-    path = rows.used(rows.position())
+    path = rows.fitted(rows.position())
     start, stop = float(path.min()), float(path.max())
     knots = np.linspace(start, stop, 4 * (KNOTS.count - 1) + 1)
     hats = KNOTS.units(_whole, knots, numbers[0])

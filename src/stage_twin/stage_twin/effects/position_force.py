@@ -87,7 +87,8 @@ class _Curve:
 
     def __init__(self, rows: ForceRows, number: int) -> None:
         self.rows, self.path = rows, rows.used(rows.position())
-        self.low, self.high = float(self.path.min()), float(self.path.max())
+        told = rows.fitted(rows.position())
+        self.low, self.high = float(told.min()), float(told.max())
         self.shares = np.linspace(0.0, 1.0, 80 * (KNOTS.count - 1) + 1)
         self.curves = KNOTS.units(_whole, self.shares, number)
 
@@ -129,7 +130,8 @@ def _within(curve: _Curve, richer: Callable[[], Term] | None) -> Term:
     """A curve that bends on a part of the travel alone, and is held beyond it."""
     low, high = curve.low, curve.high
     places = np.linspace(0.0, 1.0, BINS)
-    at = ((curve.path - low) / (high - low) * (BINS - 1)).round().astype(np.int64)
+    shares = np.clip((curve.path - low) / (high - low), 0.0, 1.0)
+    at = (shares * (BINS - 1)).round().astype(np.int64)
     stretches = [
         (low + k * (high - low) / (2 * parts), low + (k + 2) * (high - low) / (2 * parts))
         for parts in PARTS

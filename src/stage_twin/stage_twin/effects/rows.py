@@ -58,6 +58,9 @@ class ForceRows(Protocol):
     def used(self, signal: Signal) -> Array:
         """A signal (n,) at the rows, as it is."""
 
+    def fitted(self, signal: Signal) -> Array:
+        """The same at the rows that fit: where a curve has to be told."""
+
     def columns(self, *signals: Signal) -> Array:
         """Columns (n, k) of the rows: each signal low-passed as the residual is."""
 
