@@ -23,7 +23,7 @@ from gap_diagnosis.closed_loop.dither import sticks
 from gap_diagnosis.closed_loop.own_wave import with_waves_of_tracker
 from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
-from gap_diagnosis.closed_loop.unexplained import far, grown_notes, sliding_axes
+from gap_diagnosis.closed_loop.unexplained import Sliding, far, grown_notes, sliding_axes
 from gap_diagnosis.evidence import judgement as judge
 from gap_diagnosis.evidence.causes import Run, cause_of, shown_by_encoder, swings, unrepeated_notes
 from gap_diagnosis.evidence.describe import (
@@ -236,6 +236,7 @@ def _notes(
     channels: dict[str, Channel],
     told: dict[str, dict[str, float]],
     unrepeated: Sequence[str],
+    slides: dict[str, Sliding],
 ) -> list[str]:
     """What a reader has to know beside the verdict."""
     rested = rest_places(records)
@@ -246,6 +247,7 @@ def _notes(
         *rest_notes(records[0]),
         *unrepeated_notes(unrepeated),
         *noise_notes(records, prepared.twin, told, channels),
+        *grown_notes(channels, slides),
     ]
 
 
@@ -304,10 +306,7 @@ def _conclude(
         axes_share=shares,
         link=link_of(accepted[0]) if accepted else worst,
         unexplained=float(np.clip(max(after**2 - floor**2, 0.0) / max(before**2, 1e-30), 0, 1)),
-        warnings=[
-            *_notes(records, prepared, channels, told, unrepeated),
-            *grown_notes(channels, slides),
-        ],
+        warnings=_notes(records, prepared, channels, told, unrepeated, slides),
         drives=prepared.laws,
         unrepeated=unrepeated,
         rests_as_stated=prepared.rests_as_stated,

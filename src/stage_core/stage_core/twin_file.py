@@ -57,6 +57,14 @@ class ForceAxis:
 
 
 Axis = ServoAxis | StepperAxis | ForceAxis
+
+
+def nominal_mass(axis: Axis) -> tuple[float, float]:
+    """Mass [kg] and viscous friction [N·s/m] of a servo or force axis."""
+    assert isinstance(axis, (ServoAxis, ForceAxis))
+    return axis.mass, axis.viscous
+
+
 AXIS_TYPES: dict[str, type[Axis]] = {
     'servo': ServoAxis,
     'stepper': StepperAxis,

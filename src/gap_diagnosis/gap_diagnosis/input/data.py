@@ -39,7 +39,7 @@ from stage_core.arrays import Array
 from stage_core.clocks import to_seconds
 from stage_core.errors import StageError
 from stage_core.session import Series, Session
-from stage_core.twin_file import ForceAxis, ServoAxis, StepperAxis, TwinFile
+from stage_core.twin_file import StepperAxis, TwinFile, nominal_mass
 
 if TYPE_CHECKING:
     from gap_diagnosis.input.coarse import Coarse
@@ -344,9 +344,3 @@ def with_tracker(record: Record, session: Session) -> Record:
     found = replace(record, tracker_time=seconds[use], tracker=tracker, tracker_stamp=stamps[use])
     check_tracker_moves(found)
     return found
-
-
-def nominal_mass(axis: object) -> tuple[float, float]:
-    """Mass [kg] and viscous friction [N·s/m] of a servo or force axis."""
-    assert isinstance(axis, (ServoAxis, ForceAxis))
-    return axis.mass, axis.viscous

@@ -10,14 +10,14 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gap_diagnosis.input.data import Record, nominal_mass
+from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.windows import held_out_windows, inside
 from gap_diagnosis.residuals.late_ticks import forces_as_held
 from gap_diagnosis.residuals.low_pass import band_limited, smooth
 from gap_diagnosis.residuals.nominal import Prediction
 from gap_diagnosis.residuals.operators import central_difference, centred_hold, second_difference
 from stage_core.arrays import Array
-from stage_core.twin_file import TwinFile
+from stage_core.twin_file import TwinFile, nominal_mass
 
 Mask = NDArray[np.bool_]
 Rows = TypeVar('Rows', bound='ForceRows')
