@@ -21,7 +21,7 @@ from gap_diagnosis.closed_loop import (
 )
 from gap_diagnosis.evidence import acceptance, judgement, left_out
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
-from gap_diagnosis.input import checks, coarse, grid, rest_places, windows
+from gap_diagnosis.input import checks, coarse, driven_wave, grid, rest_places, windows
 from gap_diagnosis.law import judged, search
 from gap_diagnosis.residuals import commands, controller, foreseen, kinematics, unrecorded
 from gap_diagnosis.selection import (
@@ -45,7 +45,8 @@ from stage_twin.emulators import drive
 MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, axis_loop, checks, clocks, coarse, commands, controller, creep,
-                   domain, drive, drive_play, foreseen, forward, grid, held_out, imitations,
+                   domain, drive, drive_play, driven_wave, foreseen, forward, grid, held_out,
+                   imitations,
                    inbox_backend, judged, judgement, kinematics, knots, left_out, library, loops,
                    machine, misread, motions, online, outliers, pairs, passes, periodic, places,
                    polish, prepare, propose, replay, rest_places, rests, rivals, scene, search,
@@ -113,6 +114,7 @@ moved one way after which an axis slides: preslidings, more than | {slides.LEFT_
 and then time constants of its loop, more than | {slides.SETTLED:g}
 the same: its speed, from | {slides.SLOW:.0%} of the fastest
 ticks from which on a stated friction is told where it slides | {slides.ENOUGH:.0%}
+what the wave of a force leaves of one that is read, at least | {driven_wave.RATHER:g} times
 squared encoder gap that a misread wave closes, at least | {misread.CLOSES:.0%}
 force balance that a swinging play explains, at least | {swinging.EXPLAINS:.0%}
 the same of what the loop cannot tell, at least | {swing.LEAST_SHARE:.0%}
