@@ -23,7 +23,7 @@ from stage_core.twin_file import ServoAxis, TwinFile
 #: its top speed. On 42 axes of a foreign simulator whose twins state a friction and lack nothing
 #: the gap was up to 67 floors before, up to 2.6 from four to six time constants on, and up to 1.8
 #: later. By the time since the turn alone it was up to 40 floors in the same.
-SETTLED, LEFT_BEHIND, SLOW = 5.0, 3.0, 0.02
+SETTLED, LEFT_BEHIND, SLOW = 6.0, 3.0, 0.02
 #: Share of the ticks from which on the gap is told where an axis slides.
 ENOUGH = 0.05
 
