@@ -19,6 +19,8 @@ from stage_twin.effects import effect_of, link_of
 #: from which on they are an excuse. On 336 foreign sessions wrong ones left 4.3, 12 and 61 times
 #: as much, right ones 2.7 times at most.
 FAR_MORE = 3.5
+#: Probability from which on an effect is named: it is rather there than not.
+LIKELY = 0.5
 
 
 def left_out(
@@ -34,6 +36,11 @@ def left_out(
     if beside or failed:
         out = [beside] if beside else _first_out(result, failed, prepared.seen, seed)
         return out, f'left out, as the twin that is run does not show it: {", ".join(out)}'
+    doubted = [c for c in result.causes if c.status == 'accepted' and c.effect in result.accepted]
+    doubted = [c for c in doubted if c.probability < LIKELY and not c.alternatives]
+    if doubted:
+        least_likely = min(doubted, key=lambda c: c.probability).effect
+        return [least_likely], f'left out, as it is rather not there: {least_likely}'
     return better, 'left out: what was left out before explained far more of the balance'
 
 

@@ -35,7 +35,7 @@ LARGEST = 5.0
 #: What statements were worth in the blind rows of simulators first seen, see "What statements were
 #: worth" of docs/results/foreign_machines.md. The sessions of the fit come from machines that the
 #: diagnosis was developed on: there it is 0.97 and 0.85.
-FIRST_SEEN = {'named': 0.97, BESIDE_UNKNOWN: 0.88, NOT_TOLD: 0.80, UNKNOWN: 0.51, FAR_NONE: 0.30}
+FIRST_SEEN = {'named': 0.97, BESIDE_UNKNOWN: 0.85, NOT_TOLD: 0.84, UNKNOWN: 0.51, FAR_NONE: 0.47}
 
 
 @dataclass(frozen=True)
