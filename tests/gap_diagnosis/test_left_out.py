@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from gap_diagnosis.evidence.left_out import FAR_MORE, explained_better
+from gap_diagnosis.diagnose import diagnose
+from gap_diagnosis.evidence.left_out import FAR_MORE, LIKELY, explained_better, left_out
+from gap_diagnosis.passes import prepare
 from gap_diagnosis.selection.parts import SERVO_RULES
+from stage_core.session import Session
+
+from .conftest import nominal
 
 TERMS = {'current_loop_lag.x': None, 'actuation_delay.x': None}
 
@@ -59,3 +65,20 @@ def test_the_tracker_is_no_balance_and_other_axes_count_alone() -> None:
     explained_better([balance(0.01, ['a']), balance(0.01, ['a'], name='tracker')], least)
     other = balance(1.0, ['actuation_delay.y'], name='servo.y')
     assert explained_better([other, balance(1.0, ['b'], name='tracker')], least) == []
+
+
+@pytest.mark.parametrize(
+    ('probability', 'alternatives', 'goes'),
+    [(0.99 * LIKELY, [], True), (LIKELY, [], False), (0.99 * LIKELY, ['drive_gain.x'], False)],
+)
+def test_an_effect_that_is_rather_not_there_goes(
+    planted: Callable[..., Session], probability: float, alternatives: list[str], goes: bool
+) -> None:
+    name = 'viscous_friction.x'
+    session = planted({name: {'viscous': 200.0}})
+    found = diagnose([session], [], nominal())
+    assert found.verdict == [name]
+    (cause,) = (c for c in found.causes if c.effect == name)
+    cause.probability, cause.alternatives = probability, alternatives
+    out, _ = left_out(found, prepare([session], [], nominal(), []), {}, 0)
+    assert out == ([name] if goes else [])
