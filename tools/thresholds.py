@@ -129,7 +129,7 @@ what an effect explains that an alternative explains, at least | {rivals.LEAST_O
 gap of a far loop beside which an alternative's takes its place, at most | {told.MUCH_CLOSER:.0%}
 gap in the loop beside which a richer alternative takes its place, at most | {told.RICHER:.0%}
 force balance that is left, over what others left that the loop refuted | {left_out.FAR_MORE:g}
-probability from which on an effect without alternatives is named | {left_out.LIKELY:g}
+probability from which on an effect is named beside an `unknown` | {left_out.LIKELY:g}
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
 draws of the noise of a loop that sticks | {replay.DRAWS}

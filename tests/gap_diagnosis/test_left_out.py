@@ -12,6 +12,7 @@ from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.left_out import FAR_MORE, LIKELY, explained_better, left_out
 from gap_diagnosis.passes import prepare
 from gap_diagnosis.selection.parts import SERVO_RULES
+from stage_core.quantities import UNKNOWN
 from stage_core.session import Session
 
 from .conftest import nominal
@@ -68,11 +69,20 @@ def test_the_tracker_is_no_balance_and_other_axes_count_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    ('probability', 'alternatives', 'goes'),
-    [(0.99 * LIKELY, [], True), (LIKELY, [], False), (0.99 * LIKELY, ['drive_gain.x'], False)],
+    ('probability', 'alternatives', 'beside', 'goes'),
+    [
+        (0.99 * LIKELY, [], [UNKNOWN], True),
+        (LIKELY, [], [UNKNOWN], False),
+        (0.99 * LIKELY, ['drive_gain.x'], [UNKNOWN], False),
+        (0.99 * LIKELY, [], [], False),
+    ],
 )
-def test_an_effect_that_is_rather_not_there_goes(
-    planted: Callable[..., Session], probability: float, alternatives: list[str], goes: bool
+def test_an_effect_that_is_rather_not_there_goes_beside_an_unknown(
+    planted: Callable[..., Session],
+    probability: float,
+    alternatives: list[str],
+    beside: list[str],
+    goes: bool,
 ) -> None:
     name = 'viscous_friction.x'
     session = planted({name: {'viscous': 200.0}})
@@ -80,5 +90,6 @@ def test_an_effect_that_is_rather_not_there_goes(
     assert found.verdict == [name]
     (cause,) = (c for c in found.causes if c.effect == name)
     cause.probability, cause.alternatives = probability, alternatives
+    found.verdict += beside
     out, _ = left_out(found, prepare([session], [], nominal(), []), {}, 0)
     assert out == ([name] if goes else [])

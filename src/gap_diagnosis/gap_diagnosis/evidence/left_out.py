@@ -19,7 +19,7 @@ from stage_twin.effects import effect_of, link_of
 #: from which on they are an excuse. On 336 foreign sessions wrong ones left 4.3, 12 and 61 times
 #: as much, right ones 2.7 times at most.
 FAR_MORE = 3.5
-#: Probability from which on an effect is named: it is rather there than not.
+#: Probability from which on an effect is named beside an `unknown`: it is rather there than not.
 LIKELY = 0.5
 
 
@@ -36,11 +36,9 @@ def left_out(
     if beside or failed:
         out = [beside] if beside else _first_out(result, failed, prepared.seen, seed)
         return out, f'left out, as the twin that is run does not show it: {", ".join(out)}'
-    doubted = [c for c in result.causes if c.status == 'accepted' and c.effect in result.accepted]
-    doubted = [c for c in doubted if c.probability < LIKELY and not c.alternatives]
-    if doubted:
-        least_likely = min(doubted, key=lambda c: c.probability).effect
-        return [least_likely], f'left out, as it is rather not there: {least_likely}'
+    doubted = _doubted(result)
+    if doubted is not None:
+        return [doubted], f'left out, as it is rather not there: {doubted}'
     return better, 'left out: what was left out before explained far more of the balance'
 
 
@@ -64,6 +62,15 @@ def _first_out(
     }
     # Of a machine that is seen by a tracker alone no channel of the axis says anything.
     return [worst] if not sides or shrink_of(worst, sides, seed).matters else own
+
+
+def _doubted(result: Diagnosis) -> str | None:
+    """The least likely name beside an `unknown`, if it is rather not there and stands alone."""
+    named = [c for c in result.causes if c.effect in result.accepted and not c.alternatives]
+    least = min(named, key=lambda c: c.probability, default=None)
+    if not result.structured or least is None or least.probability >= LIKELY:
+        return None
+    return least.effect
 
 
 def _excluded_by_tracker(result: Diagnosis) -> str | None:
