@@ -62,7 +62,7 @@ def _presliding(twin: TwinFile, axis: str) -> float:
 def settling_time(axis: ServoAxis) -> float:
     """Time constant [s] of the slowest decay of the loop, its filter and its delay left out.
 
-    Of the mass with its viscous force behind the gains of interfaces.md, "Servo control law".
+    Of the mass with its viscous force behind the gains of interfaces.md, "Servo controller".
     """
     gain, slope = axis.velocity_gain, axis.integral_gain
     place = axis.position_gain
