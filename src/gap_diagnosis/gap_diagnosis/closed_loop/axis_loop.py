@@ -44,7 +44,8 @@ FOLLOWS = 2.0
 #: model 0.83 or more.
 LEFT = 0.5
 #: Share of the squared gap above the floor that values which suit the sliding axis leave there of
-#: what others leave. Of eight right lags it was 0.003 to 0.24, of a wrong gain of the drive 1.0.
+#: what others leave. Of right lags of six machines it was 0.003 to 0.24, of a wrong gain of
+#: the drive 1.0.
 CLOSER = 0.25
 
 

@@ -56,7 +56,7 @@ def _presliding(twin: TwinFile, axis: str) -> float:
     stated = [
         v.get('presliding', 0.0) for n, v in twin.effects.items() if split_effect(n)[1] == axis
     ]
-    return max(*stated, twin.servo(axis).encoder_resolution)
+    return max([*stated, twin.servo(axis).encoder_resolution])
 
 
 def settling_time(axis: ServoAxis) -> float:
