@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gap_diagnosis.closed_loop.channels import gap_channels
+from gap_diagnosis.closed_loop.encoder_waves import with_waves_of_loop
 from gap_diagnosis.closed_loop.misread import misread
-from gap_diagnosis.closed_loop.own_wave import with_waves_of_loop
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.evidence.describe import describe
 from gap_diagnosis.input.data import load_record

@@ -20,7 +20,7 @@ from gap_diagnosis.closed_loop.channels import (
 )
 from gap_diagnosis.closed_loop.creep import with_presliding
 from gap_diagnosis.closed_loop.dither import sticks
-from gap_diagnosis.closed_loop.own_wave import with_waves_of_tracker
+from gap_diagnosis.closed_loop.encoder_waves import with_waves_of_tracker
 from gap_diagnosis.closed_loop.rests import rest_notes, with_rests
 from gap_diagnosis.closed_loop.steps import unrepeated_steps
 from gap_diagnosis.closed_loop.unexplained import Sliding, far, grown_notes, sliding_axes

@@ -10,8 +10,8 @@ import numpy as np
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
 from gap_diagnosis.closed_loop.creep import creep_notes, with_creep
+from gap_diagnosis.closed_loop.encoder_waves import motion_beside, waves_read, with_waves_of_loop
 from gap_diagnosis.closed_loop.held_out import with_windows
-from gap_diagnosis.closed_loop.own_wave import with_waves_of_loop
 from gap_diagnosis.closed_loop.rests import with_rests
 from gap_diagnosis.closed_loop.simulated import beside, of_simulator, with_simulated
 from gap_diagnosis.evidence import judgement as judge
@@ -27,7 +27,6 @@ from gap_diagnosis.residuals.controller import with_read_gains
 from gap_diagnosis.residuals.drive_law import DriveLaw
 from gap_diagnosis.residuals.measured_noise import with_mean_points, with_noise, with_steps
 from gap_diagnosis.residuals.nominal import with_counted_steps
-from gap_diagnosis.residuals.reading import motion_beside, waves_read
 from gap_diagnosis.residuals.recording import in_newtons
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.residuals.unrecorded import with_laws

@@ -20,7 +20,7 @@ from gap_diagnosis.input.checks import (
     finite,
     least_travel,
 )
-from gap_diagnosis.input.driven_wave import own_wave
+from gap_diagnosis.input.driven_wave import driven_wave
 from gap_diagnosis.input.grid import Grid, control_period
 from gap_diagnosis.input.noise import (
     Noise,
@@ -30,7 +30,7 @@ from gap_diagnosis.input.noise import (
     tracker_noise,
     white_part,
 )
-from gap_diagnosis.input.reading_wave import MISREADS, without_wave
+from gap_diagnosis.input.reading_wave import MISREADS, reading_wave, without_wave
 from gap_diagnosis.input.ticks import Clock
 from gap_diagnosis.input.windows import LAST_THIRD, inside
 from gap_diagnosis.parameters import Parameters, plain_values
@@ -262,9 +262,12 @@ def _waves(record: Record, resolution: Array, twin: TwinFile) -> Parameters:
     whole, tells = record.whole(record.time), record.effort_recorded and twin.kind == 'servo'
     found: Parameters = {}
     for i, (axis, step) in enumerate(zip(record.axes, resolution.tolist(), strict=True)):
-        position = record.encoder[:, i]
-        driven = record.force[:, i] / nominal_mass(twin.axes[axis])[0] if tells else None
-        own = own_wave(position, driven, record.period, whole, max(step, encoder_step(position)))
+        position, period = record.encoder[:, i], record.period
+        quantum = max(step, encoder_step(position))
+        own = reading_wave(position, period, whole, quantum)
+        if not own and tells:
+            driven = record.force[:, i] / nominal_mass(twin.axes[axis])[0]
+            own = driven_wave(position, driven, period, whole, quantum)
         found |= {f'{MISREADS}.{axis}': own} if own else {}
     return found
 

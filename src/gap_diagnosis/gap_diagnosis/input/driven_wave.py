@@ -8,12 +8,18 @@ has. A force of the position would be there at any speed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gap_diagnosis.input.reading_wave import LEAST_STEPS, doubt, reading_wave
+from gap_diagnosis.input.reading_wave import (
+    FEWEST,
+    LEAST_STEPS,
+    NEAR,
+    Mask,
+    doubt,
+    inner_ticks,
+)
 from gap_diagnosis.parameters import Estimates
 from gap_diagnosis.residuals.low_pass import band_limited
 from gap_diagnosis.residuals.operators import central_difference
@@ -27,33 +33,31 @@ from stage_twin.effects.encoder_interpolation import (
     peaks,
 )
 
-Mask = NDArray[np.bool_]
-
 #: Hz, between which forces and motions are compared, and a wave is passed.
 BAND, PASSED = (2.0, 60.0), (4.0, 30.0)
 HARMONICS, SMOOTH = 2, 5.0  # Hz, up to which a speed is that without the wave
-#: Mean square that a force's wave leaves, over that which a read wave leaves: 4 to 69 on 11 axes
-#: of two generators and a foreign simulator whose encoders err, and 1.01 at most on 73 others of
-#: that simulator. On two that pass their waves faster it was 1.4 and 1.6, and the amplitudes were
-#: 61 and 87 % short.
+#: Mean square that a force's wave leaves, over that which a read wave leaves: 3.7 to 69 on 12 axes
+#: of two generators and two foreign simulators whose encoders err, and 1.4 at most on 220 others
+#: of those simulators. On some that pass their waves faster it was up to 1.6, and the amplitudes
+#: were 60 to 99 % short.
 RATHER = 2.5
-#: Share by which amplitudes miss what they are: on those 11 axes by -3 to +14 %.
+#: Share by which amplitudes miss what they are: on those 12 axes by -6 to +13 %.
 DOUBT = 0.15
-FEWEST = 500  # ticks
-EDGE = 0.2  # s at the ends, where the low-pass has no path
 CREEPS = 0.02  # of the top speed, at which nothing is told
-NEAR = np.linspace(-0.5, 0.5, 11)  # turns over the travel about a peak
 
 
 @dataclass(frozen=True)
 class _Driven:
     """The motion of an axis on the ticks of a period [s], and what it lacks of its force.
 
-    `path` (n,) [m] is the motion without what is fast, `speed` (n,) [m/s] is without what a wave
-    adds to it, `left` (n,) the acceleration [m/s²] that the force gives and the reading lacks.
+    `path`, `velocity` and `acceleration` (n,) [m, m/s, m/s²] are the motion without what is fast,
+    `speed` (n,) [m/s] is without what a wave adds to it, `left` (n,) the acceleration [m/s²] that
+    the force gives and the reading lacks.
     """
 
     path: Array
+    velocity: Array
+    acceleration: Array
     speed: Array
     left: Array
     period: float
@@ -63,49 +67,62 @@ class _Driven:
         """The same of readings and of the force over the mass [m/s²]."""
         path = band_limited(position, period, BAND[1])
         velocity = central_difference(path, period)
+        acceleration = central_difference(velocity, period)
         speed = band_limited(velocity, period, SMOOTH)
-        own = cls(path, np.abs(speed), velocity, period)
-        columns = np.column_stack([velocity, np.sign(speed), force])
-        viscous, dry, driven = own.in_band(columns).T
-        frictions = np.column_stack([viscous, dry])
-        left = driven - own.in_band(own.accelerations(path[:, None]))[:, 0]
+        columns = np.column_stack([velocity, np.sign(speed), force, acceleration])
+        viscous, dry, driven, moved = _in_band(columns, period).T
+        frictions, left = np.column_stack([viscous, dry]), driven - moved
         shares, *_ = np.linalg.lstsq(frictions, left, rcond=None)
-        return replace(own, left=left - frictions @ shares)
+        left -= frictions @ shares
+        return cls(path, velocity, acceleration, np.abs(speed), left, period)
 
-    def in_band(self, columns: Array) -> Array:
-        """Columns (n, k) within `BAND`."""
-        passed = band_limited(columns, self.period, BAND[1])
-        return np.asarray(passed - band_limited(passed, self.period, BAND[0]))
+    def columns(self, frequency: float, pushes: bool, at: Mask | slice = slice(None)) -> Array:
+        """Accelerations (m, k) at some ticks that waves of a spatial frequency [1/m] give.
 
-    def accelerations(self, columns: Array) -> Array:
-        """Second derivatives in time of columns (n, k)."""
-        once = np.gradient(columns, self.period, axis=0)
-        return np.asarray(np.gradient(once, self.period, axis=0))
+        They are those of a force, or those that a reading of the waves lacks.
+        """
+        waves = periodic.waves(self.path[at], frequency, HARMONICS)
+        if pushes:
+            return np.column_stack(waves)
+        return -np.column_stack(
+            [
+                w
+                for k, (sine, cosine) in enumerate(zip(waves[::2], waves[1::2], strict=True), 1)
+                for w in self._curved(sine, cosine, 2.0 * math.pi * k * frequency, at)
+            ]
+        )
+
+    def _curved(self, sine: Array, cosine: Array, turn: float, at: Mask | slice) -> list[Array]:
+        """Second derivatives in time of a sine and a cosine (m,) that turn so [rad/m]."""
+        swift, bent = (turn * self.velocity[at]) ** 2, turn * self.acceleration[at]
+        return [bent * cosine - swift * sine, -bent * sine - swift * cosine]
 
     def wave(self, frequency: float, at: Mask, pushes: bool) -> tuple[float, Array]:
-        """What a wave leaves of the mean square at some ticks, and its coefficients (k,).
+        """What waves leave of the mean square at some ticks, and their coefficients (k,)."""
+        return _left(_in_band(self.columns(frequency, pushes), self.period)[at], self.left[at])
 
-        It is of a spatial frequency [1/m], and one of a force or of the reading.
-        """
-        waves = np.column_stack(periodic.waves(self.path, frequency, HARMONICS))
-        matrix = self.in_band(waves if pushes else -self.accelerations(waves))[at]
-        found, *_ = np.linalg.lstsq(matrix, self.left[at], rcond=None)
-        left = float(np.mean((self.left[at] - matrix @ found) ** 2))
-        return left, np.asarray(found, dtype=np.float64)
-
-    def frequencies(self, inner: Mask, quantum: float) -> Array:
-        """Spatial frequencies (k,) [1/m] of waves that may be there."""
+    def peaks(self, inner: Mask, quantum: float) -> list[float]:
+        """Spatial frequencies [1/m] about which waves may be."""
         moves = inner & (self.speed > CREEPS * self.speed.max(initial=0.0))
         travel = float(np.ptp(self.path))
         if np.count_nonzero(moves) < FEWEST or travel <= 0.0:
-            return np.zeros(0)
+            return []
         low = max(1.0 / LONGEST, TRAVELLED / travel)
         slow = float(np.percentile(self.speed[moves], 10.0))
         high = min(1.0 / max(SHORTEST, STEPS * quantum), PASSED[1] / slow)
         if low >= high:
-            return np.zeros(0)
+            return []
         tops = peaks(self.path[moves], (self.left * self.speed**2)[moves], low, high)
-        return np.concatenate([top + NEAR / travel for (top,) in tops])
+        return [top for (top,) in tops]
+
+    def nearest(self, top: float, at: Mask) -> float:
+        """The spatial frequency about a peak whose read wave leaves least at some ticks.
+
+        The waves are not passed through the band: at these ticks they lie within it.
+        """
+        near = (top + NEAR / float(np.ptp(self.path))).tolist()
+        left = [_left(self.columns(f, pushes=False, at=at), self.left[at])[0] for f in near]
+        return float(near[int(np.argmin(left))])
 
     def passing(self, frequency: float) -> Mask:
         """Ticks (n,) at which a wave of a spatial frequency is passed within `PASSED`."""
@@ -113,14 +130,16 @@ class _Driven:
         return (turns > PASSED[0]) & (turns < PASSED[1])
 
 
-def own_wave(
-    position: Array, driven: Array | None, period: float, whole: Mask, quantum: float
-) -> Estimates:
-    """What readings tell of a wave that is passed fast, or else the force: see `driven_wave`."""
-    found = reading_wave(position, period, whole, quantum)
-    if found or driven is None:
-        return found
-    return driven_wave(position, driven, period, whole, quantum)
+def _in_band(columns: Array, period: float) -> Array:
+    """Columns (n, k) within `BAND`."""
+    passed = band_limited(columns, period, BAND[1])
+    return np.asarray(passed - band_limited(passed, period, BAND[0]))
+
+
+def _left(matrix: Array, values: Array) -> tuple[float, Array]:
+    """What columns (m, k) leave of the mean square of values (m,), and their shares (k,)."""
+    found, *_ = np.linalg.lstsq(matrix.T @ matrix, matrix.T @ values, rcond=None)
+    return float(np.mean((values - matrix @ found) ** 2)), np.asarray(found, dtype=np.float64)
 
 
 def driven_wave(
@@ -135,15 +154,14 @@ def driven_wave(
     whole : (n,) ticks that are far from lost ones
     quantum : step of the encoder [m]
     """
-    inner = whole.copy()
-    edge = round(EDGE / period)
-    inner[:edge] = inner[-edge:] = False
+    inner = inner_ticks(whole, period)
     own = _Driven.of(position, driven, period)
     best: tuple[float, float, Array] | None = None
-    for frequency in own.frequencies(inner, quantum).tolist():
-        at = inner & own.passing(frequency)
+    for top in own.peaks(inner, quantum):
+        at = inner & own.passing(top)
         if np.count_nonzero(at) < FEWEST:
             continue
+        frequency = own.nearest(top, at)
         read, found = own.wave(frequency, at, pushes=False)
         pushed, _ = own.wave(frequency, at, pushes=True)
         if pushed > RATHER * read and (best is None or read < best[0]):

@@ -82,6 +82,13 @@ def without_wave(position: Array, period: float, values: Mapping[str, float]) ->
     return motor
 
 
+def inner_ticks(whole: Mask, period: float) -> Mask:
+    """Those of the ticks (n,) of a period [s] that are no ends of a session."""
+    inner, edge = whole.copy(), round(EDGE / period)
+    inner[:edge] = inner[-edge:] = False
+    return inner
+
+
 def reading_wave(position: Array, period: float, whole: Mask, quantum: float) -> Estimates:
     """Parameters of `encoder_interpolation` with standard deviations; empty where none shows.
 
@@ -96,9 +103,7 @@ def reading_wave(position: Array, period: float, whole: Mask, quantum: float) ->
     travel = float(np.ptp(path))
     low = max(1.0 / LONGEST, TRAVELLED / max(travel, 1e-9))
     high = 1.0 / max(SHORTEST, STEPS * quantum)
-    inner = whole.copy()
-    edge = round(EDGE / period)
-    inner[:edge] = inner[-edge:] = False
+    inner = inner_ticks(whole, period)
 
     def passed(frequency: float) -> _Passed:
         at = inner & (speed * frequency > FASTER * MOTION)

@@ -1,4 +1,7 @@
-"""The wave that an encoder reads over its own position, as the loop follows it closest.
+"""Waves that encoders read over their own positions, and the motion behind them.
+
+A loop follows what its encoder reads, so that the drive moves the axis by what it misreads: a
+force balance of the readings would hold an acceleration that no force has made.
 
 What the readings tell of the wave holds the loop's answer to it (`reading_wave`), and what a
 tracker tells has the tracker's noise. The twin answers as the machine does.
@@ -6,6 +9,7 @@ tracker tells has the tracker's noise. The twin answers as the machine does.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
@@ -14,10 +18,23 @@ from gap_diagnosis.input.data import Record
 from gap_diagnosis.input.reading_wave import MISREADS
 from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Estimates, Parameters
-from gap_diagnosis.residuals.reading import waves_read
 from gap_diagnosis.selection.parts import Part
 from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
+
+
+def waves_read(records: Sequence[Record], twin: TwinFile) -> Parameters:
+    """Waves of the encoders as these show them by themselves, where the twin states none."""
+    if twin.kind != 'servo' or len(records) > 1:
+        return {}  # each session has a phase of its own
+    return {name: wave for name, wave in records[0].waves.items() if name not in twin.effects}
+
+
+def motion_beside(record: Record, axis: str) -> Record:
+    """The record with the motion of an axis in the place of what its encoder reads."""
+    encoder, column = record.encoder.copy(), record.column(axis)
+    encoder[:, column] = record.motion(column)
+    return replace(record, encoder=encoder)
 
 
 def with_waves_of_loop(records: list[Record], twin: TwinFile) -> list[Record]:
