@@ -171,10 +171,10 @@ def _diagnose(
         for axis in before.moving_axes
     ]
     known = direct
-    shown = [_refined(p, before, known, memory, progress) for p in parts]
+    shown = [_refined(p, before, known, progress) for p in parts]
     records, tracker = tracker_part(before, shown, seed, without, memory, progress)
     for measured in tracker:
-        read = with_waves_of_tracker(before.records, twin, measured, direct, memory)
+        read = with_waves_of_tracker(before.records, twin, measured, direct, before.loops)
         found = measured.selection.accepted
         known = {**direct, **{n: v for n, v in read[0].waves.items() if n in found}}
         moved = replace(before, records=read)
@@ -187,23 +187,21 @@ def _diagnose(
     parts += tracker
     parameters: Parameters = dict(known)
     for part in parts:
-        for name, values in _refined(part, before, known, memory, progress).items():
+        for name, values in _refined(part, before, known, progress).items():
             parameters[name] = surer(parameters.get(name, {}), values)
     jitter = jitter_findings(records, twin, parameters, tracker_jitter(parts))
     parameters.update(_allowed(jitter, without))
     return _conclude(records, before, twin_name, parts, parameters, seed, progress)
 
 
-def _refined(
-    part: Part, before: Prepared, known: Parameters, memory: Memory, progress: Progress
-) -> Parameters:
+def _refined(part: Part, before: Prepared, known: Parameters, progress: Progress) -> Parameters:
     """The parameters of a part's effects; those of a servo's loop are refined in it."""
     plain = describe(part.selection, part.selector.regression)
     if before.twin.kind != 'servo' or not part.name.startswith('servo') or not plain:
         return plain
     axis = part.name[-1]
     progress(f'closed loop of axis {axis}: refining {", ".join(plain)}')
-    found = AxisLoop(before.records, before.twin, axis, known, memory).refined(plain)
+    found = AxisLoop(before.records, before.twin, axis, known, before.loops).refined(plain)
     return widened(found, before.laws[axis]) if axis in before.laws else found
 
 

@@ -62,6 +62,7 @@ class Prepared:
     without : effects taken out of the library
     apart : notes where a machine without forces and its simulator have other gains
     unlike : axes whose controller does more than other gains explain
+    loops : what was refined in the loops of these records, however they rest
     """
 
     records: list[Record]
@@ -74,6 +75,7 @@ class Prepared:
     without: tuple[str, ...] = ()
     apart: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
+    loops: Memory = field(default_factory=Memory)
 
     @property
     def stepper(self) -> bool:
@@ -291,7 +293,7 @@ def servo_part(
     def fit() -> Part:
         progress(f'command -> encoder of axis {axis}: reading the equation of motion backwards')
         own = replace(problem, terms=dict(problem.terms))
-        loop = AxisLoop(before.records, before.twin, axis, direct, memory)
+        loop = AxisLoop(before.records, before.twin, axis, direct, before.loops)
         part = fit_servo(rows, own, loop, seed, barred)
         column = before.records[0].column(axis)
         return replace(part, row_axis=np.full(len(part.problem.target), column), rows=rows)

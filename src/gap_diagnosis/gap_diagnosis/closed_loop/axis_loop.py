@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -23,6 +23,7 @@ from gap_diagnosis.closed_loop.slides import slides, sliding
 from gap_diagnosis.closed_loop.steps import stepless, unrepeated_steps, without_steps
 from gap_diagnosis.evidence.judgement import channel_floor
 from gap_diagnosis.input.data import Record
+from gap_diagnosis.input.noise import Noise
 from gap_diagnosis.input.windows import (
     fitted_ticks,
     held_out_windows,
@@ -35,6 +36,7 @@ from gap_diagnosis.parameters import Effects, Parameters, plain_values
 from gap_diagnosis.residuals.measured_noise import with_noise
 from stage_core.arrays import Array
 from stage_core.errors import StageError
+from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 
 #: Floors of the encoder up to which the loop follows the record.
@@ -96,9 +98,19 @@ class AxisLoop:
         that friction, and so does the force balance. Where the others leave little beside the
         noise, they stand.
         """
-        own, rests = self._own(), [record.noise for record in self.records]
-        key = ('refined', self.axis, repr((found, own, rests)))
+        own = self._own()
+        key = (self.axis, repr((found, own, self._machine({*found, *own}))))
         return self.memory.once(key, lambda: self._refined(found, own))
+
+    def _machine(self, names: Collection[str]) -> tuple[Effects, list[Noise | None]]:
+        """Of the twin and of the records, what changes the loop with some effects.
+
+        The records' noise says how each axis rests.
+        """
+        alone = [of_axis(record, self.twin, names, self.axis) for record in self.records]
+        axes = (None, *alone[0].axes)
+        stated = {n: v for n, v in self.twin.effects.items() if split_effect(n)[1] in axes}
+        return stated, [record.noise for record in alone]
 
     def _refined(self, found: Parameters, known: Parameters) -> Parameters:
         """The same beside effects that are known."""
