@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.calibrate.truth import in_report_terms
+from benchmarks.generators import worth
 from stage_core.metrics import SIGMAS
 from stage_core.twin_file import TwinFile
 
@@ -96,6 +97,7 @@ def judged(name: str, truth: Row, report: Row | None, error: str = '') -> Row:
             for cause in report['causes']
         ],
         'intervals': list(_intervals(truth, report)),
+        'statements': list(worth.statements(report, known)),
     }
 
 
@@ -160,7 +162,8 @@ def summary(rows: list[Row]) -> list[str]:
     lines.append(f'false names in 100 sessions: {100.0 * false / len(rows):.1f}')
     lines.append(f'unknown named where it is the truth: {handled} of {len(unknown)}')
     lines.append(f'no report: {refused}')
-    return lines + _coverage(rows) + _reliability(rows)
+    said = [statement for row in rows for statement in row.get('statements', [])]
+    return lines + _coverage(rows) + _reliability(rows) + worth.lines(said)
 
 
 def _coverage(rows: list[Row]) -> list[str]:

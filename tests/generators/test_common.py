@@ -5,7 +5,7 @@ import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from benchmarks.generators import handmade
+from benchmarks.generators import handmade, worth
 from benchmarks.generators.cases import also_right, draw_cases, write_case
 from benchmarks.generators.machine import draw_machine
 from benchmarks.generators.record import Planted
@@ -70,7 +70,12 @@ def test_the_scorer_knows_right_also_right_and_false_names():
             {'effect': name, 'probability': 0.95, 'status': 'accepted', 'parameters': width}
             for name in verdict
         ]
-        return {'verdict': list(verdict), 'causes': causes}
+        gap = {'before': 3e-6, 'noise_floor': 1e-6}
+        return {
+            'verdict': list(verdict),
+            'causes': [cause | {'alternatives': []} for cause in causes],
+            'gap': gap,
+        }
 
     right = judged('a', truth, report('backlash.x'))
     assert right['exact'] and right['top'] and not right['false']
@@ -91,14 +96,38 @@ def test_the_scorer_reads_the_truths_of_other_simulators():
     truth = read_truth({'names': names, 'effects': planted, 'instead': [names[:1]]})
     found = {'amplitude': 5e-6, 'period': 0.005, 'phase': 6.1 - 2.0 * np.pi, 'quadratic': 3e-5}
     values = {key: {'value': value, 'std': 1e-7} for key, value in found.items()}
-    said = {'probability': 0.9, 'status': 'accepted', 'parameters': values}
-    row = judged('a', truth, {'verdict': names, 'causes': [{'effect': n} | said for n in names]})
+    said = {'probability': 0.9, 'status': 'accepted', 'parameters': values, 'alternatives': []}
+    causes = [{'effect': n} | said for n in names]
+    gap = {'before': 3e-6, 'noise_floor': 1e-6}
+    row = judged('a', truth, {'verdict': names, 'causes': causes, 'gap': gap})
     assert row['exact']
     # A phase but for whole turns; the lead is no period, and a coefficient of a curve is left out.
     assert [(key, abs(sigmas) < 1.0) for _, key, sigmas, _ in row['intervals']] == [
         ('amplitude', True),
         ('phase', True),
     ]
+
+
+def test_the_scorer_counts_what_statements_were_worth():
+    def cause(effect: str, probability: float, *alternatives: str) -> dict[str, object]:
+        said = {'effect': effect, 'probability': probability, 'status': 'accepted'}
+        return said | {'alternatives': list(alternatives)}
+
+    def said(known: set[str], *causes: dict[str, object], gap: float = 3e-6) -> list[object]:
+        names = [str(c['effect']) for c in causes]
+        report = {'gap': {'before': gap, 'noise_floor': 1e-6}, 'causes': list(causes)}
+        return list(worth.statements(report | {'verdict': names}, known))
+
+    sure, lag = cause('sample_jitter.x', 0.95), cause('actuation_delay.x', 0.9, 'drive_gain.x')
+    assert said({'sample_jitter'}, sure, lag) == [(worth.SURE_NAME, True), (worth.OTHERS, False)]
+    assert said({'unknown'}, lag, cause('unknown', 0.5)) == [
+        (worth.BESIDE, False),
+        (worth.UNKNOWN, True),
+    ]
+    assert said(set(), cause('backlash.x', 0.8)) == []
+    assert said({'backlash.x'}) == [(worth.NOTHING, False)] and said(set(), gap=1e-6) == []
+    line = next(own for own in worth.lines([(worth.BESIDE, True)]) if worth.BESIDE in own)
+    assert line.split()[-3:] == ['1', '1', '1.000']
 
 
 def test_a_path_that_never_turns_back_is_bent():

@@ -28,8 +28,9 @@ from stage_core.quantities import split_effect
 from stage_core.twin_file import TwinFile
 from stage_twin.effects import EFFECTS
 
-#: Steps at most, and the share of the squared gap above which a step leaves as much as the last.
-ROUNDS, SETTLED = 40, 1.0 - 1e-4
+#: Steps at most, and by which shares of the squared noise and of the squared gap above it a step
+#: has to lower the gap. What lies above the noise is a model's error, which says less than noise.
+ROUNDS, SETTLED, SETTLED_ABOVE = 40, 1e-4, 1e-3
 REACH = 2.0  # of the first step, in `_Loop.scale`; each later one reaches twice as far
 #: Damping of the first step, a share of the diagonal; ten times more after one that leaves more.
 DAMPING, TRIES = 1e-2, 4
@@ -45,7 +46,8 @@ BLOCK = 2.0  # s, left out at a time
 class _Loop:
     """The replayed encoder of an axis as a function of the parameters of its effects.
 
-    Parameters are counted in `scale` from where they start, z (k,).
+    Parameters are counted in `scale` from where they start, z (k,). `floor` [m] is the encoder's
+    noise.
     """
 
     records: list[Record]
@@ -56,6 +58,7 @@ class _Loop:
     start: Array
     scale: Array
     ticks: Ticks
+    floor: float
 
     def bounds(self) -> tuple[Array, Array]:
         """The least and the largest z (k,)."""
@@ -106,12 +109,13 @@ class _Loop:
         slopes = self.slopes(z, residual)
         for _ in range(ROUNDS):
             there, trial, damping = self._step(z, residual, slopes, damping, reach)
-            share = float(trial @ trial) / max(float(residual @ residual), 1e-300)
-            if share < 1.0:
+            before, after = float(residual @ residual), float(trial @ trial)
+            noise = min(self.floor**2 * len(residual), before)
+            settled = before - after < SETTLED * noise + SETTLED_ABOVE * (before - noise)
+            if after < before:
                 slopes = _followed(slopes, there - z, trial - residual)
                 z, residual, damping = there, trial, 0.1 * damping
                 reach *= 2.0  # the deviations of the balance may be far too small
-            settled = share > SETTLED
             if settled and fresh:
                 break
             fresh = settled
@@ -195,7 +199,6 @@ class LoopFit:
         the loop's `alone` where the balance holds errors that the ticks do not.
         """
         fitted = self._fitted(found)
-        floor = channel_floor(with_noise(self.twin, fitted), f'encoder.{self.axis}')
 
         def left(effects: Parameters) -> float:
             values = plain_values({**self.fixed, **effects})
@@ -209,7 +212,7 @@ class LoopFit:
             if (gap := left(other)) < MUCH_BETTER * least:
                 found, least = other, gap
         loop = self._loop(fitted, found)
-        return _refined(loop, found, floor, least, alone) if loop.names else found
+        return _refined(loop, found, least, alone) if loop.names else found
 
     def closest(self, found: Parameters) -> float:
         """Least RMS [m] that effects leave of the gap, whatever their parameters.
@@ -234,13 +237,12 @@ class LoopFit:
         start, own = (np.array([found[e][k][i] for e, k in names]) for i in (0, 1))
         scale = np.maximum(3.0 * own, 0.02 * np.abs(start))
         effects = plain_values({**without_steps(self.fixed), **found})
+        floor = channel_floor(with_noise(self.twin, fitted), f'encoder.{self.axis}')
         twin = stepless(self.twin, self.axis)
-        return _Loop(fitted, twin, self.axis, effects, names, start, scale, self.ticks)
+        return _Loop(fitted, twin, self.axis, effects, names, start, scale, self.ticks, floor)
 
 
-def _refined(
-    loop: _Loop, found: Parameters, floor: float, least: float, alone: bool
-) -> Parameters:
+def _refined(loop: _Loop, found: Parameters, least: float, alone: bool) -> Parameters:
     """The parameters by the loop `alone`, or also by the balance that found them.
 
     With these and the encoder's steps the loop leaves `least` [m].
@@ -252,7 +254,7 @@ def _refined(
         return found
     first = fitted_gap(loop.records, loop.twin, loop.effects, loop.axis, draws=1, ticks=loop.ticks)
     left = float(np.sqrt(np.mean(residual**2)))
-    if left > least or left > max(FAR_BESIDE * floor, MUCH_BETTER * first):
+    if left > least or left > max(FAR_BESIDE * loop.floor, MUCH_BETTER * first):
         # The slopes of such a loop say nothing.
         return found
     own = np.array([found[e][k][1] for e, k in loop.names]) / loop.scale
@@ -260,7 +262,7 @@ def _refined(
     deviations = np.sqrt(np.diag(covariance))
     if not alone:
         z, deviations = _both(z, covariance, own)
-    if not alone and left > min(FAR_BESIDE * floor, MUCH_BETTER * first):
+    if not alone and left > min(FAR_BESIDE * loop.floor, MUCH_BETTER * first):
         # The loop does not refute the force balance, whose doubt counts on.
         deviations = np.hypot(deviations, own)
     values = loop.values(z)
