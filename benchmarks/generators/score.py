@@ -61,7 +61,9 @@ def _scored(case: Path, command: str, again: bool) -> Row:
     truth = read_truth(json.loads((case / 'truth.json').read_text()))
     truth = in_report_terms(truth, TwinFile.load(case / 'twin.yaml'))
     found = None if error or not report.exists() else json.loads(report.read_text())
-    return judged(case.name, truth, found, error)
+    row = judged(case.name, truth, found, error)
+    known = set(truth['truth']).union(*truth['also_right'])
+    return row | {'statements': list(worth.statements(found, known)) if found else []}
 
 
 def read_truth(truth: Row) -> Row:
@@ -97,7 +99,6 @@ def judged(name: str, truth: Row, report: Row | None, error: str = '') -> Row:
             for cause in report['causes']
         ],
         'intervals': list(_intervals(truth, report)),
-        'statements': list(worth.statements(report, known)),
     }
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from benchmarks.experiment.machine import session
 from gap_diagnosis.closed_loop.polish import LoopFit
-from gap_diagnosis.input.data import load_record
+from gap_diagnosis.input.data import Record, load_record
 from stage_core.session import Session
 from stage_twin.effects.friction import DRY
 from tests.gap_diagnosis.conftest import nominal, reference
@@ -81,16 +81,21 @@ def test_a_resonance_that_coarse_counts_hide_is_found_within_its_deviation() -> 
         assert distance < min(3.0 * refined[name][1], 0.1 * abs(wrong[name][0] - true[name])), name
 
 
+@pytest.fixture(scope='module')
+def recorded(planted: Maker) -> Record:
+    return load_record(planted({}), nominal())
+
+
 @given(
     st.floats(0.4, 3.0),
     st.floats(1e-9, 10.0),
     st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=1),
 )
 def test_no_step_leaves_the_range_of_a_parameter_even_by_a_rounding(
-    start: float, deviation: float, z: float
+    recorded: Record, start: float, deviation: float, z: float
 ) -> None:
     found = {'stribeck_friction.x': {'exponent': (start, deviation)}}
-    loop = LoopFit([], nominal(), 'x')._loop([], found)
+    loop = LoopFit([recorded], nominal(), 'x')._loop([recorded], found)
     for place in (np.array([z]), *loop.bounds()):
         (value,) = loop.values(place)
         assert 0.4 <= value <= 3.0

@@ -70,12 +70,7 @@ def test_the_scorer_knows_right_also_right_and_false_names():
             {'effect': name, 'probability': 0.95, 'status': 'accepted', 'parameters': width}
             for name in verdict
         ]
-        gap = {'before': 3e-6, 'noise_floor': 1e-6}
-        return {
-            'verdict': list(verdict),
-            'causes': [cause | {'alternatives': []} for cause in causes],
-            'gap': gap,
-        }
+        return {'verdict': list(verdict), 'causes': causes}
 
     right = judged('a', truth, report('backlash.x'))
     assert right['exact'] and right['top'] and not right['false']
@@ -96,10 +91,8 @@ def test_the_scorer_reads_the_truths_of_other_simulators():
     truth = read_truth({'names': names, 'effects': planted, 'instead': [names[:1]]})
     found = {'amplitude': 5e-6, 'period': 0.005, 'phase': 6.1 - 2.0 * np.pi, 'quadratic': 3e-5}
     values = {key: {'value': value, 'std': 1e-7} for key, value in found.items()}
-    said = {'probability': 0.9, 'status': 'accepted', 'parameters': values, 'alternatives': []}
-    causes = [{'effect': n} | said for n in names]
-    gap = {'before': 3e-6, 'noise_floor': 1e-6}
-    row = judged('a', truth, {'verdict': names, 'causes': causes, 'gap': gap})
+    said = {'probability': 0.9, 'status': 'accepted', 'parameters': values}
+    row = judged('a', truth, {'verdict': names, 'causes': [{'effect': n} | said for n in names]})
     assert row['exact']
     # A phase but for whole turns; the lead is no period, and a coefficient of a curve is left out.
     assert [(key, abs(sigmas) < 1.0) for _, key, sigmas, _ in row['intervals']] == [
