@@ -27,9 +27,9 @@ from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.result import Diagnosis
 from stage_core import topics
 from stage_core.session import Series, Session
-from stage_core.twin_file import TwinFile
+from stage_core.twin_file import TrackerSpec, TwinFile
 
-from .conftest import nominal
+from .conftest import nominal, reference
 
 Maker = Callable[..., Session]
 
@@ -278,3 +278,24 @@ def test_a_gap_far_above_its_floor_is_not_explained_by_a_name_either() -> None:
     # Beside a friction that the twin states it is the error of that friction's model.
     assert not far_from_explained(3e-6, 3e-6, 1e-6, named=False, stated=20e-6)
     assert far_from_explained(5e-6, 5e-6, 1e-6, named=False, stated=20e-6)
+
+
+def test_what_a_coarse_encoder_rounds_is_no_jitter_of_the_tracker() -> None:
+    # At about a step a point the rounding alternates, and it grows with the speed up to there.
+    twin = nominal()
+    weak = replace(
+        twin.servo('x'),
+        mass=3.3,
+        viscous=9.4,
+        encoder_resolution=2e-7,
+        position_gain=30.5,
+        velocity_feedforward=0.0,
+        velocity_gain=570.0,
+        integral_gain=7400.0,
+        velocity_filter=1950.0,
+    )
+    twin = replace(twin, axes={'x': weak}, tracker=TrackerSpec(500.0, 2e-7))
+    path = 0.03 * reference(20.0, twin.control_period, 1, seed=4)
+    machine = twin.with_effects({'encoder_quantisation.x': {'resolution': 6.4e-6}})
+    recorded = run_of(machine, twin, path, np.full(len(path), 20.0), 1)
+    assert diagnose([recorded], [], twin).verdict == ['encoder_quantisation.x']

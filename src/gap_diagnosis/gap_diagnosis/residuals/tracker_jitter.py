@@ -12,13 +12,24 @@ import math
 import numpy as np
 
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.input.noise import AGREE, LEAST_BLOCKS, SURE, TRACKER_BLOCK, rough, speed_fit
+from gap_diagnosis.input.noise import (
+    AGREE,
+    LEAST_BLOCKS,
+    ORDER,
+    SURE,
+    TRACKER_BLOCK,
+    rough,
+    speed_fit,
+)
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.selection.parts import Part
 from stage_core.arrays import Array
 
 #: Largest correlation of neighbouring points of a white residual, less what chance makes of it.
 WHITE = 0.2
+#: Mean square of the sixth difference (`rough`) of what alternates from point to point, over that
+#: of the signal.
+ALTERNATING = 4.0**ORDER / math.comb(2 * ORDER, ORDER)
 
 
 def point_speeds(record: Record) -> Array:
@@ -52,7 +63,8 @@ def tracker_jitter(parts: list[Part]) -> tuple[float, float] | None:
             shown[i].append((part.residual[start : start + len(speed)], speed))
             start += len(speed)
     moving = [i for i, own in enumerate(shown) if any(np.ptp(v) > 0.0 for _, v in own)]
-    found = [_of_axis(shown[i], part.problem.floor) for i in moving]
+    problem = part.problem
+    found = [_of_axis(shown[i], problem.floor, problem.rounding) for i in moving]
     told = [f for f in found if f is not None]
     if not told or len(told) < len(found):
         return None
@@ -75,8 +87,13 @@ def jitter_weights(part: Part) -> Array | None:
     return np.asarray(noise / np.hypot(noise, found[0] * speed))
 
 
-def _of_axis(sessions: list[tuple[Array, Array]], floor: float) -> tuple[float, float] | None:
-    """Jitter of an axis [s] and its deviation, from residual and velocity (m,) of each session."""
+def _of_axis(
+    sessions: list[tuple[Array, Array]], floor: float, rounding: float
+) -> tuple[float, float] | None:
+    """Jitter of an axis [s] and its deviation, from residual and velocity (m,) of each session.
+
+    `floor` [m] is the noise, `rounding` [m²] the mean square of what the encoder rounds.
+    """
     powers, squares = [], []
     for residual, speed in sessions:
         if not _white(residual):
@@ -91,7 +108,11 @@ def _of_axis(sessions: list[tuple[Array, Array]], floor: float) -> tuple[float, 
     if len(power) < LEAST_BLOCKS:
         return None
     _, jitter, deviation = speed_fit(power, square)
-    if jitter <= SURE * deviation or jitter * float(np.mean(square)) < floor**2:
+    mean = float(np.mean(square))
+    if jitter <= SURE * deviation or jitter * mean < floor**2:
+        return None
+    # What the encoder rounds grows with the speed, too, but not beyond what its steps can make.
+    if float(np.mean(power[square > mean])) < floor**2 + ALTERNATING * rounding:
         return None
     return math.sqrt(jitter), 0.5 * deviation / math.sqrt(jitter)
 

@@ -31,36 +31,50 @@ def imitations(
     Where structure remains and a general curve over the effect's own condition explains more than
     `UNEXHAUSTED` of what the effect does, something else of that kind was imitated. So was it
     where an offset does what the effect does: what is unknown has a mean, too. Nothing speaks for
-    a curve `alone` where structure remains. A resonance that the tracker shows beside something
-    unknown is most of what is left without it (`LACKING`): it follows any fast motion a little.
+    a curve `alone` where structure remains. A resonance that the tracker shows follows any fast
+    motion a little, as something unknown makes one, and a loop within a step of its encoder. So
+    where structure remains, or it explains less than the steps make, it is most of what is left
+    without it (`LACKING`).
 
     Parameters
     ----------
     residual : of all rows (n,) as they were measured: whitened ones weigh fast motion alone
     left : what of it is no noise
     """
-    if not left.structured:
-        return []
     alone = [name for name in selection.accepted if problem.terms[name].alone]
-    if alone:  # beside it the others cannot be judged
+    if left.structured and alone:  # beside it the others cannot be judged
         return alone
-    rows, fit, found = problem.judged, selection.fit, []
+    found = []
     # What is given, as the alignment of a stepper's rests, is there whatever it explains.
     for name in [n for n in selection.accepted if n not in selector.rules.given]:
-        size = np.mean(fit.contribution(problem, name)[rows] ** 2)
-        if name in problem.signatures:
-            more = _explained(problem.signatures[name]()[rows], residual[rows])
-            imitates = more > UNEXHAUSTED[link_of(name)] * size
+        own = selection.evidence[name]
+        seen = link_of(name) == 'servo' and not problem.signal and own.share < LACKING
+        if left.structured:
+            imitates = seen or _imitates(problem, selector, selection, residual, left, name)
         else:
-            # An offset far beyond what remains is one.
-            near = left.mean_square > UNEXHAUSTED['sensor'] * size
-            imitates = (
-                link_of(name) != 'servo' and near and _only_offset(selector, fit.thetas, name)
-            )
-        seen = link_of(name) == 'servo' and not problem.signal
-        if imitates or (seen and selection.evidence[name].share < LACKING):
+            imitates = seen and own.gain < problem.rounding
+        if imitates:
             found.append(name)
     return found
+
+
+def _imitates(
+    problem: Problem,
+    selector: Selector,
+    selection: Selection,
+    residual: Array,
+    left: Structure,
+    name: str,
+) -> bool:
+    """Whether a general curve, or an offset, does what an effect does beside what is unknown."""
+    rows, fit = problem.judged, selection.fit
+    size = float(np.mean(fit.contribution(problem, name)[rows] ** 2))
+    if name in problem.signatures:
+        more = _explained(problem.signatures[name]()[rows], residual[rows])
+        return more > UNEXHAUSTED[link_of(name)] * size
+    # An offset far beyond what remains is one.
+    near = left.mean_square > UNEXHAUSTED['sensor'] * size
+    return link_of(name) != 'servo' and near and _only_offset(selector, fit.thetas, name)
 
 
 def _explained(basis: Array, residual: Array) -> float:
