@@ -151,6 +151,7 @@ squares that a curve leaves where it was fitted if it is believed | {foreseen.BE
 noise that a balance may lose by the tracker's shape, at most | {shape.LOST:.0%}
 what a general curve explains better than a friction, from | {imitations.UNEXHAUSTED[servo]:.0%}
 what it explains better than the tracker's clock, from | {imitations.UNEXHAUSTED[sensor]:.0%}
+what the encoder's noise makes of a resonance that a tracker shows, at most | {imitations.MADE:.0%}
 difference of velocity gain over mass, at most | {passes.SAME_GAIN:.0%}
 what other gains leave of what the twin's law leaves, at most | {controller.PARTLY:.0%}
 what the law of a controller leaves that read the record, at most | {controller.READ:.0%} of noise

@@ -244,6 +244,10 @@ class Kinematics:
             out.append(band_limited(white, self.period))
         return out
 
+    def misread(self) -> Array:
+        """Rows (n,) [m] that this draw makes: the table is where the encoder does not read it."""
+        return -self.along(self.smooth_at_points(self.encoder_noise()))[:, 0]
+
     def at_points(self, signal: list[Array]) -> list[Array]:
         """A signal of every tick at the points, by straight lines."""
         return [

@@ -142,4 +142,5 @@ def table_term(rows: TrackerRows) -> Term | None:
         lambda theta, c: {**mode(mounts, np.zeros(1)), 'floor_share': float(c[0])},
         admissible=lambda theta, c: bool(low < c[0] < high),
         answer=constant(base(rows.encoder_noise())),
+        misread=rows.misread,
     )

@@ -122,6 +122,9 @@ class TrackerRows(Protocol):
     def encoder_noise(self) -> Signal:
         """A draw of the noise that `calm_encoder` still has [m]."""
 
+    def misread(self) -> Array:
+        """Rows (n,) [m] that this draw makes."""
+
     def at_points(self, signal: Signal) -> Signal:
         """A signal of every tick at the points, by straight lines."""
 

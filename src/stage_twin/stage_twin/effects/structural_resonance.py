@@ -181,6 +181,7 @@ def table_term(rows: TrackerRows) -> Term | None:
         upper=_UPPER,
         admissible=lambda theta, c: abs(c[0]) < MOST_SHARE and _inside(theta),
         answer=swing(rows.encoder_noise()),
+        misread=rows.misread,
     )
 
 

@@ -41,6 +41,7 @@ class Term:
     alone : whether nothing but its explaining all that is no noise speaks for it: a curve that
         other errors could have, and that no second channel shows
     answer : θ -> columns (n, k) that the encoder's noise alone makes, where a resonance lifts it
+    misread : rows (n,) that the same noise makes by itself
     roughness : penalty (k,) on the square of each coefficient, which keeps a curve smooth where
         the rows do not tell it. Its unit is the sum of squares of the columns whose entry is zero;
         None: no penalty
@@ -68,6 +69,7 @@ class Term:
     holds: bool = True
     alone: bool = False
     answer: Callable[[Theta], Array] | None = None
+    misread: Callable[[], Array] | None = None
     roughness: Array | None = None
     follows: float = 1.0
     acting: Callable[[Theta, Array], float] = lambda theta, coefficients: 1.0
