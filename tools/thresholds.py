@@ -131,6 +131,7 @@ gap in the loop beside which a richer alternative takes its place, at most | {to
 force balance that is left, over what others left that the loop refuted | {left_out.FAR_MORE:g}
 probability from which on an effect is named beside an `unknown` | {left_out.LIKELY:g}
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
+what one effect leaves that a swinging loop contradicts, at most | {servo_part.EXPLAINED:g} noises
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
 draws of the noise of a loop that sticks | {replay.DRAWS}
 noise below the steps of an encoder that is tried, over that of rounding | {rests.HIDDEN:.0%}

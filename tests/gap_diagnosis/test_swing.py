@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from benchmarks.experiment.machine import session
 from gap_diagnosis.closed_loop.axis_loop import AxisLoop
@@ -113,3 +114,17 @@ def test_a_friction_whose_loop_goes_another_way_is_judged_by_the_balance() -> No
     other = replace(twin, axes={'x': replace(axis, integral_gain=24e3)})
     part = hunting(found.parts[0], AxisLoop(found.records, other, 'x'))
     assert part.swinging == ('coulomb_friction.x',)
+
+
+@pytest.mark.parametrize('delay', [4.7e-3, 4.9e-3])
+def test_a_delay_with_which_the_loop_swings_is_told_by_the_balance(delay: float) -> None:
+    stated = {'coulomb': 3.0, 'presliding': 5e-6}
+    twin = nominal().with_effects({'coulomb_friction.x': stated})
+    # It swings at another phase than its twin, as its friction holds a little otherwise.
+    friction = {'coulomb_friction.x': {**stated, 'presliding': 8e-6}}
+    machine = twin.with_effects({**friction, 'actuation_delay.x': {'delay': delay}})
+    path = reference(14.0, twin.control_period, 1)
+    found = diagnose([session(machine, twin, path, np.full(len(path), 20.0), 0)], [], twin)
+    assert found.verdict == ['actuation_delay.x']
+    assert found.unrepeated == ('actuation_delay.x',)
+    assert found.parameters['actuation_delay.x']['delay'][0] == pytest.approx(delay, rel=0.02)
