@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from stage_twin.effects import link_of
-
 #: From which probability on a name counts as sure, and gaps over the noise from which on the
 #: statement that nothing was found is of use.
 SURE, FAR = 0.9, 2.0
 
 SURE_NAME = f'a name at {SURE:g} and above, no `unknown` beside it'
 BESIDE = 'a name, beside an `unknown`'
-OTHERS = 'a servo effect with alternatives'
+OTHERS = 'an effect with alternatives'
 UNKNOWN = '`unknown`'
 NOTHING = f'no cause, beside a gap of more than {FAR:g} floors'
 KINDS = (SURE_NAME, BESIDE, OTHERS, UNKNOWN, NOTHING)
@@ -38,7 +36,7 @@ def _kind(cause: dict[str, Any], report: dict[str, Any]) -> str | None:
         return UNKNOWN
     if 'unknown' in report['verdict']:
         return BESIDE
-    if cause['alternatives'] and link_of(cause['effect']) == 'servo':
+    if cause['alternatives']:
         return OTHERS
     return SURE_NAME if cause['probability'] >= SURE else None
 

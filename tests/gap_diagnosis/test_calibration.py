@@ -88,7 +88,7 @@ def test_no_statement_is_surer_than_its_kind_was_on_machines_first_seen(
     assert evidence.probability('none', {}) > 0.99
     near, far = (evidence.probability('none', {'gap': math.log(gap)}) for gap in (1.9, 2.1))
     assert near > 0.99
-    assert far == evidence.FIRST_SEEN[evidence.FAR_NONE] < 0.5
+    assert far == evidence.FIRST_SEEN[evidence.FAR_NONE] <= 0.5
 
 
 def test_one_statement_leaves_its_rest_to_the_others() -> None:
@@ -128,7 +128,6 @@ def test_a_name_that_is_not_told_from_another_leaves_it_the_rest(
         for n in ('actuation_delay.x', 'backlash.y')
     )
     named.alternatives = ['current_loop_lag.x']
-    sure.alternatives = ['cyclic_pitch_error.y']  # no servo effect
     others = [
         Cause(n, 0.0, {}, 1.0, 1.0, (0.0, 0.0), 'rejected')
         for n in ('current_loop_lag.x', 'drive_gain.x')

@@ -22,7 +22,7 @@ Features = dict[str, float]
 
 #: A name in a verdict that holds `unknown`, too: what is not explained may have feigned it.
 BESIDE_UNKNOWN = 'beside unknown'
-#: A servo effect with an alternative, which the data cannot tell from it.
+#: An effect with an alternative, which the data cannot tell from it.
 NOT_TOLD = 'not told from another'
 #: No cause, beside a gap of more than `FAR` floors of the twin as its file states it: what the
 #: model of a stated friction may leave, another effect may have made.
@@ -35,7 +35,7 @@ LARGEST = 5.0
 #: What statements were worth in the blind rows of simulators first seen, see "What statements were
 #: worth" of docs/results/foreign_machines.md. The sessions of the fit come from machines that the
 #: diagnosis was developed on: there it is 0.97 and 0.85.
-FIRST_SEEN = {'named': 0.97, BESIDE_UNKNOWN: 0.85, NOT_TOLD: 0.84, UNKNOWN: 0.51, FAR_NONE: 0.47}
+FIRST_SEEN = {'named': 0.97, BESIDE_UNKNOWN: 0.83, NOT_TOLD: 0.82, UNKNOWN: 0.52, FAR_NONE: 0.5}
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def probability(kind: str, values: Features, beside_unknown: bool = False) -> fl
     fitted = 1.0 / (1.0 + math.exp(-total))
     kinds = [kind]
     if kind == 'named':
-        untold = values.get('servo', 0.0) * values.get('rivals', 0.0) > 0.0
+        untold = values.get('rivals', 0.0) > 0.0
         kinds += [BESIDE_UNKNOWN] * beside_unknown + [NOT_TOLD] * untold
     if kind == NONE and values.get('gap', 0.0) > math.log(FAR):
         kinds.append(FAR_NONE)

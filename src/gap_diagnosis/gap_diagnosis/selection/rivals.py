@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from gap_diagnosis.residuals.regression import Fit
 from gap_diagnosis.selection.gains import block_gains, bootstrap_interval
+from gap_diagnosis.selection.grow import grow
 from gap_diagnosis.selection.model import Evidence, Selection
 from stage_twin.effects import effect_of
 
@@ -45,8 +46,23 @@ def _replaces(selector: Selector, less: Fit, fit: Fit, evidence: Evidence, rival
         return False
     problem = selector.problem
     gained, its = (float(block_gains(problem, less, with_one).mean()) for with_one in (other, fit))
-    as_good = gained > max(LEAST_OF_ITS_GAIN * its, 0.0)
-    return as_good and not _told(selector, fit, other, evidence.name)
+    if gained <= max(LEAST_OF_ITS_GAIN * its, 0.0):
+        return False
+    if not problem.signal:
+        other = _grown(selector, other, rival)
+    return not _told(selector, fit, other, evidence.name)
+
+
+def _grown(selector: Selector, fit: Fit, rival: str) -> Fit:
+    """A set with a rival in as rich a shape as data bear.
+
+    On a straight path one curve of the table's error is that of either axis.
+    """
+    terms = selector.problem.terms
+    plain = terms[rival]
+    grown = grow(selector, fit, [rival])
+    terms[rival] = plain
+    return grown
 
 
 def _told(selector: Selector, fit: Fit, other: Fit, name: str) -> bool:
