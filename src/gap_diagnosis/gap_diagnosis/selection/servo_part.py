@@ -117,7 +117,8 @@ def hunting(part: Part, loop: AxisLoop) -> Part:
 def shaken(part: Part, loop: AxisLoop) -> Part:
     """The part with the one effect that explains the balance, and with which the loop swings.
 
-    Behind a long delay the loop swings without end. At another phase it contradicts the right one.
+    A long delay makes the loop swing, and no second run repeats the phase. So the loop contradicts
+    the right delay, which the balance tells.
     """
     selection = part.selection
     left = selection.fit.mean_square(part.problem)
