@@ -66,6 +66,11 @@ class ForceRows:
         )[:, 0]
         return rows if self.simulated is None else rows - self.simulated.balance()
 
+    def known(self, parameter: str) -> list[float]:
+        """Values of a parameter that the twin's own effects of the axis have."""
+        own = [p.twin.effects[n] for p in self._predictions[:1] for n in p.names('servo', self.axis)]
+        return [values[parameter] for values in own if parameter in values]
+
     @property
     def rest_step(self) -> float:
         """Step [m] of an ideal encoder with the noise of this one at rest."""

@@ -105,8 +105,10 @@ def longest_presliding(rows: ForceRows) -> float:
 
 
 def presliding_grid(rows: ForceRows) -> list[float]:
-    """Pre-sliding displacements from which a search starts [m]."""
-    return [share * longest_presliding(rows) for share in PRESLIDING_GRID]
+    """Pre-sliding displacements from which a search starts [m], those of the twin among them."""
+    longest = longest_presliding(rows)
+    known = [min(value, longest) for value in rows.known(PRESLIDING.name)]
+    return sorted({*known, *(share * longest for share in PRESLIDING_GRID)})
 
 
 def speed_curve(rows: ForceRows) -> Array:

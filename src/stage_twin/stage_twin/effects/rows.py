@@ -28,6 +28,9 @@ class ForceRows(Protocol):
     def periods(self) -> list[float]:
         """Tick of each session [s]."""
 
+    def known(self, parameter: str) -> list[float]:
+        """Values of a parameter that the twin's own effects of the axis have."""
+
     def position(self) -> Signal:
         """Path of the axis, free of the encoder's steps [m]."""
 

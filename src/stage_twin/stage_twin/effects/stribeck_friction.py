@@ -90,22 +90,24 @@ creep, signature = gives_way, speed_curve
 def term(rows: ForceRows) -> Term:
     """The direction, and the direction near standstill; θ is pre-sliding and velocity.
 
-    In a richer shape the exponent of the curve is the third one.
+    In a richer shape the exponent of the curve is the third one. Before, it is the twin's own.
     """
+    (usual,) = rows.known('exponent') or (GAUSSIAN,)
 
     def columns(theta: Theta) -> Array:
-        z, exponent = bristles(rows, theta[0]), _exponent(theta)
+        z, exponent = bristles(rows, theta[0]), (*theta, usual)[2]
         near = [np.exp(-((np.abs(v) / theta[1]) ** exponent)) for v in rows.smooth_velocity()]
         return rows.columns(z, [zi * n for zi, n in zip(z, near, strict=True)])
 
-    starts = [(g, w) for g in presliding_grid(rows) for w in STRIBECK_GRID]
+    speeds = sorted({*STRIBECK_GRID, *rows.known('stribeck_velocity')})
+    starts = [(g, w) for g in presliding_grid(rows) for w in speeds]
     plain = Term(
         columns,
         lambda theta, c: {
             'coulomb': float(c[0]),
             'breakaway': float(c[1]),
             'stribeck_velocity': theta[1],
-            'exponent': _exponent(theta),
+            'exponent': (*theta, usual)[2],
             'presliding': theta[0],
         },
         grid=tuple(starts),
@@ -115,13 +117,8 @@ def term(rows: ForceRows) -> Term:
     )
     free = replace(
         plain,
-        grid=tuple((*start, exponent) for start in starts for exponent in EXPONENTS),
+        grid=tuple((*start, e) for start in starts for e in sorted({*EXPONENTS, usual})),
         lower=(*plain.lower, LEAST_EXPONENT),
         upper=(*plain.upper, MOST_EXPONENT),
     )
     return replace(plain, richer=lambda: free)
-
-
-def _exponent(theta: Theta) -> float:
-    """The third of θ where it is free, else that of a Gaussian curve."""
-    return (*theta, GAUSSIAN)[2]
