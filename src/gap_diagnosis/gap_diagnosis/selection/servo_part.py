@@ -90,6 +90,11 @@ def fit_servo(
         if len(contradicted) > 1 and swinging:
             contradicted = swinging
         unconfirmed += tuple(n for n in contradicted if n in swinging)
+        if len(contradicted) == len(accepted) > 1:
+            # The one that explains most may have had its values from the others: alone it is
+            # judged anew.
+            most = max(accepted, key=lambda n: part.selection.evidence[n].gain)
+            contradicted.remove(most)
         barred += contradicted
 
 
@@ -121,8 +126,11 @@ def shaken(part: Part, loop: AxisLoop) -> Part:
     the right delay, which the balance tells.
     """
     selection = part.selection
+    if len(selection.accepted) != 1:
+        return part
     left = selection.fit.mean_square(part.problem)
-    if len(selection.accepted) != 1 or left > EXPLAINED * part.selector.noise:
+    error = part.selector.rules.of_gap * part.selector.gap
+    if left > max(EXPLAINED * part.selector.noise, error):
         return part
     return _hunting(part, loop, *selection.accepted)
 
