@@ -39,14 +39,14 @@ from gap_diagnosis.selection import (
 from stage_core import clocks
 from stage_driver import inbox_backend, servo_clocks
 from stage_twin import loops, machine
-from stage_twin.effects import drive_play, knots, periodic, shared, straightness
+from stage_twin.effects import drive_play, force_saturation, knots, periodic, shared, straightness
 from stage_twin.emulators import drive
 
 MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, axis_loop, checks, clocks, coarse, commands, controller, creep,
-                   domain, drive, drive_play, driven_wave, foreseen, forward, grid, held_out,
-                   imitations,
+                   domain, drive, drive_play, driven_wave, force_saturation, foreseen, forward,
+                   grid, held_out, imitations,
                    inbox_backend, judged, judgement, kinematics, knots, left_out, library, loops,
                    machine, misread, motions, online, outliers, pairs, passes, periodic, places,
                    polish, prepare, propose, replay, rest_places, rests, rivals, scene, search,
@@ -131,6 +131,7 @@ gap in the loop beside which a richer alternative takes its place, at most | {to
 force balance that is left, over what others left that the loop refuted | {left_out.FAR_MORE:g}
 probability from which on an effect is named beside an `unknown` | {left_out.LIKELY:g}
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
+force that a limit leaves, over what accelerates the mass, at least | {force_saturation.ENOUGH:g}
 what one effect leaves that a swinging loop contradicts, at most | {servo_part.EXPLAINED:g} noises
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
 draws of the noise of a loop that sticks | {replay.DRAWS}

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.experiment.machine import session as run_of
 from gap_diagnosis.diagnose import diagnose
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.residuals.servo import Servo
@@ -57,6 +58,19 @@ def test_a_planted_effect_is_named(
         estimate, deviation = found.parameters[effect][name]
         near = pytest.approx(value, rel=tolerance, abs=2.0 * deviation)
         assert estimate == near, EFFECTS[effect.partition('.')[0]].parameter(name).meaning
+
+
+def test_a_limit_leaves_force_enough_to_move_the_mass() -> None:
+    """On a sine 5 N of any force go with the acceleration; they do not make that of a free one."""
+    time, limit = np.arange(6000) * 1e-3, 5.0
+    path, twin = 0.01 * np.sin(6.0 * np.pi * time)[:, None], nominal()
+    limited = twin.with_effects({'force_saturation.x': {'limit': limit}})
+    for machine in (twin, limited):
+        record = load_record(run_of(machine, twin, path, 20.0 + 0.0 * time, 0), twin)
+        rows = Servo([record], twin, 'x')
+        share = limit / float(np.abs(rows.commanded()[0]).max())
+        term = rows.problem().terms['force_saturation.x']
+        assert term.admissible((share,), np.ones(1)) is (machine is limited)
 
 
 def test_no_error_of_an_integrator_follows_another_axis(planted: Maker) -> None:

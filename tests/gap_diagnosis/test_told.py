@@ -19,7 +19,7 @@ from gap_diagnosis.memory import Memory
 from gap_diagnosis.parameters import Effects, Parameters
 from gap_diagnosis.passes import prepare, servo_part
 from gap_diagnosis.residuals.servo import Servo
-from gap_diagnosis.selection.servo_part import _worse
+from gap_diagnosis.selection.servo_part import _to_bar, _worse
 from gap_diagnosis.selection.told import MUCH_CLOSER, told_by_loop
 from stage_core.arrays import Array
 from stage_core.session import Session
@@ -125,6 +125,20 @@ def test_of_effects_that_are_refuted_together_the_one_that_alone_fits_is_kept() 
     assert _worse(list(found), found, loop) == ['drive_gain.x', 'inertia_mismatch.x']
     wrong = {n: v for n, v in found.items() if n != DELAY}
     assert _worse(list(wrong), wrong, loop) == list(wrong)
+
+
+def test_of_a_set_that_is_refuted_the_main_effect_is_judged_anew(
+    planted: Callable[..., Session],
+) -> None:
+    friction, damping = 'coulomb_friction.x', 'viscous_friction.x'
+    made = planted({friction: {'coulomb': 8.0}, damping: {'viscous': 30.0}})
+    before = prepare([made], [], nominal(), ())
+    selection = servo_part(before, 'x', before.direct, 0, [], Memory(), silent).selection
+    assert set(selection.accepted) == {friction, damping}
+    assert _to_bar(selection, list(selection.accepted)) == [damping]
+    assert _to_bar(selection, [friction]) == [friction]
+    alone = replace(selection, accepted=[friction])
+    assert _to_bar(alone, [friction]) == [friction]
 
 
 def test_an_alternative_beside_which_no_machine_has_the_others_is_none() -> None:

@@ -68,7 +68,9 @@ class ForceRows:
 
     def known(self, parameter: str) -> list[float]:
         """Values of a parameter that the twin's own effects of the axis have."""
-        own = [p.twin.effects[n] for p in self._predictions[:1] for n in p.names('servo', self.axis)]
+        own = [
+            p.twin.effects[n] for p in self._predictions[:1] for n in p.names('servo', self.axis)
+        ]
         return [values[parameter] for values in own if parameter in values]
 
     @property

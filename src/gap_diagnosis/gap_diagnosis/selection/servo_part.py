@@ -17,6 +17,7 @@ from gap_diagnosis.parameters import Parameters
 from gap_diagnosis.residuals.problem import Problem
 from gap_diagnosis.residuals.servo import Servo
 from gap_diagnosis.selection.lacking import with_lacking
+from gap_diagnosis.selection.model import Selection
 from gap_diagnosis.selection.model_errors import model_errors
 from gap_diagnosis.selection.parts import SERVO_RULES, Part, fit_part, residual_of
 from gap_diagnosis.selection.rivals import find_rivals
@@ -90,12 +91,18 @@ def fit_servo(
         if len(contradicted) > 1 and swinging:
             contradicted = swinging
         unconfirmed += tuple(n for n in contradicted if n in swinging)
-        if len(contradicted) == len(accepted) > 1:
-            # The one that explains most may have had its values from the others: alone it is
-            # judged anew.
-            most = max(accepted, key=lambda n: part.selection.evidence[n].gain)
-            contradicted.remove(most)
-        barred += contradicted
+        barred += _to_bar(part.selection, contradicted)
+
+
+def _to_bar(selection: Selection, contradicted: list[str]) -> list[str]:
+    """Those of the contradicted effects that go; of a whole set all but the one that gains most.
+
+    Beside others that are wrong it has wrong values. Without them the loop judges it anew.
+    """
+    if len(contradicted) < max(len(selection.accepted), 2):
+        return contradicted
+    main = max(contradicted, key=lambda n: selection.evidence[n].gain)
+    return [n for n in contradicted if n != main]
 
 
 def _presliding(found: Parameters, twin: TwinFile) -> dict[str, float]:

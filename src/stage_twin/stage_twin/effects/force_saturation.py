@@ -14,8 +14,8 @@ from stage_twin.effects.term import Term, Theta
 #: sessions without one.
 MOVES = 0.8
 #: Least size of that force as a share of what accelerates the nominal mass: 1.04 to 1.37 at six
-#: limits that clip 90 % of the ticks and more, 0.07 where a gain of twice stood beside a false one.
-#: A machine may have less mass than the nominal one.
+#: limits that clip 90 % of the ticks and more, 0.07 where a gain of twice stood beside a false
+#: one. A machine may have less mass than the nominal one.
 ENOUGH = 0.3
 #: Amplifiers clip with a soft knee: of three right limits of foreign simulators two missed by 1.4
 #: and 1.7 %.
