@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -69,12 +70,13 @@ def test_the_tracker_is_no_balance_and_other_axes_count_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    ('probability', 'alternatives', 'beside', 'goes'),
+    ('probability', 'alternatives', 'beside', 'own', 'goes'),
     [
-        (0.99 * LIKELY, [], [UNKNOWN], True),
-        (LIKELY, [], [UNKNOWN], False),
-        (0.99 * LIKELY, ['drive_gain.x'], [UNKNOWN], False),
-        (0.99 * LIKELY, [], [], False),
+        (0.99 * LIKELY, [], [UNKNOWN], False, True),
+        (LIKELY, [], [UNKNOWN], True, False),
+        (LIKELY, ['drive_gain.x'], [UNKNOWN], True, True),
+        (0.99 * LIKELY, ['drive_gain.x'], [UNKNOWN], False, False),
+        (0.99 * LIKELY, ['drive_gain.x'], [], True, False),
     ],
 )
 def test_an_effect_that_is_rather_not_there_goes_beside_an_unknown(
@@ -82,8 +84,10 @@ def test_an_effect_that_is_rather_not_there_goes_beside_an_unknown(
     probability: float,
     alternatives: list[str],
     beside: list[str],
+    own: bool,
     goes: bool,
 ) -> None:
+    """One that others replace goes where the `unknown` is of its `own` balance."""
     name = 'viscous_friction.x'
     session = planted({name: {'viscous': 200.0}})
     found = diagnose([session], [], nominal())
@@ -91,5 +95,9 @@ def test_an_effect_that_is_rather_not_there_goes_beside_an_unknown(
     (cause,) = (c for c in found.causes if c.effect == name)
     cause.probability, cause.alternatives = probability, alternatives
     found.verdict += beside
+    found.parts = [
+        replace(p, structure=replace(p.structure, structured=own and p.name == 'servo.x'))
+        for p in found.parts
+    ]
     out, _ = left_out(found, prepare([session], [], nominal(), []), {}, 0)
     assert out == ([name] if goes else [])

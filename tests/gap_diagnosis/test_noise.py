@@ -261,6 +261,16 @@ def test_stamps_of_the_tracker_that_scatter_are_named(planted: Maker) -> None:
     assert 0.0 < deviation < 5e-5
 
 
+def test_an_axis_at_rest_says_nothing_against_stamps_that_scatter() -> None:
+    twin = TwinFile.nominal_servo()
+    path = reference(12.0, twin.control_period, 2)
+    path[:, 0] = 2e-6 * np.sin(np.arange(len(path)))  # a step to and fro, as noise makes it
+    machine = twin.with_effects({'sample_jitter': {'std': 0.0, 'tracker_std': 5e-4}})
+    found = diagnose([run_of(machine, twin, path, np.full(len(path), 20.0), 0)], [], twin)
+    assert found.records[0].moving == (False, True)
+    assert found.verdict == ['sample_jitter']
+
+
 def test_a_yaw_shows_in_the_slow_points_of_a_tracker_whose_stamps_scatter(planted: Maker) -> None:
     yaw = {'quadratic': 3e-4, 'arm': 0.05}
     truth = {'sample_jitter': {'std': 0.0, 'tracker_std': 5e-4}, 'angular_error.y': yaw}

@@ -62,7 +62,7 @@ def tracker_jitter(parts: list[Part]) -> tuple[float, float] | None:
         for i, speed in enumerate(point_speeds(record).T):
             shown[i].append((part.residual[start : start + len(speed)], speed))
             start += len(speed)
-    moving = [i for i, own in enumerate(shown) if any(np.ptp(v) > 0.0 for _, v in own)]
+    moving = [i for i in range(len(shown)) if any(r.moving[i] for r in part.rows.records)]
     problem = part.problem
     found = [_of_axis(shown[i], problem.floor, problem.rounding) for i in moving]
     told = [f for f in found if f is not None]

@@ -31,8 +31,9 @@ from stage_twin.effects.friction import PRESLIDING
 #: Share of the loop's gap from which on a friction that is left makes it hunt: two right ones left
 #: 0.66 and 0.76, those with which the loop follows the record 0.35 at most.
 HUNTS = 0.5
-#: Mean square over that of the noise, up to which an effect explains a balance that the loop
-#: contradicts: three right delays with which the loop swings left 1.3 to 1.5 times the noise.
+#: Mean square over that of the noise, up to which an effect explains a balance although the loop
+#: does not show it: three right delays with which it swings left 1.3 to 1.5 times the noise, a
+#: friction for a brake of a part of the travel 7 times.
 EXPLAINED = 2.0
 
 
@@ -132,19 +133,18 @@ def shaken(part: Part, loop: AxisLoop) -> Part:
     A long delay makes the loop swing, and no second run repeats the phase. So the loop contradicts
     the right delay, which the balance tells.
     """
-    selection = part.selection
-    if len(selection.accepted) != 1:
-        return part
-    left = selection.fit.mean_square(part.problem)
-    error = part.selector.rules.of_gap * part.selector.gap
-    if left > max(EXPLAINED * part.selector.noise, error):
-        return part
-    return _hunting(part, loop, *selection.accepted)
+    accepted = part.selection.accepted
+    return _hunting(part, loop, *accepted) if len(accepted) == 1 else part
 
 
 def _hunting(part: Part, loop: AxisLoop, name: str) -> Part:
-    """The part with an effect among what swings, where the loop with it swings as the record."""
-    if part.structure.structured:
+    """The part with an effect among what swings, where the loop with it swings as the record.
+
+    The balance has to be explained but for noise or the error of a model.
+    """
+    rest = part.selection.fit.mean_square(part.problem)
+    error = part.selector.rules.of_gap * part.selector.gap
+    if part.structure.structured or rest > max(EXPLAINED * part.selector.noise, error):
         return part
     effects = loop.with_known(loop.refined(describe(part.selection, part.selector.regression)))
     left = loop.gap(effects)
