@@ -132,7 +132,7 @@ force balance that is left, over what others left that the loop refuted | {left_
 probability from which on an effect is named beside an `unknown` | {left_out.LIKELY:g}
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
 force that a limit leaves, over what accelerates the mass, at least | {force_saturation.ENOUGH:g}
-what effects leave that a loop which swings does not show, at most | {servo_part.EXPLAINED:g} noises
+what is left of a balance that decides for a loop, at most | {servo_part.EXPLAINED:g} noises
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
 draws of the noise of a loop that sticks | {replay.DRAWS}
 noise below the steps of an encoder that is tried, over that of rounding | {rests.HIDDEN:.0%}

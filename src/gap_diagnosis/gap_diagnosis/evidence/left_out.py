@@ -68,7 +68,7 @@ def _doubted(result: Diagnosis) -> list[str]:
 
     That is the least likely one that stands alone, below `LIKELY`, or all of a part with something
     unknown left that others replace: what nobody knows replaces them, too. Four of four such names
-    on six seeds of foreign simulators were wrong.
+    on eight seeds of foreign simulators were wrong.
     """
     if not result.structured:
         return []
