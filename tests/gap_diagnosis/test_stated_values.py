@@ -33,7 +33,7 @@ def fine() -> TwinFile:
 
 @pytest.mark.parametrize('presliding', [4e-7, 8e-7])
 def test_a_short_presliding_is_found_from_the_stated_one(presliding: float) -> None:
-    """On a fast path a dry start tells no slope, and the next one of the grid is longer."""
+    """The stated value is a start: a dry one may tell no slope, the next one is longer."""
     stated = fine().with_effects({COULOMB: {'coulomb': 9.0, 'presliding': 5.5e-7}})
     machine = fine().with_effects({COULOMB: {'coulomb': 9.0, 'presliding': presliding}})
     regression = Regression(rows(stated, machine).problem())

@@ -66,9 +66,9 @@ def _first_out(
 def _doubted(result: Diagnosis) -> list[str]:
     """Names beside an `unknown` that are rather not there.
 
-    That is the least likely one that stands alone, below `LIKELY`, or all of a part with something
-    unknown left that others replace: what nobody knows replaces them, too. Four of four such names
-    on eight seeds of foreign simulators were wrong.
+    Those with alternatives go where their own balance holds the unknown remainder: what nobody
+    knows may replace them, too. Four of four on eight seeds of foreign simulators were wrong. Else
+    the least likely one without alternatives goes, if it is below `LIKELY`.
     """
     if not result.structured:
         return []
