@@ -23,7 +23,14 @@ from gap_diagnosis.evidence import acceptance, judgement, left_out
 from gap_diagnosis.experiment import library, motions, propose, scene, separation
 from gap_diagnosis.input import checks, coarse, driven_wave, grid, rest_places, windows
 from gap_diagnosis.law import judged, search
-from gap_diagnosis.residuals import commands, controller, foreseen, kinematics, unrecorded
+from gap_diagnosis.residuals import (
+    commands,
+    controller,
+    force_rows,
+    foreseen,
+    kinematics,
+    unrecorded,
+)
 from gap_diagnosis.selection import (
     forward,
     imitations,
@@ -45,11 +52,11 @@ from stage_twin.emulators import drive
 MODULES = {
     module.__name__.rpartition('.')[2]: module
     for module in (acceptance, axis_loop, checks, clocks, coarse, commands, controller, creep,
-                   domain, drive, drive_play, driven_wave, force_saturation, foreseen, forward,
-                   grid, held_out, imitations,
-                   inbox_backend, judged, judgement, kinematics, knots, left_out, library, loops,
-                   machine, misread, motions, online, outliers, pairs, passes, periodic, places,
-                   polish, prepare, propose, replay, rest_places, rests, rivals, scene, search,
+                   domain, drive, drive_play, driven_wave, force_rows, force_saturation, foreseen,
+                   forward, grid, held_out, imitations, inbox_backend, judged, judgement,
+                   kinematics, knots, left_out, library, loops, machine, misread, motions,
+                   online, outliers, pairs, passes, periodic, places, polish,
+                   prepare, propose, replay, rest_places, rests, rivals, scene, search,
                    selection, separation, servo_clocks, servo_part, shape, shared, slides,
                    slow_rows, straightness, swing, swinging, temperatures, thermal, told, training,
                    trials, unrecorded, windows)
@@ -133,6 +140,8 @@ probability from which on an effect is named beside an `unknown` | {left_out.LIK
 loop's gap that a friction which hunts leaves, at least | {servo_part.HUNTS:.0%}
 force that a limit leaves, over what accelerates the mass, at least | {force_saturation.ENOUGH:g}
 what is left of a balance that decides for a loop, at most | {servo_part.EXPLAINED:g} noises
+rows of a force balance in a period of its cut, at least | {force_rows.IN_A_PERIOD:g}
+rows of a balance of which some were left out, at least | {force_rows.ENOUGH}
 variances of slow and fast rows from which they are weighted, ratio | {slow_rows.UNEQUAL:g}
 draws of the noise of a loop that sticks | {replay.DRAWS}
 noise below the steps of an encoder that is tried, over that of rounding | {rests.HIDDEN:.0%}

@@ -24,6 +24,7 @@ from gap_diagnosis.input.noise import (
 from gap_diagnosis.report.document import as_dict
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.residuals.uncertainty import uncertainty
 from gap_diagnosis.result import Diagnosis
 from stage_core import topics
 from stage_core.session import Series, Session
@@ -155,6 +156,29 @@ def test_noise_in_the_acceleration_is_no_lighter_mass(
     # Without the cut the mass would be far too light.
     monkeypatch.setattr('gap_diagnosis.residuals.force_rows.CUTS', (np.inf,))
     assert ratio() < -0.03
+
+
+def test_rows_that_a_cut_makes_alike_are_thinned_and_tell_as_much(
+    planted: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    twin, name = TwinFile.nominal_servo(), 'inertia_mismatch.x'
+    record = load_record(with_read_noise(planted({}, duration=10.0), 5e-6, 0.0), twin)
+
+    def found() -> tuple[Servo, float, float]:
+        rows = Servo([record], twin, 'x')
+        regression = Regression(rows.problem())
+        fit = regression.linear({name: ()})
+        deviation = uncertainty(regression, fit)[name][1][0]
+        return rows, float(fit.coefficients[name][0]), float(deviation)
+
+    rows, value, deviation = found()
+    monkeypatch.setattr('gap_diagnosis.residuals.force_rows.ENOUGH', 1000)
+    thinned, other, its = found()
+    count, left = (np.count_nonzero(of.keep[0]) for of in (rows, thinned))
+    assert 1000 <= left < 0.3 * count
+    assert abs(other - value) < 0.2 * deviation
+    assert its == pytest.approx(deviation, rel=0.1)
+    np.testing.assert_array_equal(thinned.unlimited().keep[0], rows.keep[0])
 
 
 @pytest.mark.parametrize(('white', 'jitter'), [(5e-6, 0.0), (0.0, 3e-4)])

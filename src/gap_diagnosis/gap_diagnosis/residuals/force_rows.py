@@ -27,6 +27,11 @@ CORNER = 30.0  # Hz; above it the quantisation of the acceleration is white afte
 CUTS, ATTENUATION = (math.inf, 60.0, 45.0, 30.0, 20.0, 14.0, 10.0, 7.0), 1e-3
 LONGEST = 120.0  # s of a session that are used; longer ones are thinned in whole blocks
 SLIDING = 3.0  # encoder steps within 20 ms, below which the axis counts as resting
+#: Least rows in a period of the cut: beyond twice the cut the low-pass lets 0.4 % through.
+IN_A_PERIOD = 4.0
+#: Least rows of a balance of which some were left out. With 13,751 rows in place of 27,489 a gain
+#: of the drive moved by 0.002 of its deviation, which stayed the same to 0.1 %.
+ENOUGH = 10_000
 
 
 class ForceRows:
@@ -47,6 +52,7 @@ class ForceRows:
         self._predictions = [Prediction(r, twin) for r in records] if twin.effects else []
         self.keep = [self._sliding(r, s) for r, s in zip(records, self._signals, strict=True)]
         self.cut = self._quiet_cut()
+        self._sliding_ticks, self.keep = self.keep, self._thinned()
         self.simulated = self._of_simulator(twin)
 
     def _of_simulator(self, twin: TwinFile) -> ForceRows | None:
@@ -55,7 +61,7 @@ class ForceRows:
         if not runs:
             return None
         rows = ForceRows(runs, twin, self.axis)
-        rows.keep, rows.cut = self.keep, self.cut
+        rows.keep, rows._sliding_ticks, rows.cut = self.keep, self._sliding_ticks, self.cut
         return rows
 
     def balance(self) -> Array:
@@ -103,6 +109,17 @@ class ForceRows:
                 break
         return self.cut
 
+    def _thinned(self) -> list[Mask]:
+        """Every k-th sliding row where a cut makes the rows between them tell nothing new."""
+        count = sum(int(np.count_nonzero(keep)) for keep in self.keep)
+        thinned = []
+        for record, keep in zip(self.records, self.keep, strict=True):
+            step = int(min(1.0 / (IN_A_PERIOD * self.cut * record.period), count / ENOUGH))
+            some = np.zeros(len(keep), dtype=bool)
+            some[:: max(step, 1)] = True
+            thinned.append(keep & some)
+        return thinned
+
     def response(self, mass: float, viscous: float) -> float:
         """Standard deviation of a row of mass · a + viscous · v for noise of 1 m."""
         period = self.records[0].period
@@ -120,7 +137,7 @@ class ForceRows:
     def unlimited(self: Rows) -> Rows:
         """The same rows with all the encoder's noise that they hold."""
         other = copy(self)
-        other.cut = math.inf
+        other.cut, other.keep = math.inf, self._sliding_ticks
         if self.simulated is not None:
             other.simulated = self.simulated.unlimited()
         return other
