@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from benchmarks.experiment.machine import session
+from gap_diagnosis.evidence import causes
+from gap_diagnosis.evidence.causes import judged_values
+from gap_diagnosis.evidence.describe import describe, with_model_error
 from gap_diagnosis.input.data import load_record
 from gap_diagnosis.residuals.regression import Regression
 from gap_diagnosis.residuals.servo import Servo
+from gap_diagnosis.selection.parts import SERVO_RULES, fit_part
 from stage_core.twin_file import TwinFile
 
 from .conftest import nominal, reference
@@ -54,3 +58,17 @@ def test_a_stated_stribeck_friction_is_in_the_plain_shape(exponent: float) -> No
     left = term.base - term.columns(stated) @ np.array([9.0, 3.0])
     assert np.std(left) < 0.05 * np.std(term.base)
     assert term.parameters(stated, np.array([9.0, 3.0]))['exponent'] == exponent
+
+
+def test_a_stated_friction_is_judged_with_its_shape_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A higher peak that falls at a lower speed is nearly the same friction."""
+    known = {'coulomb': 3.3, 'breakaway': 0.35, 'stribeck_velocity': 1.9e-3, 'presliding': 7e-6}
+    other = {'breakaway': 0.5, 'stribeck_velocity': 1.2e-3, 'presliding': 1.6e-5}
+    stated = fine().with_effects({STRIBECK: known})
+    machine = fine().with_effects({STRIBECK: {**known, **other}})
+    part = fit_part('servo.x', rows(stated, machine).problem(), SERVO_RULES, 0, ())
+    free = describe(part.selection, part.selector.regression)[STRIBECK]
+    held = {name: (value, 0.1 * deviation) for name, (value, deviation) in free.items()}
+    monkeypatch.setattr(causes, 'given_shape', lambda *_: held)
+    assert judged_values(STRIBECK, free, part, stated) == with_model_error(STRIBECK, free)
+    assert judged_values(STRIBECK, free, part, fine()) == with_model_error(STRIBECK, held)

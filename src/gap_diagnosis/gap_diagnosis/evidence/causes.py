@@ -25,7 +25,7 @@ from gap_diagnosis.evidence.acceptance import (
 )
 from gap_diagnosis.evidence.describe import given_shape, with_model_error
 from gap_diagnosis.input.data import Record
-from gap_diagnosis.parameters import Parameters, plain_values
+from gap_diagnosis.parameters import Estimates, Parameters, plain_values
 from gap_diagnosis.residuals.kinematics import Kinematics
 from gap_diagnosis.residuals.nominal import QUANTISATION
 from gap_diagnosis.selection.contained import contained
@@ -83,12 +83,7 @@ def cause_of(name: str, run: Run) -> judge.Cause:
             shrink = _in_balance(name, part, run.seed)
     found = part.selection.evidence[name] if part is not None else None
     stated = with_model_error(name, run.parameters[name])
-    own = run.parameters[name]
-    if part is not None and (link_of(name) != 'servo' or effect_of(name).by_shape):
-        own = given_shape(name, own, part.selection, part.selector.regression)
-    if link_of(name) == 'servo':
-        # Models of forces have errors, so that their effects are judged with them.
-        own = with_model_error(name, own)
+    own = judged_values(name, run.parameters[name], part, run.twin)
     return judge.Cause(
         effect=name,
         probability=0.0,
@@ -103,6 +98,19 @@ def cause_of(name: str, run: Run) -> judge.Cause:
         strength=max((judge.strength(p, name) for p in showing), default=judge.READ),
         contains=contained(part, name, run.seed),
     )
+
+
+def judged_values(name: str, found: Estimates, part: Part | None, twin: TwinFile) -> Estimates:
+    """Parameters with the deviations by which an effect is judged to be there.
+
+    What is asked is whether there is anything of it in the shape that was found, so that the shape
+    is held. What the twin states of it has a shape of its own: beside that all are free.
+    """
+    shaped = (link_of(name) != 'servo' or effect_of(name).by_shape) and name not in twin.effects
+    if part is not None and shaped:
+        found = given_shape(name, found, part.selection, part.selector.regression)
+    # Models of forces have errors, so that their effects are judged with them.
+    return with_model_error(name, found) if link_of(name) == 'servo' else found
 
 
 def _alternatives(name: str, stated: Values, found: Evidence | None) -> list[str]:
