@@ -103,8 +103,9 @@ def cause_of(name: str, run: Run) -> judge.Cause:
 def judged_values(name: str, found: Estimates, part: Part | None, twin: TwinFile) -> Estimates:
     """Parameters with the deviations by which an effect is judged to be there.
 
-    What is asked is whether there is anything of it in the shape that was found, so that the shape
-    is held. What the twin states of it has a shape of its own: beside that all are free.
+    The shape that was found is held: the question is whether there is anything of that shape.
+    Where the twin states the effect itself, the question is whether the machine has another one.
+    The stated one has a shape of its own, so that the deviations are those with the shape free.
     """
     shaped = (link_of(name) != 'servo' or effect_of(name).by_shape) and name not in twin.effects
     if part is not None and shaped:
