@@ -169,7 +169,6 @@ def test_cable_pulled_in_a_move_and_put_back_leaves_the_axis_at_rest(tmp_path):
 #: Answers in a row of which every one comes too late. A busy machine holds up both ends of the
 #: wire, which live in this process: that is no silence as long as it is shorter than a second.
 LATE = 16
-SLOW = {'reply_timeout': 0.5, 'link_timeout': 2.0}
 
 
 def answer_late(server):
@@ -180,7 +179,7 @@ def answer_late(server):
 
 def test_answers_that_come_late_end_the_stream_and_latch_nothing(tmp_path):
     """What a busy computer does to both ends of the wire: every answer comes, all of them late."""
-    with rig(tmp_path, **SLOW, setpoint_timeout=60.0) as (server, backend, recorder):
+    with rig(tmp_path, **IMPATIENT, setpoint_timeout=60.0) as (server, backend, recorder):
         backend.home().result()
         move(backend, recorder, 0.02, 0.02)
         backend.submit(0, ['x', 'y'], [], [0.005, 0.0])
@@ -198,7 +197,7 @@ def test_answers_that_come_late_end_the_stream_and_latch_nothing(tmp_path):
 
 
 def test_a_stage_that_was_late_and_then_is_dead_is_a_fault(tmp_path):
-    with rig(tmp_path, **SLOW) as (server, backend, recorder):
+    with rig(tmp_path, **IMPATIENT) as (server, backend, recorder):
         backend.home().result()
         answer_late(server)
         recorder.wait(lambda: recorder.said('answers later than 0.5 s'))
