@@ -111,7 +111,7 @@ squared gap of an encoder in the held-out windows, at least | {held_out.LEAST_HE
 the same, at most | {held_out.MOST_HELD:.0%}
 change of a screw temperature, at least | {kinematics.TEMPERATURE_SPAN:g} K
 shrinkage of the gap by a servo effect, at least | {acceptance.LEAST_SHRINK:.0%}
-deviations of an amplitude whose period was searched, at least | {acceptance.LARGEST_OF_MANY:g}
+deviations of a searched ripple or from stated values, at least | {acceptance.LARGEST_OF_MANY:g}
 squared gap that a servo effect closes, at least | {acceptance.LEAST_CLOSED:.0%}
 squared noise that any other effect closes, at least | {acceptance.LEAST_SEEN:.0%}
 gap that is `unknown` if nothing is named, from | {acceptance.FAR:g} floors

@@ -75,6 +75,16 @@ def test_a_friction_that_is_the_same_in_both_directions_is_not_asymmetric(
     assert refuted('asymmetric_friction.y', found, {**values, **viscous}) is not stands
 
 
+@pytest.mark.parametrize(('coulomb', 'another'), [(5.15, False), (5.5, True)])
+def test_a_stated_friction_is_another_one_only_beyond_four_deviations(
+    coulomb: float, another: bool
+) -> None:
+    """No law of a friction is that of a machine to the letter."""
+    values = {'coulomb': (coulomb, 0.05)}
+    assert untold('coulomb_friction.x', values, {'coulomb': 5.0}) is not another
+    assert not untold('coulomb_friction.x', {'coulomb': (0.15, 0.05)})
+
+
 def test_the_noise_of_other_channels_hides_no_effect() -> None:
     noise = np.random.default_rng(0).normal(0.0, 1.3e-6, (4, 6000)) ** 2
     moved = np.abs(np.sin(np.linspace(0.0, 60.0, 6000))) * 4e-12

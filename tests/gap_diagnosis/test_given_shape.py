@@ -13,6 +13,7 @@ from stage_twin.effects.term import Term
 ROWS = 4000
 PLACE = np.sin(np.arange(ROWS) * 0.01)
 YAW = 'angular_error.x'
+SAG = 'torque_sag.x'
 
 
 def regression(across: float) -> Regression:
@@ -71,3 +72,25 @@ def test_places_far_apart_tell_both() -> None:
     value, whole, given = deviations(0.2)
     assert abs(value - 80e-6) < 4.0 * whole
     assert given == whole < 0.02 * value
+
+
+def test_ways_that_imitate_one_another_are_told_together() -> None:
+    """Two ways that differ by less than the noise: neither is known, their sum is."""
+    rng = np.random.default_rng(7)
+    ways = np.column_stack([PLACE, PLACE + 1e-4 * np.sin(np.arange(ROWS) * 0.037)])
+    target = ways @ [0.02, 0.01] + 1e-3 * rng.standard_normal(ROWS)
+    term = Term(
+        lambda theta: ways,
+        lambda theta, c: {'sag_force': float(c[0]), 'sag_speed': float(c[1])},
+    )
+    number, every = np.arange(ROWS), np.ones(ROWS, dtype=bool)
+    found = Regression(
+        Problem(target, every, every, number // 100, number * 0.01, 0 * number, {SAG: term}, 1e-3)
+    )
+    fit = found.refine({SAG: ()}, [SAG])
+    selection = Selection([SAG], fit, {SAG: Evidence(SAG, 1.0, (1.0, 1.0), 1.0, True)}, {})
+    values = describe(selection, found)[SAG]
+    given = given_shape(SAG, values, selection, found)
+    shares = [std / abs(value) for value, std in given.values()]
+    assert np.ptp(shares) < 1e-9 and max(shares) < 0.01
+    assert all(std > 10.0 * given[key][1] for key, (_, std) in values.items())

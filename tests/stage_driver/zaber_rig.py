@@ -17,8 +17,8 @@ from .driver_rig import Recorder
 STEPPER = TwinFile(kind='stepper', axes={'x': StepperAxis(), 'y': StepperAxis()})
 LIMITS = AxisLimits(0.0, 0.05, 0.1, 1.0, 1.0)
 STEP = 0.047625e-6
-#: For a rig whose wire loses or delays what was said. A busy machine holds up both ends of it, which
-#: live in one process.
+#: For a rig whose wire loses or delays what was said. A busy machine holds up both ends of it,
+#: which live in one process.
 IMPATIENT = {'reply_timeout': 0.5, 'link_timeout': 2.0}
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from gap_diagnosis.residuals.regression import Fit, Regression
 from stage_core.arrays import Array
+from stage_twin.effects import effect_of
 from stage_twin.effects.term import Theta
 
 LEAST_BLOCKS = 12  # of which a deviation is told
@@ -36,7 +37,9 @@ def uncertainty(
     Gauss-Newton covariance over all parameters together; the residual's autocorrelation is in it
     through the sums of blocks (sandwich estimate), and so is what the smoothness of a curve hides.
     The θ of the term `given` is held where it was found: its deviations are zero. So are those of
-    parameters that others can take the place of, which no rows tell.
+    parameters that others can take the place of, which no rows tell. Where an effect is judged by
+    its coefficients together (`Effect.by_ratio`), those of `given` have the deviation of a factor
+    of all.
     """
     columns = [c for name in fit.thetas for c in _columns(regression, fit, name, name == given)]
     if not columns:
@@ -48,6 +51,8 @@ def uncertainty(
             [d for d, c in zip(deviations, columns, strict=True) if (c.name, c.linear) == of]
             for of in ((name, False), (name, True))
         )
+        if name == given and _by_ratio(name):
+            linear = [abs(c) * own for c in fit.coefficients[name] for own in linear]
         out[name] = np.array([0.0] * len(theta) if name == given else bent), np.array(linear)
     return out
 
@@ -65,10 +70,18 @@ def _columns(regression: Regression, fit: Fit, name: str, held: bool) -> list[_C
         columns, others = _weighted(regression, name, tuple(moved))
         change = (columns - own) @ coefficients[name] / step
         out.append(_Column(name, False, change, (others - weights) * coefficients[name] / step))
-    if not term.fixed:
+    if held and _by_ratio(name) and not term.fixed:
+        factors = coefficients[name]
+        out.append(_Column(name, True, own @ factors, weights * factors))
+    elif not term.fixed:
         each = zip(own.T, np.diag(weights), strict=True)
         out += [_Column(name, True, rows, rough) for rows, rough in each]
     return out
+
+
+def _by_ratio(name: str) -> bool:
+    """Whether the coefficients of an effect are judged together."""
+    return effect_of(name).by_ratio
 
 
 def _weighted(regression: Regression, name: str, theta: Theta) -> tuple[Array, Array]:

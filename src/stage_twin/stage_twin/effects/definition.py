@@ -113,6 +113,8 @@ class Effect:
         Pairs of parameters; where the two of each are equal, a special case is all that there is.
     by_shape : bool
         Whether it is there is judged at the shape that was found: how large it is hangs on that.
+    by_ratio : bool
+        Whether it is judged at the ratio of its coefficients, too, which imitate one another.
     excludes : tuple of str
         Effects that cannot be judged beside this one, as both have the same trivial solution.
     merges : tuple of str
@@ -150,6 +152,7 @@ class Effect:
     sums: tuple[str, ...] = ()
     differ: tuple[tuple[str, str], ...] = ()
     by_shape: bool = False
+    by_ratio: bool = False
     excludes: tuple[str, ...] = ()
     merges: tuple[str, ...] = ()
     exact: bool = False

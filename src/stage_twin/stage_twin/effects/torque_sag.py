@@ -55,6 +55,8 @@ EFFECT = Effect(
     'the force, by {sag_speed} of the speed, by {sag_heat} of the squared force and by '
     '{sag_time} once warm',
     excited_by='strokes at several accelerations and speeds',
+    by_shape=True,
+    by_ratio=True,
     order=1,
     states=('heat',),
     scales=True,
