@@ -139,7 +139,7 @@ def ridge_reference(vector, inputs, targets, rules, reduction):
 
 
 @pytest.mark.parametrize('reduction', ['maclaurin', 'nie_tan', 'biglarbegian'])
-@pytest.mark.parametrize('shape', [(700, 2, 5), (150, 1, 3), (300, 3, 2)])
+@pytest.mark.parametrize('shape', [(700, 2, 5), (150, 1, 1), (300, 3, 2)])
 def test_compiled_fitness_equals_numpy(reduction, shape):
     samples, count, rules = shape
     generator = np.random.default_rng(5)

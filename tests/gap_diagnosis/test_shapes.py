@@ -112,11 +112,10 @@ def _pull(known: dict[str, float], places: Array) -> Array:
     )
 
 
-@pytest.mark.parametrize('seed', [4, 23])
-def test_a_friction_shows_where_an_axis_that_never_turns_back_stops(seed: int) -> None:
-    case = draw(seed)
-    assert case.motion == 'one_way'
-    found = diagnose([record(case, poor_motion(case), seed, 'first')], [], plane())
+def test_a_friction_shows_where_an_axis_that_never_turns_back_stops() -> None:
+    case = draw(4)
+    assert case.motion == 'one_way' and case.effect == 'stribeck_friction.y'
+    found = diagnose([record(case, poor_motion(case), 4, 'first')], [], plane())
     assert found.verdict == [case.effect]
 
 

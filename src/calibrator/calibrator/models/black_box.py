@@ -163,6 +163,7 @@ class GradientBoosting(BlackBox):
         return 2 ** int(self.options['depth'])
 
     def _fit_scaled(self, inputs: Array, targets: Array) -> None:
+        from sklearn import config_context
         from sklearn.ensemble import GradientBoostingRegressor
 
         outputs = []
@@ -174,7 +175,10 @@ class GradientBoosting(BlackBox):
                 subsample=float(self.options['subsample']),
                 random_state=int(self.options['seed']),
                 init='zero',
-            ).fit(inputs, targets[:, output])
+            )
+            # Each tree would be checked anew, which takes as long as growing it.
+            with config_context(skip_parameter_validation=True, assume_finite=True):
+                booster.fit(inputs, targets[:, output])
             trees = [estimator.tree_ for estimator in booster.estimators_[:, 0]]
             outputs.append(
                 {
