@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -50,7 +49,7 @@ LARGEST_CORRECTION = 2.0e-3
 #: Between two looks at what came with every tick [s of wall time]. Message by message this process
 #: took 25 s of processor time for a session, so it takes 14 s.
 BATCH_PERIOD = 0.01
-#: A set-point that got lost is sent again after this wall time [s]; duplicates do no harm.
+#: A set-point that got lost is sent again after this wall time without an answer [s].
 RESEND = 5.0
 
 
@@ -168,17 +167,26 @@ class SessionClient(GraphClient):
             arrived = np.abs(np.array(self._rest.position) - reference).max() < ARRIVED
             return bool(arrived) and self._last_stamp - self._rest_since >= settle
 
-        patience, published = Patience(timeout, self.progress), -math.inf
+        self._targets.publish(message)
+        patience, published = Patience(timeout, self.progress), time.monotonic()
         while not at_rest():
             stuck = patience.left() <= 0.0
             if stuck or (self._lockstep and self._last_stamp - stamp > timeout * 1e9):
                 raise StageError(self._restless(target, timeout, stuck))
-            if time.monotonic() - published >= RESEND:
+            if self._unanswered(published) >= RESEND:
                 self._targets.publish(message)
                 published = time.monotonic()
             alive()
             self.comes(at_rest, Patience(0.5), poll=0.01)
         return self._last_stamp
+
+    def _unanswered(self, published: float) -> float:
+        """Wall time without an answer to what was published at a time [s].
+
+        In lockstep the stage moves, however slowly, once it has a target.
+        """
+        waited = time.monotonic() - published
+        return min(waited, self.silence(topics.JOINT_STATES)) if self._lockstep else waited
 
     def _restless(self, target: Array, timeout: float, stuck: bool) -> str:
         """Why a move to a target (2,) [m] is given up, and what the driver said last."""
