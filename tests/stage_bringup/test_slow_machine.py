@@ -5,6 +5,7 @@ left.
 from __future__ import annotations
 
 import shlex
+import time
 from itertools import count
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from sensor_msgs.msg import JointState
 
 from session_bags.writer import write_session
 from stage_bringup import kernels, session
-from stage_bringup.client_node import SessionClient
+from stage_bringup.client_node import RESEND, SessionClient
 from stage_bringup.graph import Options
 from stage_bringup.processes import Processes
 from stage_core import topics
@@ -55,6 +56,20 @@ def test_lockstep_waits_while_simulated_time_goes_on() -> None:
         with pytest.raises(StageError, match='within 1 s of simulated time') as caught:
             client.go_to(place, TIMEOUT, lambda: tick(False))
     assert '/diagnostics' not in str(caught.value)
+
+
+@pytest.mark.usefixtures('ros_env')
+@pytest.mark.parametrize('lockstep', [True, False])
+def test_a_target_is_sent_again_where_nothing_answers_it(
+    monkeypatch: pytest.MonkeyPatch, lockstep: bool
+) -> None:
+    """Simulated time that goes on is an answer; in real time states come anyway."""
+    long_ago = time.monotonic() - 2.0 * RESEND
+    with SessionClient(0.5, use_sim_time=lockstep) as client:
+        monkeypatch.setattr(client, 'silence', lambda topic: 0.1)
+        assert (client._unanswered(long_ago) < RESEND) is lockstep
+        monkeypatch.setattr(client, 'silence', lambda topic: 2.0 * RESEND)
+        assert client._unanswered(long_ago) >= RESEND
 
 
 def test_a_session_that_fails_says_what_it_left(
